@@ -1,0 +1,63 @@
+"""How the camera sits on the robot: height, pitch, roll and lever arm against the base (the turn axis)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.errors import GeometryError
+
+Array = NDArray[np.float64]
+
+# Columns are the optical axes (right, down, forward) in base axes (forward, left, up).
+_BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Pose of the camera on the robot, constant over a drive.
+
+    height_m: lens above the floor. pitch_rad: positive looking DOWN. roll_rad: positive leaning right
+    (the picture's right side sinks). forward_m, left_m: lens ahead of and left of the turn axis.
+    Frames as in REP-103. Raises GeometryError for values that are not finite, a height that is not
+    positive, or an angle of 90 degrees or more.
+    """
+
+    height_m: float
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+    forward_m: float = 0.0
+    left_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("height_m", "pitch_rad", "roll_rad", "forward_m", "left_m"):
+            if not math.isfinite(getattr(self, name)):
+                raise GeometryError(f"mount: {name} is {getattr(self, name)}, must be a finite number")
+        if self.height_m <= 0:
+            raise GeometryError(f"mount: height is {self.height_m} m, must be above the floor (positive)")
+        for name in ("pitch_rad", "roll_rad"):
+            if abs(getattr(self, name)) >= math.pi / 2:
+                degrees = math.degrees(getattr(self, name))
+                raise GeometryError(f"mount: {name[:-4]} is {degrees:.1f} deg, must be between -90 and 90")
+
+    @classmethod
+    def from_degrees(
+        cls, height_m: float, pitch_deg: float, roll_deg: float = 0.0, forward_m: float = 0.0, left_m: float = 0.0
+    ) -> Mount:
+        """A mount with its angles in degrees, as people and camera.yaml write them."""
+        return cls(height_m, math.radians(pitch_deg), math.radians(roll_deg), forward_m, left_m)
+
+    def rotation_base_optical(self) -> Array:
+        """3x3 rotation that takes directions of the optical frame into the base frame."""
+        cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
+        pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down
+        roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])  # about x (forward)
+        return pitch @ roll @ _BASE_OPTICAL
+
+    def position_base_m(self) -> Array:
+        """Where the lens is in the base frame, (3,) in metres; the base's origin is on the floor."""
+        return np.array([self.forward_m, self.left_m, self.height_m])

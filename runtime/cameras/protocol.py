@@ -1,0 +1,41 @@
+"""What every camera is to the pipeline: a source of frames that knows its lens, and perhaps its mount."""
+
+from __future__ import annotations
+
+from typing import Protocol, Self, runtime_checkable
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.trajectory import Trajectory
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """A source of frames, open from construction until `close`; a context manager.
+
+    name: the SPEC it was opened from. live: true for devices that run on whether we read or not.
+    intrinsics, mount: None where the source does not know them. rate_hz: nominal frame rate, None if unknown.
+    frame_count: None for live sources. truth: the drive's own poses from its start, None where unknown.
+    """
+
+    name: str
+    live: bool
+    intrinsics: Intrinsics | None
+    mount: Mount | None
+    rate_hz: float | None
+    frame_count: int | None
+    truth: Trajectory | None
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet
+        delivered, waiting for it. Raises CameraError where the device stops delivering or a picture is damaged."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device or file; may be called twice."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *exception: object) -> None: ...

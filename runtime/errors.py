@@ -1,0 +1,19 @@
+"""The runtime's known failures; each message is one line with what, where, and the numbers."""
+
+from edgemap.geometry.errors import EdgemapError
+
+
+class CameraError(EdgemapError):
+    """A camera, recording or data folder that cannot be opened or read."""
+
+
+class BundleError(EdgemapError):
+    """A bundle that is missing, damaged, or breaks the contract."""
+
+
+class OdometryError(EdgemapError):
+    """An odometry that is unknown, lacking, untrained, or fed with unusable data."""
+
+
+class MissingExtraError(EdgemapError):
+    """An optional part of the installation is needed; the message names it."""

@@ -1,0 +1,27 @@
+"""One picture with its time: what every camera delivers and every stage of the step reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A picture from the camera.
+
+    index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, never decreasing.
+    image: (H, W, 3) uint8, BGR as OpenCV keeps it. name: where it came from, for messages.
+    Raises ValueError where the image is not (H, W, 3) uint8.
+    """
+
+    index: int
+    stamp_s: float
+    image: NDArray[np.uint8]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:
+            raise ValueError(f"frame image is {self.image.dtype} {self.image.shape}, expected uint8 (H, W, 3)")
