@@ -1,0 +1,70 @@
+"""The default clustering's batch version: all sightings at once, closest pairs first. Slow; the measure of the online one."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+
+from edgemap.geometry.association import AssociationRule, Estimate, mahalanobis2
+from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.sighting import PlacedSighting
+
+
+def batch_objects(frames: list[list[PlacedSighting]], rule: AssociationRule | None = None) -> list[MapObject]:
+    """Agglomerate all sightings of a drive: the pair of clusters with the least squared Mahalanobis distance joins
+    first, until none lies within the gate; clusters that hold boxes of one frame never join.
+
+    frames: sightings frame by frame. Ids count the clusters of each label by first sighting. O(n^2 log n).
+    """
+    rule = rule or AssociationRule()
+    found: list[MapObject] = []
+    labels = dict.fromkeys(placed.label for frame in frames for placed in frame)
+    for label in labels:
+        members = [(number, placed) for number, frame in enumerate(frames) for placed in frame if placed.label == label]
+        clusters = _agglomerate(members, rule)
+        shown = [cluster for cluster in clusters if cluster.sums.count >= rule.min_count]
+        shown.sort(key=lambda cluster: cluster.sums.first_seen_s)
+        for number, cluster in enumerate(shown, start=1):
+            position, covariance = cluster.position_m, cluster.covariance(rule.correlated)
+            found.append(cluster.sums.as_object(f"{label}-{number}", label, position, covariance))
+    return found
+
+
+def _agglomerate(members: list[tuple[int, PlacedSighting]], rule: AssociationRule) -> list[Estimate]:
+    clusters = {i: Estimate(placed) for i, (_, placed) in enumerate(members)}
+    frames = {i: frozenset([number]) for i, (number, _) in enumerate(members)}
+    heap: list[tuple[float, int, int]] = []
+
+    def offer(i: int, j: int) -> None:
+        if frames[i] & frames[j]:
+            return
+        difference = clusters[i].position_m - clusters[j].position_m
+        if difference @ difference > rule.max_distance_m**2:
+            return
+        # Two fused clusters err by what their sightings share, which only a single sighting's spread tells.
+        spread = _spread(clusters[i], rule) + _spread(clusters[j], rule)
+        distance = mahalanobis2(difference, spread)
+        if distance <= rule.gate:
+            heapq.heappush(heap, (distance, i, j))
+
+    for i in range(len(members)):
+        for j in range(i):
+            offer(i, j)
+    next_key = len(members)
+    while heap:
+        _, i, j = heapq.heappop(heap)
+        if i not in clusters or j not in clusters:
+            continue
+        joined = clusters.pop(i)
+        joined.join(clusters.pop(j))
+        clusters[next_key] = joined
+        frames[next_key] = frames[i] | frames[j]
+        for other in [key for key in clusters if key != next_key]:
+            offer(next_key, other)
+        next_key += 1
+    return list(clusters.values())
+
+
+def _spread(cluster: Estimate, rule: AssociationRule) -> np.ndarray:
+    return cluster.own_covariance(min(rule.correlated, float(cluster.sums.count)))

@@ -1,0 +1,93 @@
+"""Planar motion from tracked floor points: RANSAC over SE(2), with a covariance that says how well it is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanarMotion:
+    """motion: of the base from the previous frame to this one. covariance: (3, 3) in (m, m, rad). inliers: (N,)."""
+
+    motion: SE2
+    covariance: Array
+    inliers: NDArray[np.bool_]
+
+
+def fit_se2(from_m: Array, to_m: Array, weights: Array) -> SE2:
+    """The SE2 that best takes points (N, 2) to points (N, 2): weighted least squares, closed form.
+
+    Two-dimensional case of Umeyama (1991) without scale. Needs two points that do not coincide.
+    """
+    share = weights / weights.sum()
+    centre_from, centre_to = share @ from_m, share @ to_m
+    a, b = from_m - centre_from, to_m - centre_to
+    yaw = math.atan2(
+        float((share * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])).sum()), float((share[:, None] * a * b).sum())
+    )
+    turn = SE2(0.0, 0.0, yaw)
+    shift = centre_to - turn.apply(centre_from)
+    return SE2(shift[0], shift[1], yaw)
+
+
+def planar_motion(
+    previous_m: Array, current_m: Array, sigmas_m: Array, rng: np.random.Generator, rounds: int = 64
+) -> PlanarMotion | None:
+    """Motion of the base from static floor points seen before and after: previous = motion . current.
+
+    previous_m, current_m: (N, 2) in the base frame of each time. sigmas_m: (N,) standard deviation of a pair's
+    misfit. None where fewer than six points agree. The covariance is that of the weighted least squares, scaled by
+    the inliers' misfit where that is larger than expected (chi-square per degree of freedom), and by how few they are.
+    """
+    count = len(previous_m)
+    if count < 6:
+        return None
+    first = rng.integers(0, count, rounds)
+    second = (first + rng.integers(1, count, rounds)) % count
+    span_previous = previous_m[second] - previous_m[first]
+    span_current = current_m[second] - current_m[first]
+    yaw = np.arctan2(span_previous[:, 1], span_previous[:, 0]) - np.arctan2(span_current[:, 1], span_current[:, 0])
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    middle_previous, middle_current = ((points[first] + points[second]) / 2.0 for points in (previous_m, current_m))
+    x = c * (current_m[:, 0] - middle_current[:, :1]) - s * (current_m[:, 1] - middle_current[:, 1:])
+    y = s * (current_m[:, 0] - middle_current[:, :1]) + c * (current_m[:, 1] - middle_current[:, 1:])
+    misfit2 = (x + middle_previous[:, :1] - previous_m[:, 0]) ** 2 + (
+        y + middle_previous[:, 1:] - previous_m[:, 1]
+    ) ** 2
+    agreeing = misfit2 < (3.0 * sigmas_m) ** 2
+    long_enough = (span_previous**2).sum(axis=1) > 0.05**2
+    votes = (agreeing.sum(axis=1)) * long_enough
+    best = int(votes.argmax())
+    if votes[best] < 6:
+        return None
+    inliers = agreeing[best]
+    weights = 1.0 / sigmas_m**2
+    motion = SE2()
+    for _ in range(3):
+        motion = fit_se2(current_m[inliers], previous_m[inliers], weights[inliers])
+        residual = previous_m - motion.apply(current_m)
+        inliers = (residual**2).sum(axis=1) < (3.0 * sigmas_m) ** 2
+        if inliers.sum() < 6:
+            return None
+    return PlanarMotion(motion, _covariance(motion, current_m, residual, inliers, weights), inliers)
+
+
+def _covariance(motion: SE2, current_m: Array, residual: Array, inliers: NDArray[np.bool_], weights: Array) -> Array:
+    turned = current_m[inliers] @ motion.rotation().T
+    w = weights[inliers]
+    jacobian = np.zeros((len(w), 2, 3))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -turned[:, 1], turned[:, 0]
+    information = np.einsum("n,nij,nik->jk", w, jacobian, jacobian)
+    degrees = max(2 * len(w) - 3, 1)
+    chi2 = float((w[:, None] * residual[inliers] ** 2).sum()) / degrees
+    share = len(inliers) / inliers.sum()
+    return np.linalg.inv(information + 1e-9 * np.eye(3)) * max(chi2, 1.0) * share

@@ -1,0 +1,173 @@
+"""From boxes to places on the floor: which objects stand on it, where, and how surely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.detections import Detections
+from edgemap.geometry.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+# Depth of the footprint along the line of sight, metres, for classes whose width tells little about it.
+FOOTPRINT_DEPTH_M = {
+    "chair": 0.50, "couch": 0.90, "potted plant": 0.40, "bed": 1.80, "dining table": 0.90, "toilet": 0.65,
+    "tv": 0.25, "refrigerator": 0.65, "oven": 0.60, "sink": 0.50, "bench": 0.50, "suitcase": 0.30, "backpack": 0.25,
+    "vase": 0.20, "bicycle": 0.60, "motorcycle": 0.80, "car": 1.80, "truck": 2.50, "bus": 2.60,
+}  # fmt: skip
+
+# What people put on furniture; on the floor only where no furniture is seen under it.
+TABLETOP_LABELS = frozenset(
+    {"vase", "potted plant", "tv", "laptop", "book", "bottle", "wine glass", "cup", "bowl", "clock", "microwave",
+     "toaster", "teddy bear", "keyboard", "mouse", "remote", "cell phone", "fork", "knife", "spoon", "scissors",
+     "hair drier", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza",
+     "donut", "cake", "sink", "backpack", "handbag"}
+)  # fmt: skip
+SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """One object on the floor, seen in one frame.
+
+    position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
+    shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4).
+    distance_m: horizontal, from the lens. detection: index into the frame's Detections.
+    """
+
+    label: str
+    score: float
+    position_base_m: Array
+    covariance_m2: Array
+    shared_m2: Array
+    width_m: float
+    height_m: float
+    distance_m: float
+    detection: int
+    frame: int = 0
+    stamp_s: float = 0.0
+
+    def placed(self, pose_map_base: SE2, pose_covariance: Array) -> PlacedSighting:
+        """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
+        rotation = pose_map_base.rotation()
+        position = pose_map_base.apply(self.position_base_m)
+        return PlacedSighting(
+            sighting=self,
+            position_map_m=position,
+            covariance_m2=rotation @ self.covariance_m2 @ rotation.T,
+            shared_m2=rotation @ self.shared_m2 @ rotation.T,
+            lever_m=position - [pose_map_base.x_m, pose_map_base.y_m],
+            pose_covariance=pose_covariance,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedSighting:
+    """A sighting in the map frame. lever_m: (2,) from the robot to the object, how yaw errors reach it."""
+
+    sighting: Sighting
+    position_map_m: Array
+    covariance_m2: Array
+    shared_m2: Array
+    lever_m: Array
+    pose_covariance: Array
+
+    @property
+    def label(self) -> str:
+        """Class name of the object."""
+        return self.sighting.label
+
+    def from_pose(self, pose_covariance: Array) -> Array:
+        """What a pose covariance (3, 3) means for this object's position, (2, 2) m^2."""
+        wrt_pose = np.array([[1.0, 0.0, -self.lever_m[1]], [0.0, 1.0, self.lever_m[0]]])
+        return wrt_pose @ pose_covariance @ wrt_pose.T
+
+
+@dataclass(frozen=True, slots=True)
+class FloorRule:
+    """When a box counts as an object on the floor, and how far it is believed.
+
+    border_px: a lower edge this near the picture's lower border is cut off. max_sigma_m: sightings less certain than
+    this (largest standard deviation, pixel and mount together) are dropped. max_distance_m: and those farther.
+    mapped: labels that may be mapped; None means all.
+    """
+
+    border_px: float = 3.0
+    max_sigma_m: float = 0.75
+    max_distance_m: float = 15.0
+    noise: FloorNoise = field(default_factory=FloorNoise)
+    mapped: Collection[str] | None = None
+
+
+def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
+    """Which boxes stand on the floor, (N,): lower edge below the horizon row h_t, not cut by the lower border,
+    a label that is mapped, and no tabletop object that is seen standing on furniture (paper, section 3.5)."""
+    feet = feet_px(detections)
+    below = camera.below_horizon(feet)
+    whole = detections.boxes[:, 3] < camera.intrinsics.height - 1 - rule.border_px
+    labels = detections.labels
+    allowed = np.array([rule.mapped is None or label in rule.mapped for label in labels], dtype=bool)
+    carried = np.array([_is_carried(i, detections, labels) for i in range(len(detections))], dtype=bool)
+    return below & whole & allowed & ~carried
+
+
+def feet_px(detections: Detections) -> Array:
+    """Middle of each box's lower edge, (N, 2) px."""
+    boxes = detections.boxes
+    return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2.0, boxes[:, 3]])
+
+
+def sightings_of(
+    detections: Detections, camera: FloorCamera, rule: FloorRule, frame: int = 0, stamp_s: float = 0.0
+) -> list[Sighting]:
+    """Every box that stands on the floor, projected there: footprint centre, covariance and size."""
+    standing = np.flatnonzero(on_floor(detections, camera, rule))
+    if len(standing) == 0:
+        return []
+    feet = feet_px(detections)[standing]
+    near = camera.floor_points(feet)
+    own, shared = floor_covariances(camera, feet, rule.noise)
+    depth = camera.optical_depth_m(near)
+    lens = camera.mount.position_base_m()[:2]
+    sightings = []
+    for row, index in enumerate(standing):
+        label = detections.labels[index]
+        x0, y0, x1, y1 = detections.boxes[index]
+        width_m = float(depth[row] * (x1 - x0) / camera.intrinsics.fx)
+        height_m = float(depth[row] * (y1 - y0) / camera.intrinsics.fy)
+        bearing = near[row] - lens
+        reach = float(np.linalg.norm(bearing))
+        half_depth = FOOTPRINT_DEPTH_M.get(label, min(width_m, 1.0)) / 2.0
+        direction = bearing / max(reach, 1e-9)
+        along = np.outer(direction, direction) * (0.5 * half_depth) ** 2  # the footprint's depth is a guess
+        sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[row] + shared[row])[-1]))
+        if sigma_m > rule.max_sigma_m or reach > rule.max_distance_m:
+            continue
+        sightings.append(
+            Sighting(
+                label, float(detections.scores[index]), near[row] + direction * half_depth, own[row] + along,
+                shared[row], width_m, height_m, reach, int(index), frame, stamp_s,
+            )
+        )  # fmt: skip
+    return sightings
+
+
+def _is_carried(index: int, detections: Detections, labels: list[str]) -> bool:
+    """A tabletop object whose lower edge lies inside a piece of furniture's box, well above that one's own feet."""
+    if labels[index] not in TABLETOP_LABELS:
+        return False
+    x0, _, x1, y1 = detections.boxes[index]
+    middle = (x0 + x1) / 2.0
+    for other, label in enumerate(labels):
+        if other == index or label not in SUPPORT_LABELS or label == labels[index]:
+            continue
+        sx0, sy0, sx1, sy1 = detections.boxes[other]
+        if sx0 <= middle <= sx1 and sy0 <= y1 <= sy1 - 0.15 * (sy1 - sy0) and (sx1 - sx0) > (x1 - x0):
+            return True
+    return False
