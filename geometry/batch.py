@@ -1,4 +1,4 @@
-"""The default clustering's batch version: all sightings at once, closest pairs first. Slow; the measure of the online one."""
+"""The default clustering's batch version: all sightings at once, closest pairs first. The measure of the online one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The floor seen by a mounted camera: horizon, ray-floor intersection, and how pixel and mount errors reach the floor."""
+"""The floor seen by a mounted camera: horizon, ray-floor intersection, and how errors reach the floor."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,7 +77,7 @@ class Distortion:
         )
 
 
-def _invert(function, targets: Array, steps: int = 20) -> Array:
+def _invert(function: Callable[[Array], Array], targets: Array, steps: int = 20) -> Array:
     """Solve function(x) = target per row by Newton's method with a numeric 2x2 Jacobian, starting at the target."""
     points, h = targets.copy(), 1e-6
     for _ in range(steps):

@@ -37,9 +37,7 @@ class Trajectory:
         if after == len(self.poses):
             return self.poses[-1]
         span = self.stamps_s[after] - self.stamps_s[after - 1]
-        return self.poses[after - 1].interpolate(
-            self.poses[after], (stamp_s - self.stamps_s[after - 1]) / span
-        )
+        return self.poses[after - 1].interpolate(self.poses[after], (stamp_s - self.stamps_s[after - 1]) / span)
 
     def from_start(self) -> Trajectory:
         """The same way seen from its first pose, which becomes the identity."""
@@ -65,7 +63,7 @@ def read_tum(path: Path) -> Trajectory:
         except ValueError:
             values = []
         if len(values) != 8 or not all(map(math.isfinite, values)):
-            raise OdometryError(f"{path}:{number}: expected 8 numbers (stamp x y z qx qy qz qw), found {line.strip()!r}")
+            raise OdometryError(f"{path}:{number}: need 8 numbers: stamp x y z qx qy qz qw, found {line.strip()!r}")
         stamp, x, y, _, qx, qy, qz, qw = values
         stamps.append(stamp)
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))

@@ -1,0 +1,101 @@
+"""Raw heads become boxes: YOLOv3 and YOLOX decode rules, then class-wise non-maximum suppression."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.detections import Detections
+from edgemap.runtime.bundle import Detector, HeadSpec
+from edgemap.runtime.preprocess import Placement
+from edgemap.runtime.session import Tensors
+
+Array = NDArray[np.float64]
+MAX_CANDIDATES = 1000  # before suppression; the best scores stay
+
+
+class Decoder:
+    """Turns a backbone's heads into Detections, one label per box.
+
+    confidence: least score (objectness times class probability) of a box. nms_iou: overlap above which the weaker of
+    two boxes of one class goes. These are two different thresholds.
+    """
+
+    def __init__(self, detector: Detector, confidence: float = 0.3, nms_iou: float = 0.45) -> None:
+        self._heads = detector.heads
+        self._names = tuple(entry.name for entry in detector.classes)
+        self._rule = {"yolov3": _yolov3, "yolox": _yolox}[detector.decode]
+        self._size = (detector.input.width, detector.input.height)
+        self.confidence = confidence
+        self.nms_iou = nms_iou
+
+    def __call__(self, outputs: Tensors, placement: Placement) -> Detections:
+        """Boxes in picture px from the backbone's outputs, best first."""
+        parts = [self._rule(outputs[head.name], head, self.confidence, self._size) for head in self._heads]
+        centres, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if len(scores) == 0:
+            return Detections.none(self._names)
+        best = np.argsort(-scores, kind="stable")[:MAX_CANDIDATES]
+        centres, scores, classes = centres[best], scores[best], classes[best]
+        corners = np.concatenate([centres[:, :2] - centres[:, 2:] / 2.0, centres[:, :2] + centres[:, 2:] / 2.0], axis=1)
+        keep = suppress(corners, scores, classes, self.nms_iou)
+        return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
+
+
+def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], iou: float) -> NDArray[np.int64]:
+    """Class-wise non-maximum suppression: indices of the boxes (N, 4) xyxy that stay, best score first."""
+    corner_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1)
+    kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), scores.tolist(), classes.tolist(), 0.0, iou)
+    kept = np.asarray(kept, dtype=np.int64).reshape(-1)
+    return kept[np.argsort(-scores[kept], kind="stable")]
+
+
+def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
+    """YOLOv3 (Redmon and Farhadi 2018, section 2.1): logits (1, A*(5+C), H, W) to centre boxes in input px.
+
+    Only cells whose objectness logit passes the threshold are looked at: score = objectness * class <= objectness.
+    """
+    _, channels, rows, columns = output.shape
+    anchors = np.array(head.anchors, dtype=np.float64)
+    grid = output.reshape(len(anchors), channels // len(anchors), rows * columns)
+    anchor, cell = np.nonzero(grid[:, 4] > _logit(confidence))
+    logits = grid[anchor, :, cell].astype(np.float64)
+    classes = logits[:, 5:].argmax(axis=1)
+    scores = _sigmoid(logits[:, 4]) * _sigmoid(logits[np.arange(len(logits)), 5 + classes])
+    strong = scores >= confidence
+    logits, anchor, cell = logits[strong], anchor[strong], cell[strong]
+    offset = (head.scale_xy - 1.0) / 2.0
+    xy = _sigmoid(logits[:, :2]) * head.scale_xy - offset + np.column_stack([cell % columns, cell // columns])
+    wh = np.exp(logits[:, 2:4]) * anchors[anchor]
+    return np.concatenate([xy * [size[0] / columns, size[1] / rows], wh], axis=1), scores[strong], classes[strong]
+
+
+def _yolox(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
+    """YOLOX (Ge et al. 2021): rows (1, N, 5+C), stride by stride; scores are probabilities already."""
+    rows = output[0]
+    strong = np.flatnonzero(rows[:, 4] >= confidence)
+    picked = rows[strong].astype(np.float64)
+    classes = picked[:, 5:].argmax(axis=1)
+    scores = picked[:, 4] * picked[np.arange(len(picked)), 5 + classes]
+    strong, picked, classes = strong[scores >= confidence], picked[scores >= confidence], classes[scores >= confidence]
+    centres, first = np.zeros((len(strong), 4)), 0
+    for stride in head.strides:
+        columns, lines = size[0] // stride, size[1] // stride
+        here = (strong >= first) & (strong < first + columns * lines)
+        cell = strong[here] - first
+        centres[here, :2] = (picked[here, :2] + np.column_stack([cell % columns, cell // columns])) * stride
+        centres[here, 2:] = np.exp(picked[here, 2:4]) * stride
+        first += columns * lines
+    return centres, scores[scores >= confidence], classes
+
+
+def _sigmoid(x: Array) -> Array:
+    return 1.0 / (1.0 + np.exp(-x))
+
+
+def _logit(probability: float) -> float:
+    p = min(max(probability, 1e-9), 1.0 - 1e-9)
+    return math.log(p / (1.0 - p))
