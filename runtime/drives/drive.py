@@ -16,18 +16,26 @@ from edgemap.runtime.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class LabelledBoxes:
-    """True boxes of one picture: xyxy in px, shape (N, 4); class ids or names beside them, length N."""
+    """True boxes of one picture: xyxy in px, shape (N, 4); class names beside them, length N.
+
+    visible: share of each box that is not hidden, 0..1, shape (N,); None where unknown.
+    ids: which object of `objects.json` each box shows; empty where unknown.
+    """
 
     boxes: NDArray[np.float64]
     labels: tuple[str, ...]
+    visible: NDArray[np.float64] | None = None
+    ids: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
     """One drive, read from any KIND of folder.
 
-    images: in order of time. stamps_s: seconds, one per image. truth: poses of the base, seen from the first one.
-    boxes: true boxes per image, empty where unknown. objects: records of `objects.json`. wheel: path of `wheel.csv`.
+    images: in order of time; empty for a drive whose pictures are in `video`. stamps_s: seconds, one per picture.
+    truth: poses of the base, seen from the first one. boxes: true boxes per picture, empty where unknown.
+    objects: records of `objects.json`. wheel: path of a CSV with the wheels' poses (stamp_s, x_m, y_m, yaw_rad).
+    depth: depth pictures, one per image, empty where there are none.
     """
 
     kind: str
@@ -41,4 +49,6 @@ class Drive:
     boxes: tuple[LabelledBoxes, ...] = ()
     objects: tuple[dict[str, Any], ...] = ()
     wheel: Path | None = None
+    video: Path | None = None
+    depth: tuple[Path, ...] = ()
     notes: dict[str, Any] = field(default_factory=dict)

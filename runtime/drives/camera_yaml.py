@@ -1,0 +1,129 @@
+"""A data folder's `camera.yaml`: the lens, the mount, the frame rate, and which way the recorded poses call up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from edgemap.geometry.errors import GeometryError
+from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.errors import CameraError
+
+UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFile:
+    """What a `camera.yaml` says. world_up: the axis of the recorded poses that points up, one of UP_AXES;
+    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given."""
+
+    intrinsics: Intrinsics
+    mount: Mount | None = None
+    rate_hz: float | None = None
+    world_up: str | None = None
+
+
+class _Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    pass
+
+
+class _Distortion(_Strict):
+    model: str = "none"
+    coefficients: list[float] = []
+
+
+class _Mount(_Strict):
+    height_m: float
+    pitch_deg: float
+    roll_deg: float = 0.0
+    forward_m: float = 0.0
+    left_m: float = 0.0
+
+
+class _CameraYaml(_Strict):
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: _Distortion | None = None
+    fps: float | None = None
+    world_up: str | None = None
+    mount: _Mount | None = None
+
+
+def read_camera_yaml(path: Path) -> CameraFile:
+    """Read and check a `camera.yaml`; unknown and missing fields are errors.
+
+    Raises CameraError, one line with the path, for text that is no YAML, wrong fields, and numbers that cannot be.
+    """
+    try:
+        tree = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise CameraError(f"{path}: cannot be read ({error})") from None
+    except yaml.YAMLError as error:
+        raise CameraError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
+    try:
+        # Lax, because YAML 1.1 reads 1e-3 as text.
+        record = msgspec.convert(tree, _CameraYaml, strict=False)
+        distortion = record.distortion or _Distortion()
+        intrinsics = Intrinsics(
+            record.width,
+            record.height,
+            record.fx,
+            record.fy,
+            record.cx,
+            record.cy,
+            Distortion(distortion.model, tuple(distortion.coefficients)),
+        )
+        mount = record.mount and Mount.from_degrees(
+            record.mount.height_m,
+            record.mount.pitch_deg,
+            record.mount.roll_deg,
+            record.mount.forward_m,
+            record.mount.left_m,
+        )
+    except (msgspec.ValidationError, GeometryError) as error:
+        raise CameraError(f"{path}: {error}") from None
+    if record.fps is not None and not (math.isfinite(record.fps) and record.fps > 0):
+        raise CameraError(f"{path}: fps is {record.fps}, must be a positive number of frames per second")
+    if record.world_up is not None and record.world_up not in UP_AXES:
+        raise CameraError(f"{path}: world_up is {record.world_up!r}, must be one of {', '.join(UP_AXES)}")
+    return CameraFile(intrinsics, mount, record.fps, record.world_up)
+
+
+def write_camera_yaml(
+    path: Path, intrinsics: Intrinsics, mount: Mount | None = None, rate_hz: float | None = None, world_up: str = "z"
+) -> None:
+    """Write a `camera.yaml` that `read_camera_yaml` reads back to the same numbers (angles to 1e-9 degrees)."""
+    tree: dict[str, Any] = {
+        "width": intrinsics.width,
+        "height": intrinsics.height,
+        "fx": float(intrinsics.fx),
+        "fy": float(intrinsics.fy),
+        "cx": float(intrinsics.cx),
+        "cy": float(intrinsics.cy),
+        "distortion": {
+            "model": intrinsics.distortion.model,
+            "coefficients": list(intrinsics.distortion.coefficients),
+        },
+    }
+    if rate_hz is not None:
+        tree["fps"] = float(rate_hz)
+    tree["world_up"] = world_up
+    if mount is not None:
+        tree["mount"] = {
+            "height_m": float(mount.height_m),
+            "pitch_deg": round(math.degrees(mount.pitch_rad), 9),
+            "roll_deg": round(math.degrees(mount.roll_rad), 9),
+            "forward_m": float(mount.forward_m),
+            "left_m": float(mount.left_m),
+        }
+    path.write_text(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))

@@ -1,0 +1,50 @@
+"""Writes our own drive layout: everything beside the pictures, which the caller writes himself."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.drives.camera_yaml import write_camera_yaml
+from edgemap.runtime.trajectory import Trajectory, tum_line
+
+WHEEL_COLUMNS = ("stamp_s", "x_m", "y_m", "yaw_rad")
+
+
+def write_drive(
+    folder: str | Path,
+    intrinsics: Intrinsics,
+    mount: Mount,
+    rate_hz: float,
+    poses: Trajectory,
+    objects: Sequence[dict[str, Any]] | None = None,
+    boxes: Sequence[Sequence[dict[str, Any]]] | None = None,
+    wheel: Iterable[Sequence[float]] | None = None,
+) -> None:
+    """Write `camera.yaml`, `poses.tum` and, where given, `objects.json`, `boxes.json` and `wheel.csv`.
+
+    poses: of the base, one per picture, at the pictures' stamps. objects: records in the start-pose frame,
+    `{"id", "label", "x_m", "y_m", "on_floor", "footprint_m": [[x, y], ...], "width_m", "depth_m", "height_m",
+    "visible_frames"}`. boxes: one list per picture of `{"id", "label", "box": [x0, y0, x1, y1] in px,
+    "visible": 0..1}`. wheel: rows (stamp_s, x_m, y_m, yaw_rad), the wheels' own integrated pose.
+    Pictures go to `images/` (natural order of names) or one `video.mp4`; both are the caller's. Makes the folder.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    lines = (tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True))
+    (folder / "poses.tum").write_text("# base poses: stamp x y z qx qy qz qw\n" + "".join(lines))
+    if objects is not None:
+        (folder / "objects.json").write_text(json.dumps({"objects": list(objects)}, indent=1))
+    if boxes is not None:
+        (folder / "boxes.json").write_text(json.dumps({"frames": [list(frame) for frame in boxes]}))
+    if wheel is not None:
+        with (folder / "wheel.csv").open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(WHEEL_COLUMNS)
+            writer.writerows([f"{value:.6f}" for value in row] for row in wheel)
