@@ -1,0 +1,70 @@
+"""The command line: finds the command, parses its arguments, and only then imports what it needs."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+
+# Command words to (module, one line). Each module has a function `command` whose signature is its arguments.
+COMMANDS: dict[str, tuple[str, str]] = {
+    "run": ("run", "drive: camera to map, live or from files; writes a run folder"),
+    "detect": ("detect", "boxes and floor distances in single pictures"),
+    "bench": ("bench", "frames per second and latency, stage by stage, on this processor"),
+    "pull": ("pull", "fetch a known model, or a finished bundle, into the cache"),
+    "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
+    "eval detection": ("eval_detection", "average precision on labelled pictures"),
+    "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
+    "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
+}
+
+USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help tells all of a command's options)"
+
+
+def overview() -> str:
+    """What `edgemap --help` prints."""
+    lines = [USAGE, "", "A 2-D map of the objects on the floor from one camera, on a CPU.", ""]
+    lines += [f"  {words:<16}{text}" for words, (_, text) in COMMANDS.items()]
+    lines += ["", "First steps:  edgemap run            the demo drive, ends with a map in runs/"]
+    lines += ["              edgemap doctor         checks camera, libraries, bundle and mount"]
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point. Exit code 0, 1 for a known failure (one line on stderr), 2 for wrong usage."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(overview())
+        sys.exit(0 if arguments else 2)
+    if arguments[0] == "--version":
+        from importlib.metadata import version
+
+        print(f"edgemap {version('edgemap')}")
+        return
+    words = next((words for words in (" ".join(arguments[:2]), arguments[0]) if words in COMMANDS), None)
+    if words is None:
+        known = sorted(COMMANDS)
+        if any(name.startswith(arguments[0] + " ") for name in known):
+            known = [name for name in known if name.startswith(arguments[0] + " ")]
+        asked_help = arguments[-1] in ("-h", "--help") and known != sorted(COMMANDS)
+        text = f"edgemap: {' '.join(arguments[:2])!r} is not a command; there are: {', '.join(known)}"
+        print(overview() if asked_help else text, file=sys.stdout if asked_help else sys.stderr)
+        sys.exit(0 if asked_help else 2)
+    _run(words, arguments[len(words.split()) :])
+
+
+def _run(words: str, rest: list[str]) -> None:
+    import tyro
+
+    from edgemap.geometry.errors import EdgemapError
+
+    command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
+    markers = (tyro.conf.FlagCreatePairsOff, tyro.conf.PositionalMetavarFromFieldName)
+    try:
+        tyro.cli(command, prog=f"edgemap {words}", args=rest, config=markers)
+    except EdgemapError as error:
+        print(f"edgemap {words}: {error}", file=sys.stderr)
+        sys.exit(1)
+    except BrokenPipeError:  # `edgemap ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

@@ -17,3 +17,7 @@ class OdometryError(EdgemapError):
 
 class MissingExtraError(EdgemapError):
     """An optional part of the installation is needed; the message names it."""
+
+
+class RunFolderError(EdgemapError):
+    """A run folder that cannot be written, or that holds another run already."""

@@ -1,0 +1,36 @@
+"""Where the robot's motion comes from: `open_odometry` makes one from its name on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from edgemap.geometry.floor import FloorCamera
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.odometry.planar import PlanarOdometry
+from edgemap.runtime.odometry.protocol import Motion, Odometry
+from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry, read_wheel_csv
+from edgemap.runtime.session import Bundle
+from edgemap.runtime.trajectory import read_tum
+
+__all__ = ["Motion", "Odometry", "open_odometry"]
+
+
+def open_odometry(
+    spec: str, bundle: Bundle, camera: Camera, floor: FloorCamera, allow_untrained: bool = False
+) -> Odometry:
+    """The odometry that a SPEC names: planar, paper, truth, wheel:FILE.csv or FILE.tum. Raises OdometryError."""
+    if spec == "planar":
+        return PlanarOdometry(floor)
+    if spec == "paper":
+        return LearnedOdometry(bundle, "paper", allow_untrained)
+    if spec == "truth":
+        if camera.truth is None:
+            raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
+        return RecordedOdometry(camera.truth, "truth")
+    if spec.startswith("wheel:"):
+        return RecordedOdometry(read_wheel_csv(Path(spec.removeprefix("wheel:"))), spec, WHEEL)
+    if spec.endswith(".tum"):
+        return RecordedOdometry(read_tum(Path(spec)), spec)
+    raise OdometryError(f"odometry {spec!r} is not planar, paper, truth, wheel:FILE.csv or FILE.tum")

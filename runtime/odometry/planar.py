@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.geometry.floor import FloorCamera
@@ -64,7 +65,7 @@ class PlanarOdometry:
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""
-        self._grey: NDArray[np.uint8] | None = None
+        self._grey: MatLike | None = None
         self._corners = np.zeros((0, 2), dtype=np.float32)
         self._motion, self._guesses = Motion().motion, GUESSED_STEPS
 
@@ -75,7 +76,7 @@ class PlanarOdometry:
             return Motion(Motion().motion, unknown_covariance(), fault)
         return Motion(self._motion, unknown_covariance() * 0.05, fault)
 
-    def _find(self, grey: NDArray[np.uint8], known: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    def _find(self, grey: MatLike, known: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         mask = self._mask
         wanted = MAX_CORNERS
         if known is not None and len(known):
@@ -84,15 +85,16 @@ class PlanarOdometry:
                 cv2.circle(mask, (int(x), int(y)), 5, 0, -1)
             wanted -= len(known)
         corners = cv2.goodFeaturesToTrack(grey, wanted, 0.005, 6, mask=mask, blockSize=3)
-        fresh = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
+        fresh = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2).astype(np.float32)
         return fresh if known is None else np.concatenate([known, fresh])
 
-    def _follow(self, last: NDArray[np.uint8], grey: NDArray[np.uint8]) -> tuple[Array, Array]:
+    def _follow(self, last: MatLike, grey: MatLike) -> tuple[Array, Array]:
         """Pixels (N, 2) before and after, of the corners that were followed to a place on the floor nearby."""
         if len(self._corners) == 0:
             return np.zeros((0, 2)), np.zeros((0, 2))
+        points = self._corners.reshape(-1, 1, 2)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            last, grey, self._corners.reshape(-1, 1, 2), None, winSize=(15, 15), maxLevel=3,
+            last, grey, points, points.copy(), winSize=(15, 15), maxLevel=3,
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02), minEigThreshold=1e-4,
         )  # fmt: skip
         after = moved.reshape(-1, 2).astype(np.float64)

@@ -1,0 +1,146 @@
+"""Options that several commands share: what they mean, and how their text is read. No heavy imports here."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from edgemap.geometry.errors import EdgemapError
+
+if TYPE_CHECKING:
+    from edgemap.geometry.intrinsics import Intrinsics
+    from edgemap.geometry.mount import Mount
+    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.session import Bundle
+
+DEFAULT_BUNDLE = "yolov3-tiny"
+
+CameraSpec = Annotated[
+    str,
+    tyro.conf.arg(
+        metavar="SPEC",
+        help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
+        "a video file; a folder of pictures; KIND:DIR with KIND kitti, tum, c2w, drive or locobot.",
+    ),
+]
+BundleName = Annotated[
+    str,
+    tyro.conf.arg(
+        metavar="NAME|DIR", help="The model: a bundle folder, or a name in the cache (pulled when it is not there)."
+    ),
+]
+MountText = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="HEIGHT_M,PITCH_DEG",
+        help="How the camera sits: height of the lens above the floor in metres, and pitch in degrees, positive "
+        "looking DOWN. Overrides the camera file's.",
+    ),
+]
+IntrinsicsText = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="FX,FY,CX,CY",
+        help="Focal lengths and principal point in pixels of the delivered picture; overrides what the source says.",
+    ),
+]
+CameraFile = Annotated[
+    Path | None,
+    tyro.conf.arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that bring none."),
+]
+Confidence = Annotated[
+    float, tyro.conf.arg(metavar="0..1", help="Least score of a box (objectness times class probability).")
+]
+Threads = Annotated[
+    int | None, tyro.conf.arg(metavar="N", help="Threads of each network; by default two, where there are two cores.")
+]
+Json = Annotated[bool, tyro.conf.arg(help="Print one JSON document on standard output and nothing else.")]
+
+
+class OptionError(EdgemapError):
+    """An option's value that cannot be read."""
+
+
+def numbers(text: str, option: str, names: str) -> list[float]:
+    """Comma-separated finite numbers, as many as there are names. Raises OptionError."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != len(names.split(",")):
+        raise OptionError(f"{option} {text!r}: expected {len(names.split(','))} numbers, {names}")
+    if not all(map(math.isfinite, values)):
+        raise OptionError(f"{option} {text!r}: {names} must be finite numbers")
+    return values
+
+
+def read_mount(text: str | None) -> Mount | None:
+    """`--mount HEIGHT_M,PITCH_DEG`."""
+    from edgemap.geometry.mount import Mount
+
+    return None if text is None else Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
+
+
+def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | None:
+    """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
+    from edgemap.geometry.intrinsics import Intrinsics
+
+    return None if text is None else Intrinsics(width, height, *numbers(text, "--intrinsics", "FX,FY,CX,CY"))
+
+
+def find_bundle(name: str, threads: int | None) -> Bundle:
+    """Load a bundle by folder or name; a known name that is not in the cache is pulled first."""
+    from edgemap.runtime.session import default_threads, load_bundle
+    from edgemap.runtime.store import bundle_folder
+
+    folder = bundle_folder(name)
+    if not (folder / "bundle.json").is_file() and not Path(name).exists():
+        from edgemap.cli.pull import pull_known
+
+        folder = pull_known(name)
+    return load_bundle(folder, threads or default_threads())
+
+
+def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
+    """`--classes chair,couch`: which of the bundle's mapped classes go on the map. Raises OptionError."""
+    if text is None:
+        return bundle.mapped
+    chosen = frozenset(name.strip() for name in text.split(",") if name.strip())
+    if unknown := sorted(chosen - set(bundle.names)):
+        raise OptionError(f"--classes {', '.join(unknown)}: the bundle knows {', '.join(sorted(bundle.names))}")
+    if unmapped := sorted(chosen - bundle.mapped):
+        raise OptionError(f"--classes {', '.join(unmapped)}: people and animals are detected but never mapped")
+    if not chosen:
+        raise OptionError("--classes is empty")
+    return chosen
+
+
+HOW_TO_MEASURE = (
+    "measure the lens's height above the floor in metres, and its pitch in degrees (0 level, positive down; on a flat "
+    "floor pitch = atan(height / distance) for the floor point in the picture's middle), then pass "
+    "--mount HEIGHT_M,PITCH_DEG or --camera-file camera.yaml"
+)
+
+
+def lens_and_mount(
+    camera: Camera, intrinsics: str | None, mount: str | None, camera_file: Path | None
+) -> tuple[Intrinsics, Mount]:
+    """What the run goes by: flags before the camera file before what the source itself says. Raises OptionError."""
+    from edgemap.runtime.drives.camera_yaml import read_camera_yaml
+
+    lens, seat = camera.intrinsics, camera.mount
+    if camera_file is not None:
+        described = read_camera_yaml(camera_file)
+        lens, seat = described.intrinsics, described.mount or seat
+    lens = read_intrinsics(intrinsics, *camera.size) or lens
+    seat = read_mount(mount) or seat
+    if lens is None:
+        raise OptionError(
+            f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
+        )
+    if seat is None:
+        raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
+    return lens, seat

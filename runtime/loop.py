@@ -1,0 +1,65 @@
+"""Frames from a camera through the pipeline into sinks, until the camera ends or somebody says stop."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.sinks.protocol import Sink
+
+
+def run(
+    camera: Camera,
+    pipeline: Pipeline,
+    sinks: Sequence[Sink],
+    frames: int | None = None,
+    stop: threading.Event | None = None,
+) -> int:
+    """Drive until the camera ends, `frames` are done or `stop` is set; the number of frames done.
+
+    Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure on the way is told to
+    the sinks before it is raised again.
+    """
+    done = 0
+    try:
+        while (frames is None or done < frames) and not (stop and stop.is_set()):
+            frame = camera.read()
+            if frame is None:
+                break
+            result = pipeline.step(frame)
+            objects = pipeline.objects()
+            for sink in sinks:
+                sink.write(result, objects)
+            done += 1
+    except EdgemapError as error:
+        for sink in sinks:
+            sink.fault(str(error))
+        raise
+    finally:
+        for sink in sinks:
+            sink.close()
+    return done
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or SIGTERM sets; a second Ctrl-C interrupts at once. For the main thread only."""
+    stop = threading.Event()
+
+    def ask(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

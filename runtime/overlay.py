@@ -1,0 +1,79 @@
+"""Drawings over the camera's picture: boxes, and the horizon with a metre grid by which the eye checks the mount."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.detections import Detections
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.sighting import Sighting
+
+Picture = NDArray[np.uint8]
+
+HORIZON, GRID, FLOOR_BOX, OTHER_BOX = (60, 60, 255), (255, 220, 80), (90, 200, 60), (160, 160, 160)  # BGR
+GRID_REACH_M = 6
+
+
+def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
+    """A copy of the picture with the horizon (red) and the floor's metre grid, distances from the base written on it.
+
+    Where the mount is right, grid lines lie flat on the floor and the horizon cuts everything at camera height.
+    """
+    picture = image.copy()
+    thickness = max(1, image.shape[1] // 640)
+    for metre in range(1, GRID_REACH_M + 1):
+        across = np.column_stack([np.full(81, float(metre)), np.linspace(-4.0, 4.0, 81)])
+        _polyline(picture, camera.project(across), GRID, thickness)
+        along = camera.project(np.array([[float(metre), 0.0]]))[0]
+        if _inside(picture, along):
+            _text(picture, f"{metre} m", along + [4, -4], GRID)
+    for left in range(-4, 5):
+        along = np.column_stack([np.linspace(0.3, GRID_REACH_M, 120), np.full(120, float(left))])
+        _polyline(picture, camera.project(along), GRID, thickness)
+    columns = np.linspace(0, image.shape[1] - 1, 33)
+    horizon = np.array([[column, camera.horizon_row(float(column))] for column in columns])
+    _polyline(picture, horizon, HORIZON, thickness + 1)
+    row = camera.horizon_row()
+    label = np.array([8.0, min(max(row - 6, 14), image.shape[0] - 6)])
+    _text(picture, f"horizon, row {row:.0f} px", label, HORIZON)
+    return picture
+
+
+def draw_detections(image: Picture, detections: Detections, sightings: list[Sighting]) -> Picture:
+    """A copy of the picture with all boxes: green with a distance for those on the floor, grey for the others."""
+    picture = image.copy()
+    thickness = max(1, image.shape[1] // 400)
+    placed = {sighting.detection: sighting for sighting in sightings}
+    for index in np.argsort([index in placed for index in range(len(detections))], kind="stable"):
+        x0, y0, x1, y1 = detections.boxes[index].round().astype(int).tolist()
+        sighting = placed.get(int(index))
+        colour = OTHER_BOX if sighting is None else FLOOR_BOX
+        where = "not floor" if sighting is None else f"{sighting.distance_m:.2f} m"
+        cv2.rectangle(picture, (x0, y0), (x1, y1), colour, thickness)
+        text = f"{detections.labels[index]} {detections.scores[index]:.2f}, {where}"
+        _text(picture, text, np.array([x0 + 2, max(y0 - 4, 12)]), colour)
+    return picture
+
+
+def _polyline(picture: Picture, pixels: NDArray[np.float64], colour: tuple[int, int, int], thickness: int) -> None:
+    height, width = picture.shape[:2]
+    for a, b in pairwise(pixels):
+        if np.isfinite([*a, *b]).all() and np.abs([*a, *b]).max() < 8 * max(width, height):
+            first, second = (tuple(int(v) for v in point.round()) for point in (a, b))
+            cv2.line(picture, first, second, colour, thickness, cv2.LINE_AA)
+
+
+def _inside(picture: Picture, pixel: NDArray[np.float64]) -> bool:
+    height, width = picture.shape[:2]
+    return bool(np.isfinite(pixel).all() and 0 <= pixel[0] < width and 0 <= pixel[1] < height)
+
+
+def _text(picture: Picture, text: str, pixel: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
+    scale = max(0.45, picture.shape[1] / 1400)
+    origin = int(pixel[0]), int(pixel[1])
+    cv2.putText(picture, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), 3, cv2.LINE_AA)
+    cv2.putText(picture, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)

@@ -1,0 +1,105 @@
+"""The whole product in one method: `Pipeline.step` takes a frame and updates pose and map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.detections import Detections
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.floor_map import MapObject, ObjectMap
+from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.geometry.sighting import FloorRule, PlacedSighting, sightings_of
+from edgemap.runtime.decode import Decoder
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.protocol import Motion, Odometry
+from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.session import Bundle
+from edgemap.runtime.timing import Stopwatch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepResult:
+    """All that one step found; sinks read it and nothing else. object_ids: one per sighting."""
+
+    frame: Frame
+    detections: Detections
+    sightings: list[PlacedSighting]
+    object_ids: list[str]
+    motion: Motion
+    pose_map_base: SE2
+    pose_covariance: Array
+    laps_ms: dict[str, float]
+
+
+class Pipeline:
+    """One camera's frames to a map. Depends on the frames and their stamps only, never on wall time."""
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        camera: FloorCamera,
+        odometry: Odometry,
+        object_map: ObjectMap,
+        *,
+        rule: FloorRule | None = None,
+        confidence: float = 0.3,
+    ) -> None:
+        self.camera, self.odometry, self.map = camera, odometry, object_map
+        self.rule = rule or FloorRule(mapped=bundle.mapped)
+        self._backbone = bundle.backbone
+        self._input_name = bundle.manifest.detector.input.name
+        self._preprocess = Preprocessor(bundle.manifest.detector.input)
+        self._decode = Decoder(bundle.manifest.detector, confidence)
+        self._watch = Stopwatch()
+        self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
+        self._started = False
+
+    def step(self, frame: Frame) -> StepResult:
+        """One frame in: boxes, floor positions, own motion, map. Raises CameraError for a frame of another size."""
+        lap = self._begin(frame)
+        tensor, placement = self._preprocess(frame.image)
+        lap("preprocess")
+        outputs = self._backbone.run({self._input_name: tensor})
+        lap("backbone")
+        detections = self._decode(outputs, placement)
+        lap("decode")
+        sightings = sightings_of(detections, self.camera, self.rule, frame.index, frame.stamp_s)
+        lap("floor")
+        motion = self.odometry.step(frame, outputs)
+        self._advance(motion)
+        lap("odometry")
+        placed = [sighting.placed(self.pose_map_base, self.pose_covariance) for sighting in sightings]
+        object_ids = self.map.update(placed)
+        lap("map")
+        return StepResult(
+            frame, detections, placed, object_ids, motion, self.pose_map_base, self.pose_covariance, self._watch.laps_ms
+        )
+
+    def objects(self) -> list[MapObject]:
+        """The map as it stands."""
+        return self.map.objects()
+
+    def _begin(self, frame: Frame):
+        height, width = frame.image.shape[:2]
+        expected = self.camera.intrinsics
+        if (width, height) != (expected.width, expected.height):
+            raise CameraError(
+                f"frame {frame.index} is {width}x{height} px, the intrinsics are for {expected.width}x{expected.height}"
+            )
+        self._watch.start()
+        return self._watch.lap
+
+    def _advance(self, motion: Motion) -> None:
+        """Carry the pose on; the first frame's pose is the map's origin, known exactly."""
+        if self._started:
+            self.pose_covariance = compose_covariance(
+                self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
+            )
+            self.pose_map_base = self.pose_map_base @ motion.motion
+        self._started = True

@@ -1,0 +1,126 @@
+"""The run folder: map, trajectory, sightings and the run's own record, on disk from the first second on."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import cv2
+import numpy as np
+
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.floor_map import MapObject, save_map, write_atomically
+from edgemap.runtime.errors import RunFolderError
+from edgemap.runtime.overlay import draw_floor_grid
+from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.trajectory import tum_line
+
+SAVE_EVERY = 20  # frames between two saved maps
+MAX_FAULTS = 200  # in run.json; the count goes on
+
+
+class RunFolder:
+    """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a folder of its own.
+
+    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once.
+    Raises RunFolderError where the folder cannot be made or holds another run already.
+    """
+
+    def __init__(self, folder: Path, camera: FloorCamera, record: dict[str, Any]) -> None:
+        if (folder / "run.json").exists():
+            raise RunFolderError(f"{folder} already holds a run; choose another --out")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            save_map(folder / "map.json", [])
+            self._trajectory = (folder / "trajectory.tum").open("w")
+            self._sightings = (folder / "sightings.jsonl").open("w")
+        except OSError as error:
+            raise RunFolderError(f"{folder}: cannot be written ({error.strerror})") from None
+        self.folder = folder
+        self._camera, self._record = camera, record
+        self._objects: list[MapObject] = []
+        self._laps: dict[str, deque[float]] = {}
+        self._faults: list[str] = []
+        self._fault_count = self._frames = 0
+        self._started = perf_counter()
+        self._closed = False
+        self._write_record(finished=False)
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Append pose and sightings; save the map every `SAVE_EVERY` frames."""
+        if self._frames == 0:
+            picture = draw_floor_grid(result.frame.image, self._camera)
+            cv2.imwrite(str(self.folder / "mount.jpg"), picture)
+        self._frames += 1
+        self._objects = objects
+        self._trajectory.write(tum_line(result.frame.stamp_s, result.pose_map_base))
+        for placed, identity in zip(result.sightings, result.object_ids, strict=True):
+            self._sightings.write(json.dumps(sighting_record(result, placed.sighting.detection, placed, identity)))
+            self._sightings.write("\n")
+        for stage, lap_ms in result.laps_ms.items():
+            self._laps.setdefault(stage, deque(maxlen=10_000)).append(lap_ms)
+        if result.motion.fault:
+            self.fault(result.motion.fault)
+        if self._frames % SAVE_EVERY == 0:
+            self._save()
+
+    def fault(self, text: str) -> None:
+        """Note a fault with the frame it came at."""
+        self._fault_count += 1
+        if len(self._faults) < MAX_FAULTS:
+            self._faults.append(f"frame {self._frames}: {text}")
+
+    def close(self) -> None:
+        """Save the map and the record for good."""
+        if self._closed:
+            return
+        self._closed = True
+        self._save()
+        self._trajectory.close()
+        self._sightings.close()
+        self._write_record(finished=True)
+
+    def _save(self) -> None:
+        self._trajectory.flush()
+        self._sightings.flush()
+        save_map(self.folder / "map.json", self._objects)
+
+    def _write_record(self, finished: bool) -> None:
+        seconds = perf_counter() - self._started
+        stages = {name: percentiles(list(laps)) for name, laps in self._laps.items()}
+        record = self._record | {
+            "finished": finished,
+            "frames": self._frames,
+            "seconds": round(seconds, 3),
+            "stages_ms": stages,
+            "fault_count": self._fault_count,
+            "faults": self._faults,
+        }
+        write_atomically(self.folder / "run.json", json.dumps(record, indent=1) + "\n")
+
+
+def percentiles(values: list[float]) -> dict[str, float]:
+    """p50, p95 and p99 of some numbers, rounded to a thousandth."""
+    return {f"p{q}": round(float(np.percentile(values, q)), 3) for q in (50, 95, 99)} if values else {}
+
+
+def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:
+    """One sighting as a line of sightings.jsonl: where it was seen in the picture, from the robot, and on the map."""
+    sighting = placed.sighting
+    box = result.detections.boxes[detection]
+    return {
+        "frame": sighting.frame,
+        "stamp_s": round(sighting.stamp_s, 6),
+        "label": sighting.label,
+        "score": round(sighting.score, 4),
+        "box_px": [round(float(v), 1) for v in box],
+        "object": identity,
+        "base_m": [round(float(v), 4) for v in sighting.position_base_m],
+        "map_m": [round(float(v), 4) for v in placed.position_map_m],
+        "distance_m": round(sighting.distance_m, 4),
+        "width_m": round(sighting.width_m, 4),
+        "height_m": round(sighting.height_m, 4),
+    }
