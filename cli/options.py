@@ -88,7 +88,10 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
     from edgemap.geometry.intrinsics import Intrinsics
 
-    return None if text is None else Intrinsics(width, height, *numbers(text, "--intrinsics", "FX,FY,CX,CY"))
+    if text is None:
+        return None
+    fx, fy, cx, cy = numbers(text, "--intrinsics", "FX,FY,CX,CY")
+    return Intrinsics(width, height, fx, fy, cx, cy)
 
 
 def find_bundle(name: str, threads: int | None) -> Bundle:

@@ -21,7 +21,7 @@ METADATA_KEY = "edgemap.contract"
 OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
 
 
-class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True, frozen=True):
+class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     """A manifest record: unknown or missing fields are errors."""
 
 

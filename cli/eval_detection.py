@@ -1,0 +1,61 @@
+"""`edgemap eval detection`: how good the boxes are."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import tyro
+
+from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, Threads, find_bundle
+
+
+def command(
+    data: Annotated[
+        str, tyro.conf.arg(metavar="KIND:DIR", help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json.")
+    ],
+    bundle: BundleName = DEFAULT_BUNDLE,
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N pictures.")] = None,
+    confidence: Annotated[
+        float, tyro.conf.arg(metavar="0..1", help="Least score of a box; low, so that the whole curve counts.")
+    ] = 0.001,
+    nms: Annotated[float, tyro.conf.arg(metavar="0..1", help="Overlap (IoU) above which the weaker box goes.")] = 0.6,
+    threads: Threads = None,
+    json: Json = False,
+) -> None:
+    """Average precision on labelled pictures, COCO protocol: AP over IoU 0.50 to 0.95, and AP50.
+
+    Classes are matched by name; true boxes of classes that the bundle does not know are left out and counted apart.
+    """
+    import numpy as np
+    from tqdm import tqdm
+
+    from edgemap.evaluation.detection import ScoredPicture, average_precision
+    from edgemap.runtime.cameras import open_labelled
+    from edgemap.runtime.decode import Decoder
+    from edgemap.runtime.detector import Detector
+
+    loaded = find_bundle(bundle, threads)
+    detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
+    number = {name: index for index, name in enumerate(loaded.names)}
+    pictures, unknown = [], 0
+    for image, truth in tqdm(open_labelled(data, frames), unit=" pictures", disable=json or None):
+        known = [row for row, label in enumerate(truth.labels) if label in number]
+        unknown += len(truth.labels) - len(known)
+        found = detector(image)
+        labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
+        boxes = truth.boxes[known].reshape(-1, 4)
+        height, width = image.shape[:2]
+        pictures.append(ScoredPicture(width, height, boxes, labels, found.boxes, found.class_ids, found.scores))
+    document = {"data": data, "bundle": loaded.manifest.name, **average_precision(pictures, loaded.names)}
+    document["boxes_of_unknown_classes"] = unknown
+    if json:
+        import json as json_module
+
+        print(json_module.dumps(document, indent=1))
+        return
+    print(f"{document['bundle']} on {data}: {document['pictures']} pictures, {document['boxes_true']} true boxes")
+    print(f"  AP {document['ap']:.3f}   AP50 {document['ap50']:.3f}")
+    for name, figures in sorted(document["per_class"].items(), key=lambda item: -item[1]["ap50"]):
+        print(f"  {name:<16} AP {figures['ap']:.3f}   AP50 {figures['ap50']:.3f}")
+    if unknown:
+        print(f"  ({unknown} true boxes of classes that this bundle does not know were left out)")

@@ -1,0 +1,159 @@
+"""`edgemap run`: the main job."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from edgemap.cli.options import (
+    DEFAULT_BUNDLE,
+    BundleName,
+    CameraFile,
+    CameraSpec,
+    Confidence,
+    IntrinsicsText,
+    MountText,
+    Threads,
+    choose_classes,
+    find_bundle,
+    lens_and_mount,
+)
+
+if TYPE_CHECKING:
+    from edgemap.geometry.floor_map import MapObject
+    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.pipeline import StepResult
+
+OdometrySpec = Annotated[
+    str,
+    tyro.conf.arg(
+        metavar="SPEC",
+        help="Where the robot's motion comes from: planar (floor corners); truth (the drive's own poses); paper "
+        "(the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad); FILE.tum (poses of the base).",
+    ),
+]
+
+
+def command(
+    camera: CameraSpec = "demo",
+    bundle: BundleName = DEFAULT_BUNDLE,
+    odometry: OdometrySpec = "planar",
+    mount: MountText = None,
+    intrinsics: IntrinsicsText = None,
+    camera_file: CameraFile = None,
+    classes: Annotated[
+        str | None, tyro.conf.arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
+    ] = None,
+    confidence: Confidence = 0.3,
+    clustering: Literal["default", "paper"] = "default",
+    out: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
+    ] = None,
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Stop after N frames.")] = None,
+    realtime: Annotated[bool, tyro.conf.arg(help="Pace files by their stamps, not at full speed.")] = False,
+    threads: Threads = None,
+    allow_untrained: Annotated[
+        bool, tyro.conf.arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
+    ] = False,
+) -> None:
+    """Drive from a camera to a map of the objects on the floor.
+
+    Frames go through detector, floor projection, odometry and map; Ctrl-C ends the run with the map saved. Writes
+    map.json, trajectory.tum, sightings.jsonl, run.json, and mount.jpg: the first picture with horizon and metre grid,
+    by which to check the mount.
+    """
+    from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.paper_map import PaperMap
+    from edgemap.geometry.sighting import FloorRule
+    from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.loop import run, stop_on_signals
+    from edgemap.runtime.odometry import open_odometry
+    from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.sinks.progress import Progress
+    from edgemap.runtime.sinks.run_folder import RunFolder
+
+    loaded = find_bundle(bundle, threads)
+    mapped = choose_classes(classes, loaded)
+    with open_camera(camera, realtime=realtime) as source:
+        lens, seat = lens_and_mount(source, intrinsics, mount, camera_file)
+        floor = FloorCamera(lens, seat)
+        motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
+        object_map = FloorMap() if clustering == "default" else PaperMap()
+        pipeline = Pipeline(loaded, floor, motion, object_map, rule=FloorRule(mapped=mapped), confidence=confidence)
+        folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
+        sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest := _Latest()]
+        with stop_on_signals() as stop:
+            try:
+                done = run(source, pipeline, sinks, frames, stop)
+            finally:
+                print(f"map of {len(latest.objects)} objects saved in {folder}/")
+        _summary(done, latest, stop.is_set())
+        print(f"see it:  edgemap map show {folder}")
+
+
+class _Latest:
+    """A sink that keeps the last result, for the summary."""
+
+    def __init__(self) -> None:
+        self.result: StepResult | None = None
+        self.objects: list[MapObject] = []
+        self.way_m = 0.0
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Keep it."""
+        if self.result is not None:
+            before, now = self.result.pose_map_base, result.pose_map_base
+            self.way_m += ((now.x_m - before.x_m) ** 2 + (now.y_m - before.y_m) ** 2) ** 0.5
+        self.result, self.objects = result, objects
+
+    def fault(self, text: str) -> None:
+        """Faults stand in run.json."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def _summary(done: int, latest: _Latest, stopped: bool) -> None:
+    end = "stopped" if stopped else "done"
+    print(f"{end} after {done} frames, {latest.way_m:.1f} m of way")
+    for item in latest.objects:
+        x_m, y_m = item.position_m
+        print(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  seen {item.count:4d} times  conf {item.confidence:.2f}")
+
+
+def _record(
+    source: Camera, loaded: Any, floor: Any, odometry: str, clustering: str, confidence: float, mapped: list[str]
+) -> dict[str, Any]:
+    """What run.json says of the run."""
+    import math
+    import platform
+    from dataclasses import asdict
+    from importlib.metadata import version
+
+    seat = floor.mount
+    return {
+        "format": "edgemap.run/1",
+        "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        "camera": source.name,
+        "intrinsics": asdict(floor.intrinsics),
+        "mount": {
+            "height_m": seat.height_m,
+            "pitch_deg": round(math.degrees(seat.pitch_rad), 6),
+            "roll_deg": round(math.degrees(seat.roll_rad), 6),
+            "forward_m": seat.forward_m,
+            "left_m": seat.left_m,
+        },
+        "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
+        "odometry": odometry,
+        "clustering": clustering,
+        "confidence": confidence,
+        "mapped": mapped,
+        "threads": loaded.threads,
+        "versions": {name: version(name) for name in ("edgemap", "onnxruntime", "numpy", "opencv-python-headless")},
+        "machine": {"system": platform.platform(), "python": platform.python_version()},
+    }

@@ -1,0 +1,51 @@
+"""How our figures look: colours by label, the floor from above with forward up and left on the left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from edgemap.runtime.errors import MissingExtraError
+
+try:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+except ImportError:
+    raise MissingExtraError("drawing needs matplotlib: pip install 'edgemap[plot]'") from None
+
+__all__ = ["Axes", "Figure", "floor_axes", "label_colours", "plt", "save"]
+
+INK, PAPER, GRID = "#22272e", "#ffffff", "#e6e8eb"
+
+
+def label_colours(labels: Iterable[str]) -> dict[str, tuple[float, float, float, float]]:
+    """One colour per label, the same for the same set of labels."""
+    ordered = sorted(set(labels))
+    palette = plt.get_cmap("tab10" if len(ordered) <= 10 else "tab20")
+    return {label: palette(index % palette.N) for index, label in enumerate(ordered)}
+
+
+def floor_axes(axes: Axes, title: str, frame: str) -> None:
+    """Dress axes as the floor from above: x forward is up, y left is left, one scale for both, metres."""
+    axes.set_title(title, fontsize=11, color=INK, loc="left")
+    axes.set_xlabel(f"y left (m), {frame} frame", fontsize=9)
+    axes.set_ylabel(f"x forward (m), {frame} frame", fontsize=9)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    if not axes.xaxis_inverted():
+        axes.invert_xaxis()
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure, PNG or SVG by the path's ending, making its folder; the path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=130, facecolor=PAPER, bbox_inches="tight")
+    plt.close(figure)
+    return path

@@ -1,0 +1,26 @@
+"""Boxes in single pictures: preprocess, backbone, decode."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.detections import Detections
+from edgemap.runtime.decode import Decoder
+from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.session import Bundle
+
+
+class Detector:
+    """A bundle's detector without odometry or map, for pictures of any size."""
+
+    def __init__(self, bundle: Bundle, decode: Decoder | None = None) -> None:
+        self._backbone = bundle.backbone
+        self._input_name = bundle.manifest.detector.input.name
+        self._preprocess = Preprocessor(bundle.manifest.detector.input)
+        self._decode = decode or Decoder(bundle.manifest.detector)
+
+    def __call__(self, image: NDArray[np.uint8]) -> Detections:
+        """Detections in a BGR uint8 picture (H, W, 3), best first."""
+        tensor, placement = self._preprocess(image)
+        return self._decode(self._backbone.run({self._input_name: tensor}), placement)
