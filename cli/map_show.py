@@ -40,7 +40,7 @@ def command(
         is_run = (folder / "sightings.jsonl").is_file()
         trajectory = folder / "trajectory.tum"
         way = read_tum(trajectory) if is_run and trajectory.stat().st_size else None
-        seen = _read_sightings(folder / "sightings.jsonl") if is_run else []
+        seen = _read_sightings(folder) if is_run else []
         picture = plot_map(out or (folder / f"{'map' if path.is_dir() else path.stem}.png"), objects, seen, way)
         for item in objects:
             sigma_m = float(item.covariance_m2.trace() / 2) ** 0.5
@@ -49,19 +49,23 @@ def command(
         print(f"{len(objects)} objects; drawn in {picture}")
 
 
-def _read_sightings(path: Path) -> list[SeenAt]:
+def _read_sightings(folder: Path) -> list[SeenAt]:
     """The sightings of a run; ids of objects that merged into others count as the one that stayed."""
     import json
 
     from edgemap.geometry.errors import MapError
     from edgemap.plots.floor_map import SeenAt
 
+    path = folder / "sightings.jsonl"
+    merged = json.loads((folder / "run.json").read_text()).get("merged", {})
     found = []
     for number, line in enumerate(path.read_text().splitlines(), start=1):
         try:
             record = json.loads(line)
             x_m, y_m = record["map_m"]
-            found.append(SeenAt(record["label"], record["object"], float(x_m), float(y_m)))
+            found.append(
+                SeenAt(record["label"], merged.get(record["object"], record["object"]), float(x_m), float(y_m))
+            )
         except (ValueError, KeyError, TypeError):
             raise MapError(f"{path}:{number}: damaged line") from None
     return found

@@ -100,6 +100,7 @@ class FloorMap:
         self.rule = rule or AssociationRule()
         self._objects: dict[str, list[_Object]] = {}
         self._issued: Counter[str] = Counter()
+        self.merged: dict[str, str] = {}
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Take in all sightings of one frame; the id of each one's object. Bad order of frames does no harm."""
@@ -175,6 +176,7 @@ class FloorMap:
             while new in renamed:
                 new = renamed[new]
             renamed[old] = new
+        self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
         for item in objects if renamed else ():
             for old, new in renamed.items():
                 if old in item.together:

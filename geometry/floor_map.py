@@ -41,7 +41,12 @@ class MapObject:
 
 
 class ObjectMap(Protocol):
-    """A clustering of sightings into objects, fed frame by frame."""
+    """A clustering of sightings into objects, fed frame by frame.
+
+    merged: ids that are no more, to the id of the object that they became part of.
+    """
+
+    merged: dict[str, str]
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Take in all sightings of ONE frame; the id of each one's object, in the same order."""

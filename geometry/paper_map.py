@@ -27,6 +27,7 @@ class PaperMap:
         self._covariance: dict[tuple[str, Cell], Array] = {}
         self._number: dict[tuple[str, Cell], int] = {}
         self._issued: dict[str, int] = {}
+        self.merged: dict[str, str] = {}
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Take in one frame's sightings; the id of each one's object."""
@@ -52,8 +53,10 @@ class PaperMap:
         if not own:
             self._issued[label] = self._issued.get(label, 0) + 1
             own = [self._issued[label]]
-        self._number[label, cell] = min(own)
-        return min(own)
+        self._number[label, cell] = kept = min(own)
+        for number in set(own) - {kept}:
+            self.merged[f"{label}-{number}"] = f"{label}-{kept}"
+        return kept
 
     def objects(self) -> list[MapObject]:
         """One object per cluster, at the mean of its sightings."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
@@ -46,9 +47,7 @@ def plot_map(
         floor_axes(axes[1], f"(b) {len(objects)} clusters", "map")
     _centres(axes[-1], objects, colours)
     floor_axes(axes[-1], ("(c) " if sightings else "") + "centres with 95 % ellipses", "map")
-    handles = [
-        plt.Line2D([], [], marker="o", linestyle="", color=colour, label=label) for label, colour in colours.items()
-    ]
+    handles = [Line2D([], [], marker="o", linestyle="", color=colour, label=label) for label, colour in colours.items()]
     if handles:
         figure.legend(
             handles=handles, loc="outside lower center", ncols=min(8, len(handles)), frameon=False, fontsize=9

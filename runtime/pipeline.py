@@ -25,12 +25,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResult:
-    """All that one step found; sinks read it and nothing else. object_ids: one per sighting."""
+    """All that one step found; sinks read it and nothing else.
+
+    object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
+    """
 
     frame: Frame
     detections: Detections
     sightings: list[PlacedSighting]
     object_ids: list[str]
+    merged: dict[str, str]
     motion: Motion
     pose_map_base: SE2
     pose_covariance: Array
@@ -78,7 +82,15 @@ class Pipeline:
         object_ids = self.map.update(placed)
         lap("map")
         return StepResult(
-            frame, detections, placed, object_ids, motion, self.pose_map_base, self.pose_covariance, self._watch.laps_ms
+            frame=frame,
+            detections=detections,
+            sightings=placed,
+            object_ids=object_ids,
+            merged=self.map.merged,
+            motion=motion,
+            pose_map_base=self.pose_map_base,
+            pose_covariance=self.pose_covariance,
+            laps_ms=self._watch.laps_ms,
         )
 
     def objects(self) -> list[MapObject]:

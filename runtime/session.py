@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import onnxruntime as ort
@@ -37,7 +37,8 @@ class Network:
 
     def run(self, tensors: Tensors) -> Tensors:
         """Run once: float32 inputs by name to float32 outputs by name."""
-        return dict(zip(self._names, self._session.run(self._names, tensors), strict=True))
+        values: list[Any] = list(self._session.run(self._names, tensors))
+        return dict(zip(self._names, values, strict=True))
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,6 +42,7 @@ class RunFolder:
         self.folder = folder
         self._camera, self._record = camera, record
         self._objects: list[MapObject] = []
+        self._merged: dict[str, str] = {}
         self._laps: dict[str, deque[float]] = {}
         self._faults: list[str] = []
         self._fault_count = self._frames = 0
@@ -55,7 +56,7 @@ class RunFolder:
             picture = draw_floor_grid(result.frame.image, self._camera)
             cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
-        self._objects = objects
+        self._objects, self._merged = objects, result.merged
         self._trajectory.write(tum_line(result.frame.stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             self._sightings.write(json.dumps(sighting_record(result, placed.sighting.detection, placed, identity)))
@@ -96,6 +97,7 @@ class RunFolder:
             "frames": self._frames,
             "seconds": round(seconds, 3),
             "stages_ms": stages,
+            "merged": self._merged,
             "fault_count": self._fault_count,
             "faults": self._faults,
         }
