@@ -1,0 +1,191 @@
+"""Darknet's layers as torch modules: each builder reads one cfg section and infers its output shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from edgemap.export.darknet_cfg import Section
+from edgemap.export.errors import ExportError
+
+Shape = tuple[int, int, int]  # channels, height, width
+
+# Darknet's GPU code adds this to the variance; its CPU code adds 1e-6 to the square root instead.
+BATCH_NORM_EPSILON = 1e-5
+
+ACTIVATIONS: dict[str, Callable[[], nn.Module]] = {
+    "linear": nn.Identity,
+    "leaky": lambda: nn.LeakyReLU(0.1),
+    "relu": nn.ReLU,
+    "relu6": nn.ReLU6,
+    "mish": nn.Mish,
+    "swish": nn.SiLU,
+    "logistic": nn.Sigmoid,
+    "tanh": nn.Tanh,
+    "elu": nn.ELU,
+    "hardtan": nn.Hardtanh,
+}
+# Options that change what a layer computes and that this reader does not know.
+FOREIGN = ("stride_x", "stride_y", "binary", "xnor", "antialiasing", "share_index", "rotate", "deform", "reverse", "flipped")
+
+
+class Layer(nn.Module):
+    """A layer that reads the outputs of `sources` (absolute layer indices; -1 is the network's input)."""
+
+    def __init__(self, sources: Sequence[int]) -> None:
+        super().__init__()
+        self.sources = tuple(sources)
+
+
+class Convolution(Layer):
+    """Convolution, optional batch normalisation, activation."""
+
+    def __init__(self, source: int, conv: nn.Conv2d, norm: nn.BatchNorm2d | None, activation: nn.Module) -> None:
+        super().__init__([source])
+        self.conv, self.norm, self.activation = conv, norm, activation
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(1, C, H, W) to (1, filters, H', W')."""
+        x = self.conv(x)
+        return self.activation(x if self.norm is None else self.norm(x))
+
+
+class MaxPool(Layer):
+    """Max pooling with Darknet's own padding: half of it (rounded down) in front, what is missing behind."""
+
+    def __init__(self, source: int, size: int, stride: int, pad: tuple[int, int, int, int]) -> None:
+        super().__init__([source])
+        self.size, self.stride, self.pad = size, stride, pad
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(1, C, H, W) to (1, C, H', W'); padding never wins."""
+        if any(self.pad):
+            x = functional.pad(x, self.pad, value=float("-inf"))
+        return functional.max_pool2d(x, self.size, self.stride)
+
+
+class Upsample(Layer):
+    """Nearest-neighbour enlargement by a whole factor."""
+
+    def __init__(self, source: int, factor: int) -> None:
+        super().__init__([source])
+        self.factor = float(factor)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(1, C, H, W) to (1, C, factor H, factor W)."""
+        return functional.interpolate(x, scale_factor=self.factor, mode="nearest")
+
+
+class Route(Layer):
+    """Concatenation over channels of one group of each source."""
+
+    def __init__(self, sources: Sequence[int], groups: int, group: int) -> None:
+        super().__init__(sources)
+        self.groups, self.group = groups, group
+
+    def forward(self, *parts: Tensor) -> Tensor:
+        """Several (1, C_i, H, W) to (1, sum of C_i / groups, H, W)."""
+        if self.groups > 1:
+            parts = tuple(part.chunk(self.groups, dim=1)[self.group] for part in parts)
+        return parts[0] if len(parts) == 1 else torch.cat(parts, dim=1)
+
+
+class Shortcut(Layer):
+    """Sum of equal shapes, then an activation."""
+
+    def __init__(self, sources: Sequence[int], activation: nn.Module) -> None:
+        super().__init__(sources)
+        self.activation = activation
+
+    def forward(self, x: Tensor, *others: Tensor) -> Tensor:
+        """Several (1, C, H, W) to one."""
+        for other in others:
+            x = x + other
+        return self.activation(x)
+
+
+class AveragePool(Layer):
+    """The mean over all cells."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(1, C, H, W) to (1, C, 1, 1)."""
+        return x.mean(dim=(2, 3), keepdim=True)
+
+
+class Same(Layer):
+    """Passes its source on: dropout when a trained network runs, and the marker of a detection head."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Its input."""
+        return x
+
+
+@dataclass(frozen=True)
+class Yolo:
+    """A detection head of the cfg. layer: index whose output holds the raw logits. anchors: (w, h) in input px."""
+
+    layer: int
+    classes: int
+    anchors: tuple[tuple[float, float], ...]
+    scale_xy: float
+    shape: Shape
+
+
+def activation(section: Section, default: str) -> nn.Module:
+    """The section's activation. Raises ExportError for one that is unknown."""
+    name = section.text("activation", default)
+    if name not in ACTIVATIONS:
+        raise ExportError(f"{section.where} activation={name} is not one of {', '.join(ACTIVATIONS)}")
+    return ACTIVATIONS[name]()
+
+
+def convolutional(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:
+    """`[convolutional]`: padding is size/2 under pad=1, else `padding`; both grow with the dilation."""
+    channels, height, width = shape
+    filters, size = section.integer("filters", least=1), section.integer("size", 1, least=1)
+    stride, groups = section.integer("stride", 1, least=1), section.integer("groups", 1, least=1)
+    dilation = section.integer("dilation", 1, least=1)
+    padding = size // 2 if section.integer("pad", 0) else section.integer("padding", 0, least=0)
+    if channels % groups or filters % groups:
+        raise ExportError(f"{section.where} groups={groups} does not divide {channels} channels into {filters} filters")
+    normalised = bool(section.integer("batch_normalize", 0))
+    reach = dilation * (size - 1) + 1
+    out_height = (height + 2 * padding * dilation - reach) // stride + 1
+    out_width = (width + 2 * padding * dilation - reach) // stride + 1
+    if out_height < 1 or out_width < 1:
+        raise ExportError(f"{section.where} size={size} does not fit into {height}x{width} cells")
+    conv = nn.Conv2d(
+        channels, filters, size, stride, padding * dilation, dilation, groups, bias=not normalised
+    )
+    norm = nn.BatchNorm2d(filters, eps=BATCH_NORM_EPSILON) if normalised else None
+    layer = Convolution(source, conv, norm, activation(section, "logistic"))
+    return layer, (filters, out_height, out_width)
+
+
+def maxpool(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:
+    """`[maxpool]`: (cells + padding - size) / stride + 1 with padding = size - 1, unless the cfg says otherwise."""
+    stride = section.integer("stride", 1, least=1)
+    size = section.integer("size", stride, least=1)
+    padding = section.integer("padding", size - 1, least=0)
+    before = padding // 2
+    out, pads = [], []
+    for cells in shape[1:]:
+        count = (cells + padding - size) // stride + 1
+        if count < 1:
+            raise ExportError(f"{section.where} size={size} does not fit into {shape[1]}x{shape[2]} cells")
+        out.append(count)
+        pads.append(max(0, (count - 1) * stride + size - cells - before))
+    layer = MaxPool(source, size, stride, (before, pads[1], before, pads[0]))
+    return layer, (shape[0], out[0], out[1])
+
+
+def upsample(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:
+    """`[upsample]`."""
+    factor = section.integer("stride", 2, least=1)
+    if section.number("scale", 1.0) != 1.0:
+        raise ExportError(f"{section.where} scale={section.text('scale')} is not supported, only 1")
+    return Upsample(source, factor), (shape[0], shape[1] * factor, shape[2] * factor)

@@ -1,0 +1,113 @@
+"""Darknet's .weights files: a short header, then float32 values layer by layer, every one accounted for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from edgemap.export.darknet import Darknet
+from edgemap.export.errors import ExportError
+
+WIDE_SEEN = 2  # from version 0.2 on, `seen` is 64 bits wide
+
+
+@dataclass(frozen=True)
+class WeightsHeader:
+    """A .weights file's header. seen: pictures that the training had seen. bytes: the header's length."""
+
+    major: int
+    minor: int
+    revision: int
+    seen: int
+    bytes: int
+
+
+def tensors_in_file_order(network: Darknet) -> list[Tensor]:
+    """The network's tensors as the file orders them: biases, then scales, means, variances if normalised, weights."""
+    ordered: list[Tensor] = []
+    for layer in network.convolutions():
+        if layer.norm is None:
+            assert layer.conv.bias is not None
+            ordered.append(layer.conv.bias)
+        else:
+            norm = layer.norm
+            assert norm.running_mean is not None and norm.running_var is not None
+            ordered += [norm.bias, norm.weight, norm.running_mean, norm.running_var]
+        ordered.append(layer.conv.weight)
+    return ordered
+
+
+def value_count(network: Darknet) -> int:
+    """How many float32 values the network's weights file holds."""
+    return sum(tensor.numel() for tensor in tensors_in_file_order(network))
+
+
+def read_header(path: Path) -> WeightsHeader:
+    """Read the header: three int32, then `seen` as int32 or int64 by version. Raises ExportError."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(20)
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(start) < 16:
+        raise ExportError(f"{path}: {len(start)} bytes, too short for a Darknet header of 16 or 20")
+    major, minor, revision = (int(number) for number in np.frombuffer(start, "<i4", 3))
+    if not (0 <= major < 1000 and 0 <= minor < 1000):
+        raise ExportError(f"{path}: not a Darknet weights file (its version reads {major}.{minor}.{revision})")
+    length = 20 if major * 10 + minor >= WIDE_SEEN else 16
+    if len(start) < length:
+        raise ExportError(f"{path}: {len(start)} bytes, too short for a Darknet header of {length}")
+    seen = int(np.frombuffer(start, "<u8" if length == 20 else "<u4", 1, offset=12)[0])
+    return WeightsHeader(major, minor, revision, seen, length)
+
+
+def load_weights(network: Darknet, path: Path) -> WeightsHeader:
+    """Fill the network from a .weights file of exactly its size. Raises ExportError with both counts."""
+    header = read_header(path)
+    body = path.stat().st_size - header.bytes
+    expected = value_count(network)
+    if body != 4 * expected:
+        odd = f" and {body % 4} bytes more" if body % 4 else ""
+        how = "short" if body < 4 * expected else "long"
+        raise ExportError(
+            f"{path}: too {how} for {network.name}: expected {expected:,} float32 values, found {body // 4:,}{odd}"
+        )
+    values = np.fromfile(path, "<f4", expected, offset=header.bytes)
+    if bad := int(np.count_nonzero(~np.isfinite(values))):
+        raise ExportError(f"{path}: {bad:,} of {expected:,} values are not finite: damaged")
+    position = 0
+    with torch.no_grad():
+        for tensor in tensors_in_file_order(network):
+            piece = values[position : position + tensor.numel()]
+            tensor.copy_(torch.from_numpy(piece).view(tensor.shape))
+            position += tensor.numel()
+    return header
+
+
+def save_weights(network: Darknet, path: Path, seen: int = 0) -> None:
+    """Write the network as a .weights file, version 0.2.0."""
+    with path.open("wb") as stream:
+        stream.write(np.array([0, 2, 0], "<i4").tobytes() + np.array([seen], "<u8").tobytes())
+        for tensor in tensors_in_file_order(network):
+            stream.write(tensor.detach().numpy().astype("<f4").tobytes())
+
+
+def random_weights(network: Darknet, seed: int = 0) -> None:
+    """Fill the network with seeded random values whose activations keep their size through many layers."""
+    generator = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
+        for layer in network.convolutions():
+            fan_in = layer.conv.weight[0].numel()
+            layer.conv.weight.normal_(0.0, (2.0 / fan_in) ** 0.5, generator=generator)
+            if layer.conv.bias is not None:
+                layer.conv.bias.normal_(0.0, 0.1, generator=generator)
+            if layer.norm is not None:
+                assert layer.norm.running_mean is not None and layer.norm.running_var is not None
+                layer.norm.weight.uniform_(0.5, 1.0, generator=generator)
+                layer.norm.bias.normal_(0.0, 0.1, generator=generator)
+                layer.norm.running_mean.normal_(0.0, 0.1, generator=generator)
+                layer.norm.running_var.uniform_(0.5, 1.5, generator=generator)
