@@ -1,0 +1,23 @@
+"""The simulation's known failures, and the one way to ask for what only the extra brings."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.errors import MissingExtraError
+
+
+class SimulationError(EdgemapError):
+    """A world that cannot be built or drawn: missing furniture, no OpenGL, no room left."""
+
+
+def require(module: str) -> ModuleType:
+    """Import a module of the extra `edgemap[simulation]`. Raises MissingExtraError naming the extra."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f"the simulation needs {module.partition('.')[0]} ({error}): pip install 'edgemap[simulation]'"
+        ) from None

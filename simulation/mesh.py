@@ -1,0 +1,119 @@
+"""Triangles with materials: what furniture and walls are made of before light and pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Tile = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Material:
+    """How a surface looks.
+
+    colour: linear reflectance (3,), 0..1; multiplies the texture. texture: (H, W, 4) uint8 sRGB + alpha, first row
+    at the top (v = 1), repeating; None for plain colour. opacity: 1 is solid. gloss: strength of highlights, 0..1.
+    emission: linear radiance (3,), for lamps and windows.
+    """
+
+    colour: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    texture: NDArray[np.uint8] | None = None
+    opacity: float = 1.0
+    gloss: float = 0.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def cut_out(self) -> bool:
+        """True where the texture has holes (leaves, lattice)."""
+        return self.texture is not None and bool((self.texture[..., 3] < 128).any())
+
+    def mean_reflectance(self) -> Array:
+        """Linear reflectance (3,) averaged over the texture's solid part."""
+        colour = np.asarray(self.colour, dtype=np.float64)
+        if self.texture is None:
+            return colour
+        texels = self.texture[::4, ::4].reshape(-1, 4)
+        solid = texels[texels[:, 3] >= 128]
+        return colour * srgb_to_linear(solid[:, :3] / 255.0).mean(axis=0) if len(solid) else colour
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Triangles of one material: positions (T, 3, 3) in metres, unit normals (T, 3, 3), texture coordinates (T, 3, 2)."""
+
+    material: Material
+    positions: Array
+    normals: Array
+    uv: Array
+
+    def moved(self, rotation: Array, translation_m: Array) -> Part:
+        """The same triangles after `rotation @ p + translation`."""
+        return replace(
+            self, positions=self.positions @ rotation.T + translation_m, normals=self.normals @ rotation.T
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Parts in one frame, z up, metres."""
+
+    parts: tuple[Part, ...] = field(default_factory=tuple)
+
+    def placed(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> Mesh:
+        """The mesh turned about z and moved."""
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return Mesh(tuple(part.moved(rotation, np.array([x_m, y_m, z_m])) for part in self.parts))
+
+    def triangles(self) -> Array:
+        """All triangles, (T, 3, 3) in metres."""
+        return np.concatenate([part.positions for part in self.parts])
+
+
+def srgb_to_linear(values: ArrayLike) -> Array:
+    """Display values 0..1 to linear light (gamma 2.2 stands for the sRGB curve)."""
+    return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0) ** 2.2
+
+
+def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, material: Material, tile_m: Tile = (1.0, 1.0)) -> Part:
+    """A rectangle from a corner along u and v (metres), facing u x v; the texture repeats every `tile_m` along each."""
+    corner, u, v = (np.asarray(a, dtype=np.float64) for a in (corner, u, v))
+    points = np.stack([corner, corner + u, corner + u + v, corner + v])
+    length, height = np.linalg.norm(u) / tile_m[0], np.linalg.norm(v) / tile_m[1]
+    coordinates = np.array([[0.0, 0.0], [length, 0.0], [length, height], [0.0, height]])
+    normal = np.cross(u, v)
+    order = np.array([[0, 1, 2], [0, 2, 3]])
+    normals = np.broadcast_to(normal / np.linalg.norm(normal), (2, 3, 3)).copy()
+    return Part(material, points[order], normals, coordinates[order])
+
+
+def box(low: ArrayLike, high: ArrayLike, material: Material) -> Mesh:
+    """An axis-aligned box between two corners, faces outward."""
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    x, y, z = np.diag(high - low)
+    faces = [(low, y, x), (low + z, x, y), (low, x, z), (low + y, z, x), (low, z, y), (low + x, y, z)]
+    return Mesh(tuple(quad(corner, u, v, material) for corner, u, v in faces))
+
+
+def subdivided(part: Part, longest_m: float) -> Part:
+    """The same surface with every edge shorter than `longest_m`, so that light kept at corners can vary across it."""
+    rows = np.concatenate([part.positions, part.normals, part.uv], axis=2)
+    done = []
+    while len(rows):
+        edges = np.linalg.norm(rows[:, [1, 2, 0], :3] - rows[:, :, :3], axis=2)
+        long = edges.max(axis=1) > longest_m
+        done.append(rows[~long])
+        rows, edges = rows[long], edges[long]
+        if not len(rows):
+            break
+        at, first = np.arange(len(rows)), edges.argmax(axis=1)
+        a, b, c = rows[at, first], rows[at, (first + 1) % 3], rows[at, (first + 2) % 3]
+        middle = (a + b) / 2.0
+        rows = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    rows = np.concatenate(done)
+    return Part(part.material, rows[..., :3], rows[..., 3:6], rows[..., 6:])

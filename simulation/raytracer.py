@@ -1,0 +1,60 @@
+"""Rays against triangles with Embree: shadow tests and first hits, and sample patterns for both."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.simulation.errors import require
+from edgemap.simulation.mesh import Array
+
+_OFFSET_M = 0.003
+
+
+class Raytracer:
+    """Triangles (T, 3, 3) in metres, ready to be hit by rays."""
+
+    def __init__(self, triangles: Array) -> None:
+        self.triangles = triangles
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
+        scene = require("embreex.rtcore_scene")
+        construction = require("embreex.mesh_construction")
+        self._scene = scene.EmbreeScene()
+        self._mesh = construction.TriangleMesh(self._scene, np.ascontiguousarray(triangles, dtype=np.float32))
+
+    def visible(self, points: Array, normals: Array, targets: Array) -> NDArray[np.bool_]:
+        """Whether each target (N, 3) is in plain sight of its point (N, 3), a little off both ends."""
+        origins = points + normals * _OFFSET_M
+        reach = (targets - origins) * 0.99
+        ones = np.ones(len(points), dtype=np.float32)
+        hits = self._scene.run(origins.astype(np.float32), reach.astype(np.float32), ones, query="OCCLUDED")
+        return np.asarray(hits) < 0
+
+    def first_hits(self, points: Array, normals: Array, directions: Array) -> tuple[NDArray[np.int64], Array]:
+        """Index of the triangle each ray (N, 3) meets first, -1 for none, and whether it meets its front side."""
+        origins = (points + normals * _OFFSET_M).astype(np.float32)
+        result = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT", output=1)
+        hit = np.asarray(result["primID"]).astype(np.int64)
+        front = (self.normals[np.maximum(hit, 0)] * directions).sum(axis=1) < 0.0
+        return hit, front
+
+
+def r2_sequence(count: int) -> Array:
+    """Low-discrepancy points of the unit square, (count, 2) (Roberts 2018, the R2 sequence)."""
+    plastic = 1.32471795724474602596
+    return (0.5 + np.arange(1, count + 1)[:, None] * np.array([1.0 / plastic, 1.0 / plastic**2])) % 1.0
+
+
+def cosine_directions(normals: Array, samples: Array) -> Array:
+    """Directions (N, 3) about normals (N, 3), dense as the cosine, from unit square samples (N, 2)."""
+    radius, angle = np.sqrt(samples[:, :1]), 2.0 * np.pi * samples[:, 1:]
+    # Orthonormal basis without branches (Duff et al. 2017).
+    x, y, z = normals.T
+    sign = np.where(z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=1)
+    bitangent = np.stack([b, sign + y * y * a, -y], axis=1)
+    height = np.sqrt(np.maximum(1.0 - radius**2, 0.0))
+    return tangent * radius * np.cos(angle) + bitangent * radius * np.sin(angle) + normals * height

@@ -1,0 +1,227 @@
+"""Pictures, object ids and metric depth of a lit scene, with OpenGL on the processor (EGL, no screen)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation import shaders
+from edgemap.simulation.errors import SimulationError, require
+from edgemap.simulation.mesh import Array, Material
+from edgemap.simulation.scene import ROOM_ID, LitScene
+
+_NEAR_M, _FAR_M = 0.05, 40.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """Where the camera is in the room: rotation (3, 3) from optical to room axes, position (3,) in metres."""
+
+    rotation_room_optical: Array
+    position_room_m: Array
+
+    @classmethod
+    def of_base(cls, pose_room_base: SE2, mount: Mount) -> View:
+        """The view of a camera mounted on a base that stands in the room."""
+        turn = np.eye(3)
+        turn[:2, :2] = pose_room_base.rotation()
+        position = turn @ mount.position_base_m() + [pose_room_base.x_m, pose_room_base.y_m, 0.0]
+        return cls(turn @ mount.rotation_base_optical(), position)
+
+    def to_optical(self, points_room_m: Array) -> Array:
+        """Points of the room (N, 3) in the optical frame."""
+        return (points_room_m - self.position_room_m) @ self.rotation_room_optical
+
+
+def projection(intrinsics: Intrinsics) -> Array:
+    """OpenGL's clip matrix (4, 4) for optical points (x right, y down, z forward); pixel centres are integers.
+
+    Column u becomes 2 (u + 1/2) / width - 1, row v becomes 1 - 2 (v + 1/2) / height; w is the optical depth.
+    """
+    width, height = intrinsics.width, intrinsics.height
+    matrix = np.zeros((4, 4))
+    matrix[0, [0, 2]] = 2.0 * intrinsics.fx / width, 2.0 * (intrinsics.cx + 0.5) / width - 1.0
+    matrix[1, [1, 2]] = -2.0 * intrinsics.fy / height, 1.0 - 2.0 * (intrinsics.cy + 0.5) / height
+    matrix[2, 2:] = (_FAR_M + _NEAR_M) / (_FAR_M - _NEAR_M), -2.0 * _FAR_M * _NEAR_M / (_FAR_M - _NEAR_M)
+    matrix[3, 2] = 1.0
+    return matrix
+
+
+@dataclass(slots=True)
+class _Batch:
+    """One draw call: triangles of one material."""
+
+    ids: frozenset[int]
+    material: Material
+    colour: Any
+    identity: Any
+    light_map: Any = None
+    map_scale: tuple[float, float] = (1.0, 1.0)
+
+
+class Renderer:
+    """Draws one lit scene through one camera. Raises SimulationError where OpenGL is missing, or for a lens with
+    distortion, which this renderer does not bend."""
+
+    def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0, samples: int = 4) -> None:
+        if not intrinsics.distortion.is_identity:
+            raise SimulationError(f"the renderer draws no lens distortion ({intrinsics.distortion.model})")
+        self.intrinsics = intrinsics
+        self._gl = require("moderngl")
+        self._context = _context(self._gl)
+        size = (intrinsics.width, intrinsics.height)
+        context = self._context
+        self._many = context.framebuffer(
+            [context.renderbuffer(size, 4, samples=samples)], context.depth_renderbuffer(size, samples=samples)
+        )
+        self._one = context.framebuffer([context.renderbuffer(size, 4)])
+        self._exact = context.framebuffer(
+            [context.renderbuffer(size, 2, dtype="f4")], context.depth_renderbuffer(size)
+        )
+        self._colour = context.program(shaders.VERTEX, shaders.COLOUR)
+        self._identity = context.program(shaders.VERTEX, shaders.IDENTITY)
+        self._textures: dict[int, Any] = {}
+        self._white = context.texture((1, 1), 4, b"\xff" * 4)
+        self._batches = self._build(scene)
+        self._set_light(scene, exposure)
+
+    def picture(self, view: View) -> NDArray[np.uint8]:
+        """The picture, (H, W, 3) uint8 BGR, anti-aliased."""
+        self._aim(self._colour, view, self.intrinsics)
+        self._many.use()
+        self._many.clear(0.0, 0.0, 0.0, 1.0)
+        self._context.enable_only(self._gl.DEPTH_TEST)
+        for batch in self._batches:
+            if batch.material.opacity < 0.99:
+                self._context.enable(self._gl.BLEND)
+            self._draw_colour(batch)
+        self._context.copy_framebuffer(self._one, self._many)
+        raw = self._one.read(components=3, alignment=1)
+        image = np.frombuffer(raw, dtype=np.uint8).reshape(self.intrinsics.height, self.intrinsics.width, 3)
+        return np.ascontiguousarray(image[::-1, :, ::-1])
+
+    def ids_and_depth(self, view: View) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Object ids (H, W), ROOM_ID for the room, and optical depth (H, W) in metres, both at pixel centres."""
+        exact = self._draw_identity(view, self.intrinsics, None)
+        return exact[..., 0].astype(np.int32), exact[..., 1]
+
+    def silhouette_px(self, view: View, id_: int) -> float:
+        """Pixels that an object alone would cover in a picture twice as wide and high (for what the border cuts)."""
+        wide = replace(
+            self.intrinsics,
+            fx=self.intrinsics.fx / 2.0,
+            fy=self.intrinsics.fy / 2.0,
+            cx=(self.intrinsics.cx + 0.5) / 2.0 + self.intrinsics.width / 4.0 - 0.5,
+            cy=(self.intrinsics.cy + 0.5) / 2.0 + self.intrinsics.height / 4.0 - 0.5,
+        )
+        return 4.0 * float((self._draw_identity(view, wide, id_)[..., 0] == id_).sum())
+
+    def close(self) -> None:
+        """Give the OpenGL context back."""
+        self._context.release()
+
+    def _aim(self, program: Any, view: View, intrinsics: Intrinsics) -> None:
+        optical_room = np.eye(4)
+        optical_room[:3, :3] = view.rotation_room_optical.T
+        optical_room[:3, 3] = -view.rotation_room_optical.T @ view.position_room_m
+        program["clip_room"].write((projection(intrinsics) @ optical_room).T.astype("f4").tobytes())
+        program["eye"] = tuple(view.position_room_m)
+
+    def _draw_colour(self, batch: _Batch) -> None:
+        program, material = self._colour, batch.material
+        self._texture(material).use(0)
+        if batch.light_map is not None:
+            batch.light_map.use(1)
+        program["has_image"] = material.texture is not None
+        program["has_map"] = batch.light_map is not None
+        program["map_scale"] = batch.map_scale
+        program["tint"] = material.colour
+        program["emission"] = material.emission
+        program["opacity"] = material.opacity
+        program["gloss"] = material.gloss
+        batch.colour.render()
+
+    def _draw_identity(self, view: View, intrinsics: Intrinsics, only: int | None) -> NDArray[np.float32]:
+        self._aim(self._identity, view, intrinsics)
+        self._identity["forward"] = tuple(view.rotation_room_optical[:, 2])
+        self._exact.use()
+        self._exact.clear(-1.0 if only is not None else float(ROOM_ID), 0.0, 0.0, 0.0)
+        self._context.enable_only(self._gl.DEPTH_TEST)
+        for batch in self._batches:
+            if only is not None and only not in batch.ids:
+                continue
+            self._identity["has_image"] = batch.material.cut_out
+            if batch.material.cut_out:
+                self._texture(batch.material).use(0)
+            batch.identity.render()
+        raw = self._exact.read(components=2, dtype="f4")
+        return np.frombuffer(raw, dtype=np.float32).reshape(intrinsics.height, intrinsics.width, 2)[::-1]
+
+    def _build(self, scene: LitScene) -> list[_Batch]:
+        batches = []
+        for surface, light_map in scene.surfaces:
+            part = surface.part()
+            dark = np.zeros_like(part.positions)
+            batch = self._batch(ROOM_ID, part.material, part.positions, part.normals, part.uv, dark, dark)
+            rows, columns = light_map.shape[:2]
+            texture = self._context.texture((columns, rows), 3, light_map.tobytes(), dtype="f4", alignment=1)
+            texture.repeat_x = texture.repeat_y = False
+            batch.light_map = texture
+            batch.map_scale = (float(1.0 / part.uv[..., 0].max()), float(1.0 / part.uv[..., 1].max()))
+            batches.append(batch)
+        for lit in scene.parts:
+            part = lit.part
+            batches.append(
+                self._batch(lit.id, part.material, part.positions, part.normals, part.uv, lit.front, lit.back)
+            )
+        return sorted(batches, key=lambda batch: batch.material.opacity < 0.99)
+
+    def _batch(self, id_: int, material: Material, *attributes: Array | NDArray[np.float32]) -> _Batch:
+        columns = [np.asarray(a, dtype=np.float32).reshape(-1, a.shape[-1]) for a in attributes]
+        rows = np.concatenate([*columns, np.full((len(columns[0]), 1), id_, dtype=np.float32)], axis=1)
+        buffer = self._context.buffer(rows.tobytes())
+        colour = [(buffer, "3f 3f 2f 3f 3f 4x", "position", "normal", "uv", "front", "back")]
+        identity = [(buffer, "3f 12x 2f 24x 1f", "position", "uv", "id")]
+        return _Batch(
+            frozenset([id_]),
+            material,
+            self._context.vertex_array(self._colour, colour),
+            self._context.vertex_array(self._identity, identity),
+        )
+
+    def _texture(self, material: Material) -> Any:
+        image = material.texture
+        if image is None:
+            return self._white
+        if id(image) not in self._textures:
+            texture = self._context.texture((image.shape[1], image.shape[0]), 4, image[::-1].tobytes())
+            texture.build_mipmaps()
+            texture.filter = (self._gl.LINEAR_MIPMAP_LINEAR, self._gl.LINEAR)
+            texture.anisotropy = 8.0
+            self._textures[id(image)] = texture
+        return self._textures[id(image)]
+
+    def _set_light(self, scene: LitScene, exposure: float) -> None:
+        self._colour["image"], self._colour["light_map"] = 0, 1
+        self._identity["image"] = 0
+        self._colour["exposure"] = exposure
+        lamps = [light.centre for light in scene.lights[:4]]
+        powers = [light.radiance * 0.5 for light in scene.lights[:4]]
+        blank = [np.zeros(3)] * (4 - len(lamps))
+        self._colour["lamp_at"] = [tuple(lamp) for lamp in (*lamps, *blank)]
+        self._colour["lamp_power"] = [tuple(power) for power in (*powers, *blank)]
+
+
+def _context(moderngl: Any) -> Any:
+    try:
+        return moderngl.create_context(standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
+    except Exception as error:
+        raise SimulationError(
+            f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+        ) from None

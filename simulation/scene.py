@@ -1,0 +1,98 @@
+"""What a renderer and a light baker get: surfaces, solids with ids, and lamps, all in one room frame (z up, metres)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.simulation.mesh import Array, Material, Mesh, Part, Tile, quad
+
+ROOM_ID = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """A large rectangle of the room (floor, wall, ceiling, rug), lit by a light map.
+
+    corner, u, v: (3,) metres; it faces u x v. The texture repeats every `tile_m` along each.
+    """
+
+    corner: Array
+    u: Array
+    v: Array
+    material: Material
+    tile_m: Tile = (1.0, 1.0)
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,)."""
+        normal = np.cross(self.u, self.v)
+        return normal / np.linalg.norm(normal)
+
+    def part(self) -> Part:
+        """Its two triangles."""
+        return quad(self.corner, self.u, self.v, self.material, self.tile_m)
+
+    def texels(self, spacing_m: float) -> tuple[int, int]:
+        """Light map size (columns along u, rows along v)."""
+        columns, rows = (max(2, round(float(np.linalg.norm(side)) / spacing_m)) for side in (self.u, self.v))
+        return columns, rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """A mesh in place, lit at its vertices. id: what the id picture shows; ROOM_ID for parts of the room itself."""
+
+    id: int
+    mesh: Mesh
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AreaLight:
+    """A glowing rectangle: corner, u, v (3,) metres, shining along u x v; radiance: linear (3,)."""
+
+    corner: Array
+    u: Array
+    v: Array
+    radiance: Array
+
+    @property
+    def normal(self) -> Array:
+        """Unit direction it shines in, (3,)."""
+        normal = np.cross(self.u, self.v)
+        return normal / np.linalg.norm(normal)
+
+    @property
+    def centre(self) -> Array:
+        """Its middle, (3,) metres."""
+        return self.corner + (self.u + self.v) / 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Everything that can be seen, and what lights it."""
+
+    surfaces: tuple[Surface, ...]
+    solids: tuple[Solid, ...]
+    lights: tuple[AreaLight, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LitPart:
+    """A part of a solid with light kept at its corners: front, back (T, 3, 3) irradiance / pi per side."""
+
+    id: int
+    part: Part
+    front: NDArray[np.float32]
+    back: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LitScene:
+    """A scene with its baked light; light maps are (rows, columns, 3) float32 irradiance / pi, row 0 at v = 0."""
+
+    surfaces: tuple[tuple[Surface, NDArray[np.float32]], ...]
+    parts: tuple[LitPart, ...]
+    lights: tuple[AreaLight, ...]

@@ -1,0 +1,105 @@
+"""Procedural textures that tile without seams: (H, W, 4) uint8 sRGB with alpha 255, deterministic per generator."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.simulation.mesh import Array
+
+Texture = NDArray[np.uint8]
+
+
+def noise(rng: np.random.Generator, rows: int, columns: int, stretch: float = 1.0, slope: float = 1.5) -> Array:
+    """Periodic noise (rows, columns), zero mean and unit variance, power falling as frequency^-2 slope.
+
+    stretch > 1 draws it out along the columns.
+    """
+    # Cycles per pixel of the longer side, so that noise of a flat strip looks the same along both.
+    longest = max(rows, columns)
+    fy, fx = np.fft.fftfreq(rows)[:, None] * longest, np.fft.rfftfreq(columns)[None] * longest
+    frequency = np.hypot(fy, fx * stretch)
+    frequency[0, 0] = np.inf
+    spectrum = np.fft.rfft2(rng.standard_normal((rows, columns))) / frequency**slope
+    field = np.fft.irfft2(spectrum, s=(rows, columns))
+    return field / field.std()
+
+
+def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, count: int = 14) -> Texture:
+    """A wooden floor of `count` planks across, each with its own shade, grain and end joints; boards run along u."""
+    image = np.empty((size_px, size_px, 3))
+    edges = np.linspace(0, size_px, count + 1).astype(int)
+    base = np.asarray(colour, dtype=np.float64)
+    for top, bottom in zip(edges[:-1], edges[1:], strict=True):
+        joints = (rng.integers(size_px) + np.array([0, size_px * 0.46])).astype(int) % size_px
+        board = np.empty((bottom - top, size_px, 3))
+        for start, end in (joints, joints[::-1]):
+            columns = np.arange(start, end if end > start else end + size_px) % size_px
+            shade = base * rng.uniform(0.86, 1.10) * (1.0 + rng.normal(0.0, 0.012, 3))
+            grain = noise(rng, bottom - top, size_px, stretch=14.0, slope=0.8)
+            fine = noise(rng, bottom - top, size_px, stretch=30.0, slope=0.5)
+            board[:, columns] = (shade * (1.0 + 0.07 * grain + 0.05 * fine)[..., None])[:, columns]
+            board[:, start % size_px : start % size_px + 2] = base * 0.42
+        board[:2] = base * 0.45
+        board[2:4] *= 0.85
+        image[top:bottom] = board
+    return _finished(image)
+
+
+def paint(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -> Texture:
+    """Painted plaster: almost even, with the orange-peel of a roller."""
+    bumps = noise(rng, size_px, size_px, slope=0.6)
+    clouds = noise(rng, size_px, size_px, slope=1.6)
+    return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.012 * bumps + 0.010 * clouds)[..., None])
+
+
+def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Texture:
+    """One whole rug: border bands and a lattice of diamonds woven from three or more colours (N, 3)."""
+    palette = np.asarray(colours, dtype=np.float64)
+    v, u = np.meshgrid(np.linspace(-1, 1, size_px), np.linspace(-1, 1, size_px), indexing="ij")
+    lattice = np.abs(((u + v) * 4.0) % 2.0 - 1.0) + np.abs(((u - v) * 4.0) % 2.0 - 1.0)
+    index = np.digitize(lattice, [0.45, 0.75, 1.25, 1.55]) % len(palette)
+    edge = np.maximum(np.abs(u), np.abs(v))
+    index = np.where(edge > 0.80, 1, index)
+    index = np.where((edge > 0.84) & (edge < 0.93), 2 % len(palette), index)
+    index = np.where(edge > 0.97, 0, index)
+    weave = noise(rng, size_px, size_px, slope=0.1)
+    wear = noise(rng, size_px, size_px, slope=1.4)
+    return _finished(palette[index] * (1.0 + 0.09 * weave + 0.05 * wear)[..., None])
+
+
+def landscape(rng: np.random.Generator, width_px: int = 384, height_px: int = 256) -> Texture:
+    """A painting for the wall: sky, layered hills and a sun, in broad strokes."""
+    v = np.linspace(1.0, 0.0, height_px)[:, None]
+    sky = np.array([[[120, 165, 205]]]) * v[..., None] + np.array([[[240, 200, 150]]]) * (1.0 - v[..., None])
+    image = np.broadcast_to(sky, (height_px, width_px, 3)).copy()
+    sun_u, sun_v = rng.uniform(0.2, 0.8), rng.uniform(0.25, 0.4)
+    u = np.linspace(0.0, 1.0, width_px)[None]
+    image[np.hypot((u - sun_u) * width_px / height_px, 1.0 - v - sun_v) < 0.07] = (250, 236, 196)
+    for layer in range(5):
+        ridge = 0.45 + 0.12 * layer + 0.05 * noise(rng, 1, width_px, slope=1.4)[0]
+        tone = np.array([92, 118, 128]) * (1.0 - 0.13 * layer) + rng.uniform(-12, 12, 3)
+        image = np.where(((1.0 - v) > ridge[None])[..., None], tone, image)
+    return _finished(image * (1.0 + 0.06 * noise(rng, height_px, width_px, slope=0.8)[..., None]))
+
+
+def outdoors(rng: np.random.Generator, width_px: int = 256, height_px: int = 256) -> Texture:
+    """What a window shows when the exposure is set for the room: bright sky over pale, soft greenery."""
+    v = np.linspace(1.0, 0.0, height_px)[:, None]
+    leaves = noise(rng, height_px, width_px, slope=1.3)
+    line = 0.38 + 0.07 * noise(rng, 1, width_px, slope=1.3)
+    green = np.array([150, 172, 128]) + 26.0 * leaves[..., None]
+    sky = np.array([232.0, 240.0, 250.0]) - 10.0 * noise(rng, height_px, width_px, slope=2.0)[..., None] ** 2
+    mix = np.clip((line - v) * 14.0, 0.0, 1.0)[..., None]
+    return _finished(green * mix + sky * (1.0 - mix))
+
+
+def plain(colour: ArrayLike, size_px: int = 4) -> Texture:
+    """One even colour."""
+    return _finished(np.broadcast_to(np.asarray(colour, dtype=np.float64), (size_px, size_px, 3)))
+
+
+def _finished(image: Array) -> Texture:
+    rgba = np.full((*image.shape[:2], 4), 255, dtype=np.uint8)
+    rgba[..., :3] = np.clip(image, 0.0, 255.0).astype(np.uint8)
+    return rgba

@@ -1,0 +1,96 @@
+"""A simulated world: a furnished room with its light, a way through it, and a camera that looks at the furniture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation import furniture
+from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.mesh import Array
+from edgemap.simulation.renderer import View
+from edgemap.simulation.robot import FreeSpace, Limits, drive_along, random_way
+from edgemap.simulation.room import Placed, Room
+from edgemap.simulation.scene import Scene, Solid
+from edgemap.simulation.shell import build_shell
+
+# How well the camera sees a piece: not so near that the picture cuts it off, not so far that it is small.
+_NEAREST_M, _FARTHEST_M = 1.2, 4.2
+_FRAMES_TO_KNOW = 25
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSetup:
+    """The camera and how it is mounted; the default is the demo's."""
+
+    intrinsics: Intrinsics = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
+    mount: Mount = Mount.from_degrees(0.60, 11.5, forward_m=0.15)
+    rate_hz: float = 10.0
+
+
+def build_scene(room: Room, seed: int) -> Scene:
+    """Everything to light and draw, ids as in `room.furniture`."""
+    shell = build_shell(room.shell, np.random.default_rng([seed, 1]))
+    solids = tuple(
+        Solid(item.id, furniture.load(item.model.key).placed(*_place(item))) for item in room.furniture
+    )
+    return Scene(shell.surfaces, (*shell.solids, *solids), shell.lights)
+
+
+def plan_drive(room: Room, camera: CameraSetup, frames: int, seed: int, limits: Limits | None = None) -> list[SE2]:
+    """Poses of the base in the room frame, chosen among many random ways for what the camera sees on them.
+
+    Raises SimulationError where no way fits the room and the time.
+    """
+    limits = limits or Limits()
+    free, rng = FreeSpace(room), np.random.default_rng([seed, 2])
+    best: tuple[float, list[SE2]] | None = None
+    knots = max(4, round(frames / camera.rate_hz * limits.speed_m_s / 0.75))
+    found = 0
+    for _ in range(6000):
+        way = random_way(free, limits, rng, int(rng.integers(max(4, knots - 4), knots + 6)))
+        poses = None if way is None else drive_along(way, limits, frames, camera.rate_hz)
+        if poses is None:
+            continue
+        found += 1
+        score = way_score(room, free, camera, poses)
+        if best is None or score > best[0]:
+            best = score, poses
+        if found >= 250:
+            break
+    if best is None:
+        raise SimulationError(f"no way of {frames} frames through the room of seed {seed}")
+    return best[1]
+
+
+def way_score(room: Room, free: FreeSpace, camera: CameraSetup, poses: Sequence[SE2]) -> float:
+    """Higher for ways that see every labelled piece often enough, see many at once, and don't stare at what is near."""
+    every = 4
+    seen = np.array([_seen(room, camera, pose) for pose in poses[::every]])
+    often = np.minimum(seen.sum(axis=0) * every / _FRAMES_TO_KNOW, 1.0)
+    ahead = np.array([pose.apply([[d, 0.0] for d in (0.4, 0.7, 1.0)]) for pose in poses[::every]])
+    blocked = free.clearance_m(ahead.reshape(-1, 2)).reshape(-1, 3).min(axis=1) < 0.02
+    empty = (seen.sum(axis=1) < 2).mean()
+    return float(often.sum() + 0.6 * seen.sum(axis=1).mean() - 4.0 * empty - 2.0 * blocked.mean())
+
+
+def _seen(room: Room, camera: CameraSetup, pose_room_base: SE2) -> Array:
+    """1 per labelled piece whose middle is well in view (whatever stands between), else 0."""
+    items = [item for item in room.furniture if item.label]
+    middles = np.array(
+        [[item.pose_room_object.x_m, item.pose_room_object.y_m, item.z_m + item.model.height_m / 2.0] for item in items]
+    )
+    optical = View.of_base(pose_room_base, camera.mount).to_optical(middles)
+    columns = camera.intrinsics.project(optical)[:, 0]
+    inside = (columns > 0.06 * camera.intrinsics.width) & (columns < 0.94 * camera.intrinsics.width)
+    return (inside & (optical[:, 2] > _NEAREST_M) & (optical[:, 2] < _FARTHEST_M)).astype(np.float64)
+
+
+def _place(item: Placed) -> tuple[float, float, float, float]:
+    pose = item.pose_room_object
+    return pose.x_m, pose.y_m, item.z_m, pose.yaw_rad
