@@ -24,7 +24,8 @@ class AssociationRule:
     """gate: squared Mahalanobis distance, 9.21 holds 99 % of true pairs in the plane. max_distance_m: never
     farther than this. merge_gate, merge_distance_m: the same for two objects. together_share: objects seen side by
     side in more than this share of the rarer one's frames never merge. correlated: neighbouring frames repeat each
-    other's error, so this many sightings weigh as one. min_count: sightings before an object shows on the map."""
+    other's error, so this many sightings weigh as one. systematic_m: standard deviation of what no number of sightings
+    takes away (a box's lower edge is not the footprint). min_count: sightings before an object shows on the map."""
 
     gate: float = 9.21
     max_distance_m: float = 1.5
@@ -32,6 +33,7 @@ class AssociationRule:
     merge_distance_m: float = 0.6
     together_share: float = 0.1
     correlated: float = 4.0
+    systematic_m: float = 0.08
     min_count: int = 3
 
 
@@ -77,13 +79,14 @@ class Estimate:
         """(2,) in the map frame."""
         return _inverse(self.information) @ self.vector
 
-    def own_covariance(self, correlated: float) -> Array:
-        """(2, 2) m^2 of what the sightings do not share."""
-        return _inverse(self.information) * correlated
+    def own_covariance(self, rule: AssociationRule) -> Array:
+        """(2, 2) m^2 of what this object does not share with its neighbours."""
+        correlated = min(rule.correlated, float(self.sums.count))
+        return _inverse(self.information) * correlated + np.eye(2) * rule.systematic_m**2
 
-    def covariance(self, correlated: float) -> Array:
+    def covariance(self, rule: AssociationRule) -> Array:
         """(2, 2) m^2 in the map frame: own part, plus mount and first pose, which no number of sightings shrinks."""
-        return self.own_covariance(correlated) + self.shared_sum / self.weight + self.first_pose_m2
+        return self.own_covariance(rule) + self.shared_sum / self.weight + self.first_pose_m2
 
 
 @dataclass(slots=True)
@@ -114,9 +117,7 @@ class FloorMap:
     def objects(self) -> list[MapObject]:
         """Objects with enough sightings, ordered by id."""
         found = [
-            item.estimate.sums.as_object(
-                item.id, label, item.estimate.position_m, item.estimate.covariance(self.rule.correlated)
-            )
+            item.estimate.sums.as_object(item.id, label, item.estimate.position_m, item.estimate.covariance(self.rule))
             for label, items in self._objects.items()
             for item in items
             if item.estimate.sums.count >= self.rule.min_count
@@ -152,7 +153,7 @@ class FloorMap:
                 difference = placed.position_map_m - item.estimate.position_m
                 if difference @ difference > self.rule.max_distance_m**2:
                     continue
-                spread = item.estimate.sighting_covariance(placed) + item.estimate.own_covariance(self.rule.correlated)
+                spread = item.estimate.sighting_covariance(placed) + item.estimate.own_covariance(self.rule)
                 distance = mahalanobis2(difference, spread)
                 if distance <= self.rule.gate:
                     cost[i, j] = distance
@@ -195,7 +196,7 @@ def may_merge(a: Estimate, b: Estimate, rule: AssociationRule) -> bool:
     difference = a.position_m - b.position_m
     if difference @ difference > rule.merge_distance_m**2:
         return False
-    spread = a.own_covariance(rule.correlated) + b.own_covariance(rule.correlated)
+    spread = a.own_covariance(rule) + b.own_covariance(rule)
     return mahalanobis2(difference, spread) <= rule.merge_gate
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import heapq
 
-import numpy as np
-
 from edgemap.geometry.association import AssociationRule, Estimate, mahalanobis2
 from edgemap.geometry.floor_map import MapObject
 from edgemap.geometry.sighting import PlacedSighting
@@ -26,7 +24,7 @@ def batch_objects(frames: list[list[PlacedSighting]], rule: AssociationRule | No
         shown = [cluster for cluster in clusters if cluster.sums.count >= rule.min_count]
         shown.sort(key=lambda cluster: cluster.sums.first_seen_s)
         for number, cluster in enumerate(shown, start=1):
-            position, covariance = cluster.position_m, cluster.covariance(rule.correlated)
+            position, covariance = cluster.position_m, cluster.covariance(rule)
             found.append(cluster.sums.as_object(f"{label}-{number}", label, position, covariance))
     return found
 
@@ -42,8 +40,7 @@ def _agglomerate(members: list[tuple[int, PlacedSighting]], rule: AssociationRul
         difference = clusters[i].position_m - clusters[j].position_m
         if difference @ difference > rule.max_distance_m**2:
             return
-        # Two fused clusters err by what their sightings share, which only a single sighting's spread tells.
-        spread = _spread(clusters[i], rule) + _spread(clusters[j], rule)
+        spread = clusters[i].own_covariance(rule) + clusters[j].own_covariance(rule)
         distance = mahalanobis2(difference, spread)
         if distance <= rule.gate:
             heapq.heappush(heap, (distance, i, j))
@@ -64,7 +61,3 @@ def _agglomerate(members: list[tuple[int, PlacedSighting]], rule: AssociationRul
             offer(next_key, other)
         next_key += 1
     return list(clusters.values())
-
-
-def _spread(cluster: Estimate, rule: AssociationRule) -> np.ndarray:
-    return cluster.own_covariance(min(rule.correlated, float(cluster.sums.count)))

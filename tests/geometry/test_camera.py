@@ -1,0 +1,186 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edgemap.geometry.errors import GeometryError
+from edgemap.geometry.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.mount import Mount
+
+PLAIN = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5)
+LENS = (-0.28, 0.09, 0.0012, -0.0008, -0.011)
+
+mounts = st.builds(
+    Mount.from_degrees,
+    st.floats(0.15, 1.8),
+    st.floats(-5, 35),
+    st.floats(-5, 5),
+    st.floats(-0.3, 0.3),
+    st.floats(-0.2, 0.2),
+)
+
+
+def matrix(camera):
+    return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+
+
+@pytest.mark.parametrize("coefficients", [(), LENS, (0.1, -0.2, 0.001, 0.002, 0.05)])
+def test_projection_is_opencvs(coefficients):
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-1, 1, 200), rng.uniform(-0.8, 0.8, 200), np.ones(200)]) * rng.uniform(
+        0.5, 5, (200, 1)
+    )
+    camera = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5, Distortion("brown_conrady", coefficients))
+    reference, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), matrix(camera), np.array(coefficients or [0.0] * 5)
+    )
+    np.testing.assert_allclose(camera.project(points), reference.reshape(-1, 2), atol=1e-8)
+
+
+def test_rays_are_opencvs_undistorted_points():
+    camera = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5, Distortion("brown_conrady", LENS))
+    u, v = np.meshgrid(np.linspace(0, 639, 20), np.linspace(0, 479, 15))
+    pixels = np.column_stack([u.ravel(), v.ravel()])
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-14)
+    exact = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)  # OpenCV 4 and 5 name it differently
+    reference = exact(pixels, matrix(camera), np.array(LENS), R=None, P=None, criteria=criteria).reshape(-1, 2)
+    np.testing.assert_allclose(camera.rays(pixels)[:, :2], reference, atol=1e-7)
+
+
+@pytest.mark.parametrize("model", ["brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"])
+@given(st.floats(0, 639), st.floats(0, 479), st.floats(0.2, 20))
+def test_pixel_to_ray_to_pixel_comes_back(model, u, v, depth):
+    camera = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5, Distortion(model, (0.05, -0.03, 0.001, -0.001, 0.01)))
+    np.testing.assert_allclose(camera.project(camera.rays([[u, v]]) * depth), [[u, v]], atol=1e-6)
+
+
+def test_inverse_model_applies_its_polynomial_to_the_distorted_point():
+    k1, k2, p1, p2, k3 = coefficients = (0.1, 0.02, 0.003, -0.004, 0.005)
+    x, y = 0.3, -0.2
+    r2 = x * x + y * y
+    f = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    expected = [x * f + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * f + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)]
+    camera = Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0, Distortion("inverse_brown_conrady", coefficients))
+    assert camera.rays([[320 + 500 * x, 240 + 500 * y]])[0, :2] == pytest.approx(expected, abs=1e-12)
+
+
+def test_points_behind_the_camera_have_no_pixel():
+    assert np.isnan(PLAIN.project([[0.0, 0.0, -1.0], [0.1, 0.1, 0.0]])).all()
+
+
+def test_scaling_keeps_the_angle_of_the_picture_border():
+    half = PLAIN.scaled(320, 240)
+    np.testing.assert_allclose(half.rays([[-0.5, -0.5], [319.5, 239.5]]), PLAIN.rays([[-0.5, -0.5], [639.5, 479.5]]))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("fx", math.nan), ("fy", -1.0), ("cx", math.inf), ("width", 0), ("fx", 0.0), ("cy", math.nan)]
+)
+def test_impossible_intrinsics_are_named(field, value):
+    values = {"width": 640, "height": 480, "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0} | {field: value}
+    with pytest.raises(GeometryError, match=f"{field} is {value}"):
+        Intrinsics(**values)
+
+
+@pytest.mark.parametrize(
+    ("mount", "text"),
+    [
+        ({"height_m": -0.1}, "height is -0.1 m"),
+        ({"height_m": 0.0}, "height is 0.0 m"),
+        ({"height_m": math.nan}, "height_m is nan"),
+        ({"height_m": 1.0, "pitch_rad": 2.0}, "pitch is 114.6 deg"),
+    ],
+)
+def test_impossible_mounts_are_named(mount, text):
+    with pytest.raises(GeometryError, match=text):
+        Mount(**mount)
+
+
+def test_a_mount_that_looks_at_the_sky_is_refused():
+    with pytest.raises(GeometryError, match="looks at the sky"):
+        FloorCamera(PLAIN, Mount.from_degrees(0.6, -30.0))
+
+
+@pytest.mark.parametrize(
+    ("distortion", "count"), [("brown_conrady", 6), ("fisheye", 0)], ids=["too many coefficients", "unknown model"]
+)
+def test_impossible_distortion_is_refused(distortion, count):
+    with pytest.raises(GeometryError):
+        Distortion(distortion, (0.1,) * count)
+
+
+def test_axes_of_a_level_camera():
+    """Right in the picture is -y of the base, down is -z, into the picture is x (REP-103)."""
+    np.testing.assert_allclose(Mount(1.0).rotation_base_optical() @ np.eye(3), [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+
+
+def test_signs_of_pitch_and_roll():
+    looking = Mount.from_degrees(1.0, 30.0).rotation_base_optical() @ [0, 0, 1]
+    assert looking == pytest.approx([math.cos(math.radians(30)), 0, -0.5])
+    right = Mount.from_degrees(1.0, 0.0, 10.0).rotation_base_optical() @ [1, 0, 0]
+    assert right[2] == pytest.approx(-math.sin(math.radians(10)))  # the right side sinks
+
+
+@given(mounts, st.floats(0.5, 8), st.floats(-3, 3))
+def test_floor_to_picture_to_floor_comes_back(mount, x, y):
+    camera = FloorCamera(PLAIN, mount)
+    pixel = camera.project(np.array([[x, y]]))
+    if np.isfinite(pixel).all() and camera.below_horizon(pixel)[0]:
+        np.testing.assert_allclose(camera.floor_points(pixel), [[x, y]], rtol=1e-6, atol=1e-6)
+
+
+def test_floor_projection_is_opencvs_projection_of_the_same_scene():
+    mount = Mount.from_degrees(0.6, 11.5, 3.0, 0.15, -0.05)
+    intrinsics = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5, Distortion("brown_conrady", LENS))
+    rotation = mount.rotation_base_optical().T
+    translation = -rotation @ mount.position_base_m()
+    floor = np.array([[x, y, 0.0] for x in (1.5, 2.5, 4.0) for y in (-0.6, 0.0, 0.7)])
+    pixels, _ = cv2.projectPoints(floor, cv2.Rodrigues(rotation)[0], translation, matrix(intrinsics), np.array(LENS))
+    camera = FloorCamera(intrinsics, mount)
+    np.testing.assert_allclose(camera.project(floor), pixels.reshape(-1, 2), atol=1e-7)
+    np.testing.assert_allclose(camera.floor_points(pixels.reshape(-1, 2)), floor[:, :2], atol=1e-6)
+
+
+def test_horizon_row_by_hand():
+    camera = FloorCamera(PLAIN, Mount.from_degrees(0.6, 10.0))
+    assert camera.horizon_row() == pytest.approx(239.5 - 585.0 * math.tan(math.radians(10.0)))
+
+
+@given(mounts, st.floats(0, 639))
+def test_horizon_row_parts_floor_from_sky(mount, column):
+    camera = FloorCamera(PLAIN, mount)
+    row = camera.horizon_row(column)
+    below = camera.below_horizon([[column, row - 0.01], [column, row + 0.01]])
+    assert below.tolist() == [False, True]
+    assert np.isnan(camera.floor_points([[column, row - 0.01]])).all()
+
+
+def test_horizon_row_with_distortion_parts_floor_from_sky():
+    camera = FloorCamera(
+        Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5, Distortion("brown_conrady", LENS)),
+        Mount.from_degrees(0.6, 8.0, 2.0),
+    )
+    for column in (10.0, 319.5, 600.0):
+        row = camera.horizon_row(column)
+        assert camera.below_horizon([[column, row - 0.2], [column, row + 0.2]]).tolist() == [False, True]
+
+
+def test_floor_covariance_matches_sampling():
+    rng = np.random.default_rng(2)
+    mount = Mount.from_degrees(0.6, 11.5)
+    noise = FloorNoise(pixel_px=2.0, pitch_rad=math.radians(0.4), roll_rad=math.radians(0.2), height_m=0.01)
+    pixel = np.array([420.0, 330.0])
+    own, shared = floor_covariances(FloorCamera(PLAIN, mount), [pixel], noise)
+    by_pixel = FloorCamera(PLAIN, mount).floor_points(pixel + rng.normal(0, 2.0, (20000, 2)))
+    np.testing.assert_allclose(own[0], np.cov(by_pixel.T), rtol=0.08, atol=2e-5)
+    by_mount = np.array(
+        [
+            FloorCamera(PLAIN, Mount(0.6 + h, mount.pitch_rad + p, r)).floor_points([pixel])[0]
+            for p, r, h in rng.normal(0, [noise.pitch_rad, noise.roll_rad, noise.height_m], (4000, 3))
+        ]
+    )
+    np.testing.assert_allclose(shared[0], np.cov(by_mount.T), rtol=0.12, atol=2e-5)

@@ -1,0 +1,159 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from edgemap.geometry.association import FloorMap
+from edgemap.geometry.batch import batch_objects
+from edgemap.geometry.paper_map import PaperMap
+from edgemap.geometry.single_linkage import SingleLinkage, single_linkage
+
+
+def partition(labels):
+    numbers = {}
+    return [numbers.setdefault(label, len(numbers)) for label in labels]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(2, 250), st.floats(0.3, 20), st.integers(0, 10**6))
+def test_single_linkage_is_scipys(count, spread, seed):
+    points = np.random.default_rng(seed).uniform(-spread, spread, (count, 2))
+    assert partition(single_linkage(points)) == partition(fcluster(linkage(points, "single"), 1.0, "distance"))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(2, 200), st.floats(0.3, 8), st.integers(0, 10**6))
+def test_single_linkage_does_not_depend_on_order(count, spread, seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, spread, (count, 2))
+    order = rng.permutation(count)
+    forward, shuffled = SingleLinkage(), SingleLinkage()
+    for x, y in points:
+        forward.add(x, y)
+    for x, y in points[order]:
+        shuffled.add(x, y)
+    first = sorted((tuple(centre), n) for centre, n in forward.centres().values())
+    second = sorted((tuple(centre), n) for centre, n in shuffled.centres().values())
+    assert first == second  # to the last bit
+
+
+def test_single_linkage_forgets_points_that_cannot_matter():
+    rng = np.random.default_rng(3)
+    clustering = SingleLinkage()
+    for x, y in rng.normal(0, 0.3, (20000, 2)):
+        clustering.add(x, y)
+    assert clustering.kept_points < 500
+    ((centre, count),) = clustering.centres().values()
+    assert count == 20000
+    assert centre == pytest.approx([0, 0], abs=0.02)
+
+
+def test_threshold_must_be_positive():
+    with pytest.raises(ValueError, match="positive"):
+        SingleLinkage(0.0)
+
+
+CHAIRS = [(2.0, 0.35), (2.0, -0.35), (2.7, 0.35), (2.7, -0.35)]  # 0.7 m apart, round a table
+
+
+def dining_frames(placed, frames=40, seed=0):
+    rng = np.random.default_rng(seed)
+    for frame in range(frames):
+        visible = [chair for chair in CHAIRS if rng.random() < 0.8]
+        yield [placed("chair", x + rng.normal(0, 0.06), y + rng.normal(0, 0.06), frame) for x, y in visible]
+
+
+def test_the_papers_rule_merges_four_dining_chairs(placed):
+    chairs = PaperMap()
+    for sightings in dining_frames(placed):
+        chairs.update(sightings)
+    (merged,) = chairs.objects()
+    assert merged.id == "chair-1"
+    assert merged.position_m == pytest.approx([2.35, 0.0], abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_ours_keeps_four_dining_chairs_apart(placed, seed):
+    chairs = FloorMap()
+    for sightings in dining_frames(placed, seed=seed):
+        chairs.update(sightings)
+    found = chairs.objects()
+    assert len(found) == 4
+    for x, y in CHAIRS:
+        assert min(np.linalg.norm(item.position_m - [x, y]) for item in found) < 0.05
+
+
+def test_two_boxes_of_one_frame_are_two_objects_however_close(placed):
+    plants = FloorMap()
+    for frame in range(10):
+        plants.update([placed("potted plant", 2.0, 0.0, frame), placed("potted plant", 2.0, 0.12, frame)])
+    assert len(plants.objects()) == 2
+
+
+def test_labels_never_mix(placed):
+    for kind in (FloorMap, PaperMap):
+        things = kind()
+        for frame in range(5):
+            things.update([placed("chair", 2.0, 0.0, frame), placed("couch", 2.0, 0.0, frame)])
+        assert sorted(item.label for item in things.objects()) == ["chair", "couch"]
+
+
+def test_objects_that_turn_out_to_be_one_merge_and_the_older_id_stays(placed):
+    chairs = FloorMap()
+    for frame in range(6):
+        chairs.update([placed("chair", 2.0, 0.0, frame, sigma_m=0.04)])
+    for frame in range(6, 12):
+        chairs.update([placed("chair", 2.45, 0.0, frame, sigma_m=0.04)])
+    assert {item.id for item in chairs.objects()} == {"chair-1", "chair-2"}
+    for frame in range(12, 200):  # what lies between pulls both together
+        chairs.update([placed("chair", 2.22, 0.0, frame, sigma_m=0.1)])
+        if len(chairs.objects()) == 1:
+            break
+    (one,) = chairs.objects()
+    assert one.id == "chair-1"
+    assert chairs.merged == {"chair-2": "chair-1"}
+    assert one.first_seen_s == 0.0
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_online_map_agrees_with_its_batch_version(placed, seed):
+    """Up to eight objects at least 0.7 m from their like, seen off and on from changing distances."""
+    rng = np.random.default_rng(seed)
+    places = []
+    for _ in range(8):
+        label, spot = rng.choice(["chair", "couch"]), rng.uniform(-3, 3, 2)
+        if all(other != label or np.linalg.norm(spot - at) >= 0.7 for other, at in places):
+            places.append((label, spot))
+    frames = []
+    for frame in range(40):
+        sigma = rng.uniform(0.04, 0.12)
+        seen = [(label, spot + rng.normal(0, sigma, 2)) for label, spot in places if rng.random() < 0.5]
+        frames.append([placed(label, *spot, frame, sigma_m=sigma) for label, spot in seen])
+    online = FloorMap()
+    for sightings in frames:
+        online.update(sightings)
+    batch = batch_objects(frames)
+    assert len(online.objects()) == len(batch)
+    for item in online.objects():
+        assert min(np.linalg.norm(item.position_m - other.position_m) for other in batch) < 0.10
+
+
+def test_shared_error_is_a_floor_that_more_sightings_do_not_lower(placed):
+    chairs = FloorMap()
+    for frame in range(2000):
+        chairs.update([placed("chair", 2.0, 0.0, frame, sigma_m=0.1, shared_m=0.05)])
+    (chair,) = chairs.objects()
+    floor = 0.05**2 + chairs.rule.systematic_m**2
+    assert floor < chair.covariance_m2[0, 0] < 1.02 * floor
+
+
+def test_pose_uncertainty_at_first_sight_stays_in_the_covariance(placed):
+    from dataclasses import replace
+
+    pose = np.diag([0.2**2, 0.2**2, 0.0])
+    chairs = FloorMap()
+    for frame in range(50):
+        chairs.update([replace(placed("chair", 2.0, 0.0, frame), pose_covariance=pose)])
+    (chair,) = chairs.objects()
+    assert chair.covariance_m2[0, 0] > 0.2**2

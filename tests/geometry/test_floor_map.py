@@ -1,0 +1,74 @@
+import json
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.association import FloorMap
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.floor_map import load_map, map_document, save_map
+
+
+@pytest.fixture
+def objects(placed):
+    chairs = FloorMap()
+    for frame in range(8):
+        chairs.update([placed("chair", 2.0, 0.5, frame), placed("couch", 3.0, -1.0, frame)])
+    return chairs.objects()
+
+
+def test_a_map_comes_back_as_it_was_saved(tmp_path, objects):
+    save_map(tmp_path / "map.json", objects)
+    for path in (tmp_path, tmp_path / "map.json"):
+        assert map_document(load_map(path)) == map_document(objects)
+
+
+def test_the_document_is_the_contract(objects):
+    document = json.loads(json.dumps(map_document(objects)))
+    assert document["format"] == "edgemap.map/1"
+    assert document["frame"] == "map"
+    assert set(document["objects"][0]) == {
+        "id", "label", "x_m", "y_m", "covariance_m2", "width_m", "height_m", "count", "confidence", "first_seen_s",
+        "last_seen_s",
+    }  # fmt: skip
+    assert document["objects"][0]["id"] == "chair-1"
+    assert document["objects"][0]["last_seen_s"] == pytest.approx(0.7)
+    assert np.linalg.eigvalsh(document["objects"][0]["covariance_m2"]).min() > 0
+
+
+def test_saving_leaves_no_temporary_file_and_replaces(tmp_path, objects):
+    save_map(tmp_path / "map.json", [])
+    assert load_map(tmp_path) == []
+    save_map(tmp_path / "map.json", objects)
+    assert [path.name for path in tmp_path.iterdir()] == ["map.json"]
+    assert len(load_map(tmp_path)) == 2
+
+
+def test_a_failed_save_keeps_the_old_map(tmp_path, objects, monkeypatch):
+    save_map(tmp_path / "map.json", objects)
+    monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(MapError, match="No space left"):
+        save_map(tmp_path / "map.json", [])
+    monkeypatch.undo()
+    assert len(load_map(tmp_path)) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["map.json"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "not a JSON map"),
+        ("[]", "not an edgemap.map/1"),
+        ('{"format": "edgemap.map/1"}', "damaged map"),
+        ('{"format": "edgemap.map/1", "objects": [{"id": "a-1"}]}', "damaged map"),
+    ],
+)
+def test_a_damaged_map_is_one_line(tmp_path, text, message):
+    (tmp_path / "map.json").write_text(text)
+    with pytest.raises(MapError, match=message) as caught:
+        load_map(tmp_path / "map.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_map_is_one_line(tmp_path):
+    with pytest.raises(MapError, match="cannot be read"):
+        load_map(tmp_path / "none.json")

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edgemap.geometry.planar import fit_se2, planar_motion
+from edgemap.geometry.se2 import SE2
+
+motions = st.builds(SE2, st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5))
+
+
+@given(motions, st.integers(0, 10**6))
+def test_fit_recovers_an_exact_motion(motion, seed):
+    points = np.random.default_rng(seed).uniform([0.5, -2], [5, 2], (20, 2))
+    found = fit_se2(points, motion.apply(points), np.ones(20))
+    np.testing.assert_allclose(found.vector(), motion.vector(), atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(motions, st.integers(0, 10**6))
+def test_a_third_of_wrong_tracks_does_no_harm(motion, seed):
+    rng = np.random.default_rng(seed)
+    current = rng.uniform([0.5, -2], [4, 2], (90, 2))
+    previous = motion.apply(current) + rng.normal(0, 0.004, (90, 2))
+    previous[:30] += rng.uniform(-1, 1, (30, 2))
+    found = planar_motion(previous, current, np.full(90, 0.005), rng)
+    assert found is not None
+    assert np.abs(found.motion.vector() - motion.vector())[:2].max() < 0.01
+    assert found.inliers[30:].mean() > 0.9
+
+
+def test_covariance_is_honest():
+    """Normalised error squared averages three, one per degree of freedom."""
+    rng = np.random.default_rng(5)
+    nees = []
+    for _ in range(300):
+        motion = SE2(*rng.uniform([-0.1, -0.02, -0.1], [0.2, 0.02, 0.1]))
+        current = rng.uniform([0.5, -2], [4, 2], (60, 2))
+        previous = motion.apply(current) + rng.normal(0, 0.005, (60, 2))
+        found = planar_motion(previous, current, np.full(60, 0.005), rng)
+        assert found is not None
+        error = found.motion.vector() - motion.vector()
+        nees.append(error @ np.linalg.inv(found.covariance) @ error)
+    assert np.mean(nees) == pytest.approx(3.0, abs=0.7)
+
+
+@pytest.mark.parametrize("count", [0, 1, 5])
+def test_too_few_points_give_no_motion(count):
+    points = np.random.default_rng(0).uniform(1, 2, (count, 2))
+    assert planar_motion(points, points, np.full(count, 0.01), np.random.default_rng(0)) is None
+
+
+def test_points_that_agree_on_nothing_give_no_motion():
+    rng = np.random.default_rng(0)
+    assert planar_motion(rng.uniform(0, 5, (40, 2)), rng.uniform(0, 5, (40, 2)), np.full(40, 1e-4), rng) is None
+
+
+def test_fewer_good_tracks_mean_a_larger_covariance():
+    rng = np.random.default_rng(1)
+    many = rng.uniform([0.5, -2], [4, 2], (100, 2))
+    sure = planar_motion(many, many, np.full(100, 0.005), rng)
+    unsure = planar_motion(many[:10], many[:10], np.full(10, 0.005), rng)
+    assert sure is not None
+    assert unsure is not None
+    assert np.trace(unsure.covariance) > 3 * np.trace(sure.covariance)

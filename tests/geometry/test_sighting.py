@@ -1,0 +1,94 @@
+import math
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.detections import Detections
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.sighting import FloorRule, on_floor, sightings_of
+
+NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator")
+CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
+
+
+def seen(*boxes):
+    """Detections from (label, x0, y0, x1, y1)."""
+    return Detections(
+        np.array([box[1:] for box in boxes], dtype=float).reshape(-1, 4),
+        np.full(len(boxes), 0.9),
+        np.array([NAMES.index(box[0]) for box in boxes], dtype=np.int64),
+        NAMES,
+    )
+
+
+def test_position_and_size_by_hand():
+    """Lower edge 100 px below the horizon: 5 m from the lens, which sits 0.2 m ahead; a chair is 0.5 m deep."""
+    (chair,) = sightings_of(seen(("chair", 270, 240, 370, 340)), CAMERA, FloorRule())
+    assert chair.distance_m == pytest.approx(5.0)
+    assert chair.position_base_m == pytest.approx([0.2 + 5.0 + 0.25, 0.0])
+    assert chair.width_m == pytest.approx(1.0)
+    assert chair.height_m == pytest.approx(1.0)
+
+
+def test_an_object_on_the_right_of_the_picture_has_negative_y():
+    (chair,) = sightings_of(seen(("chair", 400, 240, 480, 360)), CAMERA, FloorRule())
+    assert chair.position_base_m[1] < 0
+
+
+@pytest.mark.parametrize(
+    ("box", "stands"),
+    [
+        (("chair", 270, 100, 370, 239), False),  # above the horizon
+        (("chair", 270, 100, 370, 242), True),
+        (("chair", 270, 100, 370, 478), False),  # cut by the lower border
+        (("chair", 270, 100, 370, 470), True),
+    ],
+)
+def test_floor_test(box, stands):
+    assert on_floor(seen(box), CAMERA, FloorRule()).tolist() == [stands]
+
+
+def test_people_are_not_mapped():
+    rule = FloorRule(mapped=frozenset(NAMES) - {"person"})
+    assert on_floor(seen(("person", 270, 100, 370, 400), ("chair", 10, 200, 80, 400)), CAMERA, rule).tolist() == [
+        False,
+        True,
+    ]
+
+
+def test_a_vase_on_a_table_is_not_on_the_floor_and_one_beside_it_is():
+    table = ("dining table", 200, 250, 440, 400)
+    assert on_floor(seen(table, ("vase", 300, 200, 330, 270)), CAMERA, FloorRule()).tolist() == [True, False]
+    assert on_floor(seen(table, ("vase", 500, 300, 530, 380)), CAMERA, FloorRule()).tolist() == [True, True]
+
+
+def test_far_sightings_are_dropped_and_near_ones_are_surer():
+    far, near = seen(("chair", 300, 230, 340, 250)), seen(("chair", 270, 240, 370, 400))
+    assert sightings_of(far, CAMERA, FloorRule()) == []
+    (sure,) = sightings_of(near, CAMERA, FloorRule())
+    (less,) = sightings_of(seen(("chair", 270, 240, 370, 330)), CAMERA, FloorRule())
+    assert np.trace(sure.covariance_m2) < np.trace(less.covariance_m2)
+
+
+def test_nothing_seen_is_nothing_sighted():
+    assert sightings_of(Detections.none(NAMES), CAMERA, FloorRule()) == []
+
+
+def test_a_sighting_lands_on_the_map_where_the_robot_looks():
+    (chair,) = sightings_of(seen(("chair", 270, 240, 370, 340)), CAMERA, FloorRule())
+    placed = chair.placed(SE2(1.0, 2.0, math.pi / 2), np.zeros((3, 3)))
+    assert placed.position_map_m == pytest.approx([1.0, 2.0 + 5.45])
+    np.testing.assert_allclose(
+        sorted(np.linalg.eigvalsh(placed.covariance_m2)), sorted(np.linalg.eigvalsh(chair.covariance_m2)), rtol=1e-9
+    )
+
+
+def test_yaw_error_moves_far_objects_sideways():
+    (chair,) = sightings_of(seen(("chair", 270, 240, 370, 340)), CAMERA, FloorRule())
+    placed = chair.placed(SE2(), np.diag([0.0, 0.0, 0.01**2]))
+    spread = placed.from_pose(placed.pose_covariance)
+    assert spread[1, 1] == pytest.approx((5.45 * 0.01) ** 2)
+    assert spread[0, 0] == pytest.approx(0.0, abs=1e-12)
