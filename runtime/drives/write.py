@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,9 +10,8 @@ from typing import Any
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.runtime.drives.camera_yaml import write_camera_yaml
+from edgemap.runtime.drives.wheel_csv import write_wheel_csv
 from edgemap.runtime.trajectory import Trajectory, tum_line
-
-WHEEL_COLUMNS = ("stamp_s", "x_m", "y_m", "yaw_rad")
 
 
 def write_drive(
@@ -44,7 +42,4 @@ def write_drive(
     if boxes is not None:
         (folder / "boxes.json").write_text(json.dumps({"frames": [list(frame) for frame in boxes]}))
     if wheel is not None:
-        with (folder / "wheel.csv").open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(WHEEL_COLUMNS)
-            writer.writerows([f"{value:.6f}" for value in row] for row in wheel)
+        write_wheel_csv(folder / "wheel.csv", wheel)

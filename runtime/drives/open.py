@@ -1,0 +1,35 @@
+"""`KIND:DIR` to a `Drive`: one reader per layout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from edgemap.runtime.drives.c2w import read_c2w
+from edgemap.runtime.drives.drive import Drive
+from edgemap.runtime.drives.kitti import read_kitti
+from edgemap.runtime.drives.locobot import read_locobot
+from edgemap.runtime.drives.own import read_own
+from edgemap.runtime.drives.tum import read_tum_drive
+from edgemap.runtime.drives.yolo import read_yolo
+from edgemap.runtime.errors import CameraError
+
+READERS: dict[str, Callable[[Path], Drive]] = {
+    "kitti": read_kitti,
+    "tum": read_tum_drive,
+    "c2w": read_c2w,
+    "drive": read_own,
+    "locobot": read_locobot,
+    "yolo": read_yolo,
+}
+
+
+def open_drive(spec: str) -> Drive:
+    """Read the drive `KIND:DIR`, KIND one of `READERS`. Pictures are found, not decoded.
+
+    Raises CameraError, one line with the path and the numbers, for an unknown KIND and for anything missing or wrong.
+    """
+    kind, colon, folder = spec.partition(":")
+    if not colon or not folder or kind not in READERS:
+        raise CameraError(f"data {spec!r} is not KIND:DIR with KIND one of {', '.join(READERS)}")
+    return READERS[kind](Path(folder).expanduser())

@@ -1,0 +1,104 @@
+"""Our own layout, KIND `drive`: pictures or a video, `camera.yaml`, base poses, and what the simulator knows.
+
+images/…  or  video.mp4    pictures in natural order of names, or one compact video
+camera.yaml                lens and mount
+poses.tum                  base poses, one per picture (or at any stamps where stamps.txt is there)
+stamps.txt                 optional; seconds, one per picture
+objects.json, boxes.json   optional; see `write_drive`
+wheel.csv                  optional; stamp_s,x_m,y_m,yaw_rad
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edgemap.runtime.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.drives.drive import Drive, LabelledBoxes
+from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ
+from edgemap.runtime.drives.pictures import list_pictures
+from edgemap.runtime.drives.planarise import planarise_base
+from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_stamps, read_tum_3d, trajectory
+from edgemap.runtime.drives.truth_json import ObjectRecord, read_boxes, read_objects
+from edgemap.runtime.errors import CameraError
+
+VIDEO_NAME = "video.mp4"
+SEEN_SHARE, SEEN_SIDE_PX = 0.3, 24.0  # a frame counts as having seen an object from here on
+
+
+def read_own(folder: Path) -> Drive:
+    """Read a drive of our own layout. Raises CameraError for what is missing, broken, or does not match."""
+    if not folder.is_dir():
+        raise CameraError(f"{folder}: no such folder")
+    camera = read_camera_yaml(folder / "camera.yaml")
+    images, video = _pictures(folder)
+    path = folder / "poses.tum"
+    stamps, matrices = read_tum_3d(path)
+    check_increasing(path, stamps)
+    truth = trajectory(path, stamps, planarise_base(matrices, camera.world_up or "z"))
+    source = folder / "images" if images else folder / VIDEO_NAME
+    if (folder / "stamps.txt").is_file():
+        stamps = read_stamps(folder / "stamps.txt")
+        if images:
+            check_count(folder / "stamps.txt", len(stamps), len(images), source)
+        first, last = truth.stamps_s[0], truth.stamps_s[-1]
+        if stamps[0] < first - 0.15 or stamps[-1] > last + 0.15:
+            raise CameraError(
+                f"{path}: covers {first:.3f} to {last:.3f} s, the pictures lie at {stamps[0]:.3f} to {stamps[-1]:.3f} s"
+            )
+    elif images:
+        check_count(path, len(stamps), len(images), source)
+    boxes: tuple[LabelledBoxes, ...] = ()
+    if (folder / "boxes.json").is_file():
+        boxes = read_boxes(folder / "boxes.json")
+        check_count(folder / "boxes.json", len(boxes), len(stamps), source)
+    records = read_objects(folder / "objects.json") if (folder / "objects.json").is_file() else ()
+    wheel = folder / "wheel.csv"
+    return Drive(
+        "drive",
+        folder,
+        images,
+        stamps,
+        camera.intrinsics,
+        camera.mount,
+        camera.rate_hz or _rate(stamps),
+        truth,
+        boxes=boxes,
+        objects=tuple(_with_visibility(record, boxes) for record in records),
+        wheel=wheel if wheel.is_file() else None,
+        video=video,
+    )
+
+
+def _pictures(folder: Path) -> tuple[tuple[Path, ...], Path | None]:
+    if (folder / "images").is_dir():
+        return list_pictures(folder / "images"), None
+    if (folder / VIDEO_NAME).is_file():
+        return (), folder / VIDEO_NAME
+    raise CameraError(f"{folder}: neither images/ nor {VIDEO_NAME} in it")
+
+
+def _rate(stamps: np.ndarray) -> float:
+    return float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else DEFAULT_RATE_HZ
+
+
+def _with_visibility(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
+    entry = asdict(record)
+    if record.visible_frames is None and boxes:
+        entry["visible_frames"] = sum(_sees(frame, str(record.id)) for frame in boxes)
+    return entry
+
+
+def _sees(frame: LabelledBoxes, object_id: str) -> bool:
+    for box_id, box, visible in zip(frame.ids, frame.boxes, _visible(frame), strict=False):
+        if box_id == object_id and visible >= SEEN_SHARE and max(box[2] - box[0], box[3] - box[1]) >= SEEN_SIDE_PX:
+            return True
+    return False
+
+
+def _visible(frame: LabelledBoxes) -> np.ndarray:
+    return frame.visible if frame.visible is not None else np.ones(len(frame.boxes))

@@ -1,0 +1,66 @@
+"""Pictures on disk: which ones a folder holds, in what order, and reading one with its damage noticed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.runtime.errors import CameraError
+
+SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".tif", ".tiff", ".webp"})
+
+
+def natural_key(path: Path) -> list[tuple[int, int | str]]:
+    """Sort key that puts `2.jpg` before `10.jpg`."""
+    words = re.split(r"(\d+)", path.name)
+    return [(0, int(word)) if word.isdecimal() else (1, word.lower()) for word in words if word]
+
+
+def has_pictures(folder: Path) -> bool:
+    """True where the folder exists and holds at least one picture file."""
+    return folder.is_dir() and any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
+
+
+def list_pictures(folder: Path) -> tuple[Path, ...]:
+    """The folder's pictures in natural order of names. Raises CameraError where there are none."""
+    if not folder.is_dir():
+        raise CameraError(f"{folder}: no such folder")
+    pictures = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")]
+    if not pictures:
+        raise CameraError(f"{folder}: no pictures in it (looked for {', '.join(sorted(SUFFIXES))})")
+    return tuple(sorted(pictures, key=natural_key))
+
+
+def first_folder(folder: Path, names: tuple[str, ...]) -> Path:
+    """The first of the sub-folders that holds pictures, or else the folder itself."""
+    if not folder.is_dir():
+        raise CameraError(f"{folder}: no such folder")
+    return next((folder / name for name in names if has_pictures(folder / name)), folder)
+
+
+def read_picture(path: Path) -> NDArray[np.uint8]:
+    """One picture as BGR, (H, W, 3) uint8. Raises CameraError where it is missing, no picture, or cut short."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
+    if _is_cut_short(data):
+        raise CameraError(f"{path}: picture is cut short ({len(data)} bytes)")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise CameraError(f"{path}: not a picture that OpenCV reads ({len(data)} bytes)")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _is_cut_short(data: bytes) -> bool:
+    # Decoders fill what is missing with grey and say nothing; the end markers tell.
+    if data.startswith(b"\xff\xd8"):
+        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+    return data.startswith(b"\x89PNG") and b"IEND" not in data

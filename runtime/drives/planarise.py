@@ -1,0 +1,62 @@
+"""Recorded 3-D poses to planar poses of the base, REP-103: x forward, y left, yaw counter-clockwise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.errors import CameraError
+
+Array = NDArray[np.float64]
+
+OPTICAL_FORWARD = (0.0, 0.0, 1.0)
+BASE_FORWARD = (1.0, 0.0, 0.0)
+
+
+def up_vector(world_up: str) -> Array:
+    """The unit vector, (3,), of an axis name such as `z` or `-y`."""
+    vector = np.zeros(3)
+    vector["xyz".index(world_up[-1])] = -1.0 if world_up.startswith("-") else 1.0
+    return vector
+
+
+def planarise_camera(poses_world_camera: Array, world_up: str, mount: Mount | None) -> tuple[SE2, ...]:
+    """Camera-to-world poses to the base's, seen from the first one: `pose_start_base`, the first the identity.
+
+    poses_world_camera: (N, 4, 4), optical camera axes (x right, y down, z forward), metres. The heading is the
+    horizontal part of the optical axis; the mount's lever arm (none without a mount) takes the lens to the turn axis.
+    Raises CameraError where the camera looks straight up or down.
+    """
+    lens = _planar(poses_world_camera, world_up, OPTICAL_FORWARD)
+    lever = SE2(mount.forward_m, mount.left_m, 0.0) if mount else SE2()
+    return _from_first([pose @ lever.inverse() for pose in lens])
+
+
+def planarise_base(poses_world_base: Array, world_up: str) -> tuple[SE2, ...]:
+    """Base-to-world poses, (N, 4, 4), base axes as in REP-103, to `pose_start_base`."""
+    return _from_first(_planar(poses_world_base, world_up, BASE_FORWARD))
+
+
+def _planar(poses: Array, world_up: str, forward_axis: tuple[float, float, float]) -> list[SE2]:
+    up = up_vector(world_up)
+    headings = poses[:, :3, :3] @ np.array(forward_axis)
+    headings = headings - np.outer(headings @ up, up)
+    lengths = np.linalg.norm(headings, axis=1)
+    if lengths.min() < 1e-3:
+        raise CameraError(
+            f"pose {int(lengths.argmin())} looks straight along world_up {world_up!r}: it has no heading; "
+            "is world_up in camera.yaml the axis that points up?"
+        )
+    headings /= lengths[:, None]
+    ahead = headings[0]
+    left = np.cross(up, ahead)
+    travelled = poses[:, :3, 3] - poses[0, :3, 3]
+    yaws = np.arctan2(headings @ left, headings @ ahead)
+    return [SE2(x, y, yaw) for x, y, yaw in zip(travelled @ ahead, travelled @ left, yaws, strict=True)]
+
+
+def _from_first(poses: list[SE2]) -> tuple[SE2, ...]:
+    origin = poses[0].inverse()
+    return tuple(origin @ pose for pose in poses)

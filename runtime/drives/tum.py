@@ -1,0 +1,99 @@
+"""TUM RGB-D: `rgb.txt` (stamp, file) with `groundtruth.txt`, or pictures with `poses.tum`; poses of the CAMERA."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives.drive import Drive
+from edgemap.runtime.drives.layout import Setup, read_setup
+from edgemap.runtime.drives.pictures import first_folder, list_pictures
+from edgemap.runtime.drives.planarise import planarise_camera
+from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_text, read_tum_3d, trajectory
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)
+
+
+def read_tum_drive(folder: Path) -> Drive:
+    """Read a TUM folder. Poses are the optical frame's in a world that is z-up unless camera.yaml says otherwise.
+
+    With `rgb.txt` the truth is interpolated at the pictures' stamps, and pictures without truth are left out
+    (their number stands in `notes`). Without it, `poses.tum` has one line per picture. Raises CameraError.
+    """
+    setup = read_setup(folder, world_up="z")
+    if (folder / "rgb.txt").is_file():
+        return _read_listed(folder, setup)
+    pictures_folder = first_folder(folder, ("rgb", "images", "image"))
+    images = list_pictures(pictures_folder)
+    path = folder / "poses.tum"
+    stamps, poses = read_tum_3d(path)
+    check_count(path, len(stamps), len(images), pictures_folder)
+    check_increasing(path, stamps)
+    truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
+    return _drive(folder, images, stamps, setup, truth)
+
+
+def _read_listed(folder: Path, setup: Setup) -> Drive:
+    listing = folder / "rgb.txt"
+    stamps, images = _read_listing(listing)
+    truth_path = folder / "groundtruth.txt"
+    if not truth_path.is_file():
+        return _drive(folder, images, stamps, setup, None)
+    truth_stamps, poses = read_tum_3d(truth_path)
+    check_increasing(truth_path, truth_stamps)
+    way = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
+    known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
+    if not known:
+        raise CameraError(
+            f"{truth_path}: covers {truth_stamps[0]:.3f} to {truth_stamps[-1]:.3f} s, "
+            f"no picture of {listing} ({stamps[0]:.3f} to {stamps[-1]:.3f} s) lies in it"
+        )
+    poses_at: tuple[SE2, ...] = tuple(way.at(float(stamps[i]), MAX_GAP_S) for i in known)
+    dropped = len(images) - len(known)
+    notes = {"pictures_without_truth": dropped} if dropped else {}
+    kept = stamps[known]
+    truth = trajectory(truth_path, kept, poses_at)
+    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, notes)
+
+
+def _drive(
+    folder: Path,
+    images: tuple[Path, ...],
+    stamps: Array,
+    setup: Setup,
+    truth: Trajectory | None,
+    notes: dict[str, int] | None = None,
+) -> Drive:
+    rate_hz = float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else setup.rate_hz
+    return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, notes=notes or {})
+
+
+def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
+    stamps, images = [], []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        words = line.split(maxsplit=1)
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            stamps.append(float(words[0]))
+            images.append(path.parent / words[1].strip())
+        except (ValueError, IndexError):
+            raise CameraError(f"{path}:{number}: expected `stamp file`, found {line.strip()[:60]!r}") from None
+    if not images:
+        raise CameraError(f"{path}: no pictures listed in it")
+    check_increasing(path, np.array(stamps))
+    return np.array(stamps), tuple(images)
+
+
+def _is_covered(truth_stamps: Array, stamp: float) -> bool:
+    after = int(np.searchsorted(truth_stamps, stamp))
+    near = truth_stamps[max(after - 1, 0) : after + 1]
+    gap = near[-1] - near[0]
+    return bool(gap <= MAX_GAP_S and np.abs(near - stamp).min() <= MAX_GAP_S / 2)
