@@ -1,4 +1,4 @@
-"""`python -m edgemap.simulation --seed 7 --frames 200 -o DIR`: a rendered drive through a furnished room, with truth."""
+"""`python -m edgemap.simulation --seed 7 --frames 200 -o DIR`: a rendered drive through a room, with truth."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "couch": ("Scopia/simple_sofa", "Scopia/burlap_sofa", "Scopia/clear_sofa"),
     "cup": ("KatorLegaz/coffee-mug", "Scopia/cup"),
     "dining table": ("BlendSwap-CC-BY/table", "Scopia/table4", "Scopia/table-on-trestles"),
-    "easy chair": ("Scopia/armchair2", "Scopia/armchair"),
+    "easy chair": ("Scopia/armchair2",),
     "potted plant": ("BlendSwap-CC-BY/decorativePlant", "Scopia/maceta", "BlendSwap-CC-0/plant"),
     "refrigerator": ("KatorLegaz/fridge", "BlendSwap-CC-0/largeFridge"),
     "tv": ("Scopia/tv", "Scopia/wall-flat-tv"),

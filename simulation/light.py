@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from edgemap.simulation.mesh import Array, Material, subdivided
+from edgemap.simulation.mesh import Array, Material, Part, subdivided
 from edgemap.simulation.raytracer import Raytracer, cosine_directions, r2_sequence
-from edgemap.simulation.scene import LitPart, LitScene, Scene
+from edgemap.simulation.scene import LitPart, LitScene, Scene, Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +39,13 @@ class _Points:
         self.front: list[NDArray[np.int64]] = []
         self.back: list[NDArray[np.int64]] = []
         self.reflectance: list[Array] = []
+        self.shifts: list[Array] = []
         self.count = 0
 
-    def add_points(self, positions: Array, normals: Array) -> int:
+    def add_points(self, positions: Array, normals: Array, shifts: Array | None = None) -> int:
+        """shifts: (N, 2) of the sample pattern per point; None where neighbours must share it, to be smooth."""
         first = self.count
+        self.shifts.append(np.zeros((len(positions), 2)) if shifts is None else shifts)
         self.positions.append(positions)
         self.normals.append(normals)
         self.count += len(positions)
@@ -61,7 +64,8 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     """Light a scene. The same seed gives the same light, bit for bit, on one machine."""
     settings = settings or BakeSettings()
     points = _Points()
-    maps = [_add_surface(points, surface, settings) for surface in scene.surfaces]
+    rng = np.random.default_rng(seed)
+    maps = [_add_surface(points, surface, settings, rng) for surface in scene.surfaces]
     parts = [
         (solid.id, part, *_add_part(points, part))
         for solid in scene.solids
@@ -69,9 +73,9 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     ]
     tracer = Raytracer(np.concatenate(points.triangles))
     positions, normals = np.concatenate(points.positions), np.concatenate(points.normals)
-    rng = np.random.default_rng(seed)
-    direct = _direct(tracer, positions, normals, scene, settings.lamp_samples, rng)
-    bounced = _bounced(tracer, points, positions, normals, direct, settings, rng)
+    shifts = np.concatenate(points.shifts)
+    direct = _direct(tracer, positions, normals, shifts, scene, settings.lamp_samples)
+    bounced = _bounced(tracer, points, positions, normals, shifts, direct, settings)
     surfaces = tuple(
         (surface, _light_map(direct, bounced, *where)) for surface, where in zip(scene.surfaces, maps, strict=True)
     )
@@ -80,12 +84,16 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     return LitScene(surfaces, lit, scene.lights)
 
 
-def _add_surface(points: _Points, surface, settings: BakeSettings) -> tuple[int, int, int]:
+def _add_surface(
+    points: _Points, surface: Surface, settings: BakeSettings, rng: np.random.Generator
+) -> tuple[int, int, int]:
     """Texels of a surface as light points, and coarse triangles that reflect; (first point, rows, columns)."""
     columns, rows = surface.texels(settings.texel_m)
     a, b = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
     positions = surface.corner + a.reshape(-1, 1) * surface.u + b.reshape(-1, 1) * surface.v
-    first = points.add_points(positions, np.broadcast_to(surface.normal, positions.shape))
+    first = points.add_points(
+        positions, np.broadcast_to(surface.normal, positions.shape), rng.random((len(positions), 2))
+    )
     part = subdivided(surface.part(), 0.25)
     offset = part.positions - surface.corner
     column = np.clip(offset @ surface.u / (surface.u @ surface.u) * columns, 0, columns - 1).astype(np.int64)
@@ -95,7 +103,7 @@ def _add_surface(points: _Points, surface, settings: BakeSettings) -> tuple[int,
     return first, rows, columns
 
 
-def _add_part(points: _Points, part) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _add_part(points: _Points, part: Part) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Both sides of a part's distinct corners as light points; indices (T, 3) of the front and back ones.
 
     The front is where the shading normals point, whatever way the triangles are wound.
@@ -107,22 +115,17 @@ def _add_part(points: _Points, part) -> tuple[NDArray[np.int64], NDArray[np.int6
     back = points.add_points(positions, -normals) + inverse.reshape(-1, 3)
     wound = np.cross(part.positions[:, 1] - part.positions[:, 0], part.positions[:, 2] - part.positions[:, 0])
     agrees = ((wound * part.normals.mean(axis=1)).sum(axis=1) >= 0.0)[:, None]
-    points.add_triangles(
-        part.positions, np.where(agrees, front, back), np.where(agrees, back, front), part.material
-    )
+    points.add_triangles(part.positions, np.where(agrees, front, back), np.where(agrees, back, front), part.material)
     return front, back
 
 
-def _direct(
-    tracer: Raytracer, positions: Array, normals: Array, scene: Scene, samples: int, rng: np.random.Generator
-) -> Array:
+def _direct(tracer: Raytracer, positions: Array, normals: Array, shifts: Array, scene: Scene, samples: int) -> Array:
     """Irradiance / pi (N, 3) straight from the lamps."""
     light = np.zeros((len(positions), 3))
-    shift = rng.random((len(positions), 2))
     for lamp in scene.lights:
         area = float(np.linalg.norm(np.cross(lamp.u, lamp.v)))
         for sample in r2_sequence(samples):
-            at = (sample + shift) % 1.0
+            at = (sample + shifts) % 1.0
             target = lamp.corner + at[:, :1] * lamp.u + at[:, 1:] * lamp.v
             way = target - positions
             distance2 = np.maximum((way * way).sum(axis=1), 0.05**2)
@@ -140,16 +143,15 @@ def _bounced(
     points: _Points,
     positions: Array,
     normals: Array,
+    shifts: Array,
     direct: Array,
     settings: BakeSettings,
-    rng: np.random.Generator,
 ) -> Array:
     """Irradiance / pi (N, 3) that comes back from other surfaces."""
-    shift = rng.random((len(positions), 2))
     sources = np.empty((settings.hemisphere_samples, len(positions)), dtype=np.int32)
     count = len(tracer.triangles)
     for i, sample in enumerate(r2_sequence(settings.hemisphere_samples)):
-        hit, is_front = tracer.first_hits(positions, normals, cosine_directions(normals, (sample + shift) % 1.0))
+        hit, is_front = tracer.first_hits(positions, normals, cosine_directions(normals, (sample + shifts) % 1.0))
         # Row `2 * count` stands for "met nothing" and stays dark.
         sources[i] = np.where(hit < 0, 2 * count, np.where(is_front, hit, hit + count))
     corners = np.concatenate([*points.front, *points.back])

@@ -44,7 +44,8 @@ class Material:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Triangles of one material: positions (T, 3, 3) in metres, unit normals (T, 3, 3), texture coordinates (T, 3, 2)."""
+    """Triangles of one material: positions (T, 3, 3) in metres, unit normals (T, 3, 3), texture coordinates
+    (T, 3, 2)."""
 
     material: Material
     positions: Array
@@ -53,9 +54,7 @@ class Part:
 
     def moved(self, rotation: Array, translation_m: Array) -> Part:
         """The same triangles after `rotation @ p + translation`."""
-        return replace(
-            self, positions=self.positions @ rotation.T + translation_m, normals=self.normals @ rotation.T
-        )
+        return replace(self, positions=self.positions @ rotation.T + translation_m, normals=self.normals @ rotation.T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

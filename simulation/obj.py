@@ -79,7 +79,7 @@ def _corner(word: str, rows: dict[str, list[list[float]]]) -> tuple[int, int, in
 
 
 def _part(vertices: Array, coordinates: Array, normals: Array, face: np.ndarray, material: Material) -> Part | None:
-    """Triangles of one material, those without area left out; flat normals where the file has none."""
+    """Triangles of one material, those without area left out; where the file has no normals, made from the faces."""
     corners = vertices[face[..., 0]]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(flat, axis=1)
@@ -87,13 +87,24 @@ def _part(vertices: Array, coordinates: Array, normals: Array, face: np.ndarray,
     if not solid.any():
         return None
     corners, face, flat = corners[solid], face[solid], flat[solid] / area[solid, None]
-    shading = np.repeat(flat[:, None], 3, axis=1)
+    shading = _smoothed(face[..., 0], flat)
     if (face[..., 2] >= 0).all():
         given = normals[face[..., 2]]
         length = np.linalg.norm(given, axis=2, keepdims=True)
         shading = np.where(length > 1e-9, given / np.maximum(length, 1e-9), shading)
     uv = coordinates[face[..., 1]] if (face[..., 1] >= 0).all() else np.zeros((*face.shape[:2], 2))
     return Part(material, corners[..., _REP103], shading[..., _REP103], uv)
+
+
+def _smoothed(corners: np.ndarray, flat: Array) -> Array:
+    """Corner normals (T, 3, 3) from face normals (T, 3): the mean over faces that share the vertex (T, 3), kept flat
+    where that mean is more than 40 degrees off the face, so that edges stay sharp."""
+    total = np.zeros((int(corners.max()) + 1, 3))
+    np.add.at(total, corners, np.repeat(flat[:, None], 3, axis=1))
+    mean = total[corners]
+    mean /= np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1e-9)
+    soft = (mean * flat[:, None]).sum(axis=2, keepdims=True) > np.cos(np.radians(40.0))
+    return np.where(soft, mean, flat[:, None])
 
 
 def _read_mtl(archive: zipfile.ZipFile, path: str) -> dict[str, Material]:

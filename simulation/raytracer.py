@@ -43,7 +43,8 @@ class Raytracer:
 def r2_sequence(count: int) -> Array:
     """Low-discrepancy points of the unit square, (count, 2) (Roberts 2018, the R2 sequence)."""
     plastic = 1.32471795724474602596
-    return (0.5 + np.arange(1, count + 1)[:, None] * np.array([1.0 / plastic, 1.0 / plastic**2])) % 1.0
+    steps = np.arange(1, count + 1, dtype=np.float64)[:, None]
+    return np.mod(0.5 + steps * np.array([1.0 / plastic, 1.0 / plastic**2]), 1.0).astype(np.float64)
 
 
 def cosine_directions(normals: Array, samples: Array) -> Array:

@@ -78,7 +78,11 @@ def _video(folder: Path, camera: CameraSetup) -> _Sink:
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), camera.rate_hz, size)
     if not writer.isOpened():
         raise SimulationError(f"{path}: OpenCV cannot write MPEG-4 video here")
-    return (lambda _, image: writer.write(image)), writer.release
+
+    def save(_: int, image: np.ndarray) -> None:
+        writer.write(image)
+
+    return save, writer.release
 
 
 def _images(folder: Path) -> _Sink:

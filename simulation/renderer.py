@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -57,8 +58,9 @@ def projection(intrinsics: Intrinsics) -> Array:
 class _Batch:
     """One draw call: triangles of one material."""
 
-    ids: frozenset[int]
+    id: int
     material: Material
+    corners: Array
     colour: Any
     identity: Any
     light_map: Any = None
@@ -81,23 +83,23 @@ class Renderer:
             [context.renderbuffer(size, 4, samples=samples)], context.depth_renderbuffer(size, samples=samples)
         )
         self._one = context.framebuffer([context.renderbuffer(size, 4)])
-        self._exact = context.framebuffer(
-            [context.renderbuffer(size, 2, dtype="f4")], context.depth_renderbuffer(size)
-        )
+        self._exact = context.framebuffer([context.renderbuffer(size, 2, dtype="f4")], context.depth_renderbuffer(size))
         self._colour = context.program(shaders.VERTEX, shaders.COLOUR)
         self._identity = context.program(shaders.VERTEX, shaders.IDENTITY)
         self._textures: dict[int, Any] = {}
         self._white = context.texture((1, 1), 4, b"\xff" * 4)
         self._batches = self._build(scene)
+        self._corners = np.stack([batch.corners for batch in self._batches])
+        self._see_through = np.array([batch.material.opacity < 0.99 for batch in self._batches])
         self._set_light(scene, exposure)
 
     def picture(self, view: View) -> NDArray[np.uint8]:
         """The picture, (H, W, 3) uint8 BGR, anti-aliased."""
-        self._aim(self._colour, view, self.intrinsics)
+        in_view = self._aim(self._colour, view, self.intrinsics)
         self._many.use()
         self._many.clear(0.0, 0.0, 0.0, 1.0)
         self._context.enable_only(self._gl.DEPTH_TEST)
-        for batch in self._batches:
+        for batch in in_view:
             if batch.material.opacity < 0.99:
                 self._context.enable(self._gl.BLEND)
             self._draw_colour(batch)
@@ -126,12 +128,20 @@ class Renderer:
         """Give the OpenGL context back."""
         self._context.release()
 
-    def _aim(self, program: Any, view: View, intrinsics: Intrinsics) -> None:
+    def _aim(self, program: Any, view: View, intrinsics: Intrinsics) -> list[_Batch]:
+        """Set a program's camera; returns the batches that may be in view, near ones first, see-through ones last."""
         optical_room = np.eye(4)
         optical_room[:3, :3] = view.rotation_room_optical.T
         optical_room[:3, 3] = -view.rotation_room_optical.T @ view.position_room_m
-        program["clip_room"].write((projection(intrinsics) @ optical_room).T.astype("f4").tobytes())
+        clip_room = projection(intrinsics) @ optical_room
+        program["clip_room"].write(clip_room.T.astype("f4").tobytes())
         program["eye"] = tuple(view.position_room_m)
+        corners = self._corners @ clip_room[:, :3].T + clip_room[:, 3]
+        sides, w = corners[..., :2], corners[..., 3:]
+        outside = np.all(sides < -w, axis=1).any(axis=-1) | np.all(sides > w, axis=1).any(axis=-1)
+        outside |= np.all(w[..., 0] < _NEAR_M, axis=1)
+        order = np.lexsort((np.maximum(w[..., 0], 0.0).mean(axis=1), self._see_through))
+        return [self._batches[i] for i in order if not outside[i]]
 
     def _draw_colour(self, batch: _Batch) -> None:
         program, material = self._colour, batch.material
@@ -148,13 +158,13 @@ class Renderer:
         batch.colour.render()
 
     def _draw_identity(self, view: View, intrinsics: Intrinsics, only: int | None) -> NDArray[np.float32]:
-        self._aim(self._identity, view, intrinsics)
+        in_view = self._aim(self._identity, view, intrinsics)
         self._identity["forward"] = tuple(view.rotation_room_optical[:, 2])
         self._exact.use()
         self._exact.clear(-1.0 if only is not None else float(ROOM_ID), 0.0, 0.0, 0.0)
         self._context.enable_only(self._gl.DEPTH_TEST)
-        for batch in self._batches:
-            if only is not None and only not in batch.ids:
+        for batch in in_view:
+            if only is not None and only != batch.id:
                 continue
             self._identity["has_image"] = batch.material.cut_out
             if batch.material.cut_out:
@@ -180,17 +190,19 @@ class Renderer:
             batches.append(
                 self._batch(lit.id, part.material, part.positions, part.normals, part.uv, lit.front, lit.back)
             )
-        return sorted(batches, key=lambda batch: batch.material.opacity < 0.99)
+        return batches
 
     def _batch(self, id_: int, material: Material, *attributes: Array | NDArray[np.float32]) -> _Batch:
         columns = [np.asarray(a, dtype=np.float32).reshape(-1, a.shape[-1]) for a in attributes]
         rows = np.concatenate([*columns, np.full((len(columns[0]), 1), id_, dtype=np.float32)], axis=1)
+        low, high = columns[0].min(axis=0), columns[0].max(axis=0)
         buffer = self._context.buffer(rows.tobytes())
         colour = [(buffer, "3f 3f 2f 3f 3f 4x", "position", "normal", "uv", "front", "back")]
         identity = [(buffer, "3f 12x 2f 24x 1f", "position", "uv", "id")]
         return _Batch(
-            frozenset([id_]),
+            id_,
             material,
+            np.array(list(product(*zip(low, high, strict=True)))),
             self._context.vertex_array(self._colour, colour),
             self._context.vertex_array(self._identity, identity),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -42,7 +43,7 @@ class FreeSpace:
                 local = np.abs(item.pose_room_object.inverse().apply(points))
                 inside = (local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=1)
                 free &= ~inside.reshape(rows, columns)
-        self._distance_m = distance_transform_edt(free) * _CELL_M
+        self._distance_m = np.asarray(distance_transform_edt(free), dtype=np.float64) * _CELL_M
         self.size_m = np.array([room.shell.width_m, room.shell.depth_m])
 
     def clearance_m(self, points_m: Array) -> Array:
@@ -65,8 +66,10 @@ def random_way(free: FreeSpace, limits: Limits, rng: np.random.Generator, knots:
             point = points[-1] + step * np.array([math.cos(heading), math.sin(heading)])
             if len(points) > 1:
                 before = points[-1] - points[-2]
-                turn = math.atan2(before[0] * math.sin(heading) - before[1] * math.cos(heading),
-                                  before[0] * math.cos(heading) + before[1] * math.sin(heading))
+                turn = math.atan2(
+                    before[0] * math.sin(heading) - before[1] * math.cos(heading),
+                    before[0] * math.cos(heading) + before[1] * math.sin(heading),
+                )
                 if abs(turn) > 1.5:
                     continue
             line = points[-1] + np.linspace(0.0, 1.0, 12)[:, None] * (point - points[-1])
@@ -112,7 +115,7 @@ def wheel_odometry(poses: Sequence[SE2], rng: np.random.Generator) -> list[SE2]:
     stretch, twist = 1.0 + rng.normal(0.0, 0.012), 1.0 + rng.normal(0.0, 0.025)
     drift = rng.normal(0.0, 0.006)
     believed = [SE2()]
-    for before, after in zip(poses[:-1], poses[1:], strict=True):
+    for before, after in pairwise(poses):
         motion = before.inverse() @ after
         slips = rng.random() < 0.03
         forward = motion.x_m * stretch + rng.normal(0.0, 0.03 * abs(motion.x_m) + 2e-4)

@@ -128,7 +128,11 @@ def _dining(layout: _Layout) -> None:
 
 def _plants(layout: _Layout) -> None:
     """Plants in the corners that are left."""
-    for x, y in ((0.45, layout.depth_m - 0.45), (layout.width_m - 0.4, 0.4), (layout.width_m - 2.3, layout.depth_m - 0.4)):
+    for x, y in (
+        (0.45, layout.depth_m - 0.45),
+        (layout.width_m - 0.4, 0.4),
+        (layout.width_m - 2.3, layout.depth_m - 0.4),
+    ):
         plant = layout.draw("potted plant")
         layout.put("potted plant", plant, x, y, float(layout.rng.uniform(-180, 180)))
 

@@ -96,7 +96,13 @@ def _rug(rug: tuple[float, float, float, float], texture: textures.Texture) -> S
     at = (np.arange(n) * m // n for n, m in zip(shape, texture.shape[:2], strict=True))
     fitted = np.ascontiguousarray(texture[np.ix_(*at)])
     corner = np.array([left, near, _RUG_HEIGHT_M])
-    return Surface(corner, np.array([width, 0.0, 0.0]), np.array([0.0, depth, 0.0]), Material((1.0, 1.0, 1.0), fitted), (width, depth))
+    return Surface(
+        corner,
+        np.array([width, 0.0, 0.0]),
+        np.array([0.0, depth, 0.0]),
+        Material((1.0, 1.0, 1.0), fitted),
+        (width, depth),
+    )
 
 
 def _skirting(shell: Shell) -> Mesh:

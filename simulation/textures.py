@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -30,7 +32,7 @@ def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, cou
     image = np.empty((size_px, size_px, 3))
     edges = np.linspace(0, size_px, count + 1).astype(int)
     base = np.asarray(colour, dtype=np.float64)
-    for top, bottom in zip(edges[:-1], edges[1:], strict=True):
+    for top, bottom in pairwise(edges):
         joints = (rng.integers(size_px) + np.array([0, size_px * 0.46])).astype(int) % size_px
         board = np.empty((bottom - top, size_px, 3))
         for start, end in (joints, joints[::-1]):
@@ -50,7 +52,7 @@ def paint(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -> Te
     """Painted plaster: almost even, with the orange-peel of a roller."""
     bumps = noise(rng, size_px, size_px, slope=0.6)
     clouds = noise(rng, size_px, size_px, slope=1.6)
-    return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.012 * bumps + 0.010 * clouds)[..., None])
+    return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.012 * bumps + 0.004 * clouds)[..., None])
 
 
 def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Texture:

@@ -44,9 +44,7 @@ def is_seen(record: dict[str, Any]) -> bool:
     return max(x1 - x0, y1 - y0) >= SEEN_SIDE_PX and record["visible"] >= SEEN_SHARE
 
 
-def object_records(
-    room: Room, pose_room_map: SE2, boxes: Sequence[Sequence[dict[str, Any]]]
-) -> list[dict[str, Any]]:
+def object_records(room: Room, pose_room_map: SE2, boxes: Sequence[Sequence[dict[str, Any]]]) -> list[dict[str, Any]]:
     """One record per labelled object, in the map frame: position of the footprint's centre, footprint, size in metres,
     and in how many pictures it counts as seen."""
     pose_map_room = pose_room_map.inverse()

@@ -23,22 +23,23 @@ from edgemap.simulation.shell import build_shell
 _NEAREST_M, _FARTHEST_M = 1.2, 4.2
 _FRAMES_TO_KNOW = 25
 
+_INTRINSICS = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
+_MOUNT = Mount.from_degrees(0.60, 11.5, forward_m=0.15)
+
 
 @dataclass(frozen=True, slots=True)
 class CameraSetup:
     """The camera and how it is mounted; the default is the demo's."""
 
-    intrinsics: Intrinsics = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
-    mount: Mount = Mount.from_degrees(0.60, 11.5, forward_m=0.15)
+    intrinsics: Intrinsics = _INTRINSICS
+    mount: Mount = _MOUNT
     rate_hz: float = 10.0
 
 
 def build_scene(room: Room, seed: int) -> Scene:
     """Everything to light and draw, ids as in `room.furniture`."""
     shell = build_shell(room.shell, np.random.default_rng([seed, 1]))
-    solids = tuple(
-        Solid(item.id, furniture.load(item.model.key).placed(*_place(item))) for item in room.furniture
-    )
+    solids = tuple(Solid(item.id, furniture.load(item.model.key).placed(*_place(item))) for item in room.furniture)
     return Scene(shell.surfaces, (*shell.solids, *solids), shell.lights)
 
 
