@@ -1,0 +1,48 @@
+# Everything builds on `make setup`, which may be called again at any time.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.edgemap-setup
+ROOMS := geometry runtime evaluation simulation export benchmarks plots cli
+SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
+
+.PHONY: setup system run test lint bench demo clean
+
+setup: system $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt scripts/system-packages
+	$(PYTHON) -m venv --help >/dev/null 2>&1 || { echo "needs Python's venv: apt-get install python3-venv"; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer"; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
+	mkdir -p .typing/edgemap
+	for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done
+	touch $(STAMP)
+
+system:
+	@scripts/system-packages $(SYSTEM)
+
+run: setup
+	$(BIN)/edgemap run
+	$(BIN)/edgemap map show "$$(ls -d runs/*/ | tail -n 1)"
+
+test: setup
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/edgemap bench --against openvino
+	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
+
+# Renders the demo drive anew (runtime/demo/); some minutes.
+demo: setup
+	$(BIN)/python -m edgemap.simulation --seed 7 --frames 200 -o runtime/demo
+
+clean:
+	rm -rf $(VENV) .typing build dist *.egg-info

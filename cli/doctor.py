@@ -1,0 +1,210 @@
+"""`edgemap doctor`: what works here, what is missing, what to type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from edgemap.cli.options import (
+    DEFAULT_BUNDLE,
+    HOW_TO_MEASURE,
+    BundleName,
+    CameraFile,
+    CameraSpec,
+    IntrinsicsText,
+    Json,
+    MountText,
+)
+from edgemap.geometry.errors import EdgemapError
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the report. remedy: what to type where something is missing."""
+
+    topic: str
+    state: Literal["ok", "missing", "broken"]
+    text: str
+    remedy: str = ""
+
+
+def command(
+    camera: CameraSpec = "demo",
+    bundle: BundleName = DEFAULT_BUNDLE,
+    mount: MountText = None,
+    intrinsics: IntrinsicsText = None,
+    camera_file: CameraFile = None,
+    plot: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            metavar="PICTURE",
+            help="Write the camera's first picture with horizon and metre grid: lines must lie flat on the floor.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check processor, libraries, camera, bundle and mount, and say what to type for what is missing.
+
+    Exit code 1 where the run that these options describe would not start.
+    """
+    findings = list(_examine(camera, bundle, mount, intrinsics, camera_file, plot))
+    if json:
+        import json as json_module
+        from dataclasses import asdict
+
+        print(json_module.dumps([asdict(finding) for finding in findings], indent=1))
+    else:
+        signs = {"ok": "ok     ", "missing": "missing", "broken": "BROKEN "}
+        for finding in findings:
+            print(f"{signs[finding.state]}  {finding.topic:<12} {finding.text}")
+            if finding.remedy:
+                print(f"{'':<22} -> {finding.remedy}")
+    if any(finding.state == "broken" for finding in findings):
+        raise SystemExit(1)
+
+
+def _examine(
+    camera: str, bundle: str, mount: str | None, intrinsics: str | None, camera_file: Path | None, plot: Path | None
+) -> Iterator[Finding]:
+    yield from _processor()
+    yield from _libraries()
+    yield from _realsense()
+    yield _bundle(bundle)
+    yield from _camera(camera, mount, intrinsics, camera_file, plot)
+
+
+def _processor() -> Iterator[Finding]:
+    import os
+    import platform
+
+    import psutil
+
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    flags = ""
+    if Path("/proc/cpuinfo").is_file():
+        words = set(Path("/proc/cpuinfo").read_text().split())
+        wanted = ("avx2", "avx512f", "avx512_vnni", "avx_vnni", "amx_int8", "asimd", "asimddp")
+        flags = ", " + " ".join(word for word in wanted if word in words)
+    memory_gb = psutil.virtual_memory().total / 1e9
+    text = f"{platform.machine()}, {usable} cores usable, {memory_gb:.1f} GB memory{flags}"
+    yield Finding("processor", "ok", text)
+
+
+def _libraries() -> Iterator[Finding]:
+    from importlib.metadata import PackageNotFoundError, version
+    from importlib.util import find_spec
+
+    base = ("numpy", "scipy", "opencv-python-headless", "onnxruntime")
+    yield Finding("libraries", "ok", ", ".join(f"{name} {version(name)}" for name in base))
+    extras = {
+        "export": (("torch", "torch"), ("onnx", "onnx"), ("onnxscript", "onnxscript")),
+        "plot": (("matplotlib", "matplotlib"),),
+        "evaluation": (("faster_coco_eval", "faster-coco-eval"),),
+        "simulation": (("moderngl", "moderngl"),),
+        "openvino": (("openvino", "openvino"),),
+    }
+    purposes = {
+        "export": "pull by name, export, train",
+        "plot": "map show, detect --plot",
+        "evaluation": "eval detection",
+        "simulation": "rendered rooms",
+        "openvino": "bench --against openvino",
+    }
+    for extra, modules in extras.items():
+        lacking = [package for module, package in modules if find_spec(module) is None]
+        if lacking:
+            text = f"extra {extra} ({purposes[extra]}) lacks {', '.join(lacking)}"
+            yield Finding("extra", "missing", text, f"pip install 'edgemap[{extra}]'")
+            continue
+        try:
+            text = f"{extra} ({purposes[extra]}): " + ", ".join(f"{name} {version(name)}" for _, name in modules)
+        except PackageNotFoundError:
+            text = f"{extra} ({purposes[extra]})"
+        yield Finding("extra", "ok", text)
+
+
+def _realsense() -> Iterator[Finding]:
+    from edgemap.runtime.cameras.realsense import devices
+
+    try:
+        found = devices()
+    except EdgemapError as error:
+        yield Finding("realsense", "missing", str(error))
+        return
+    if not found:
+        yield Finding("realsense", "missing", "librealsense and libusb load; no device is plugged in")
+    for serial, name in found:
+        yield Finding("realsense", "ok", f"{name}, serial {serial}", f"edgemap run --camera realsense:{serial}")
+
+
+def _bundle(name: str) -> Finding:
+    from edgemap.runtime.session import load_bundle
+    from edgemap.runtime.store import bundle_folder
+
+    try:
+        folder = bundle_folder(name)
+        if not folder.exists():
+            return Finding("bundle", "missing", f"{name} is not in the cache", f"edgemap pull {name}")
+        loaded = load_bundle(folder)
+    except EdgemapError as error:
+        return Finding("bundle", "broken", str(error), f"edgemap pull {name}")
+    detector = loaded.manifest.detector
+    heads = [
+        f"{kind} ({'trained' if head.trained else 'untrained'})" for kind, head in loaded.manifest.odometry.items()
+    ]
+    return Finding(
+        "bundle",
+        "ok",
+        f"{loaded.manifest.name}: {detector.input.width}x{detector.input.height}, {len(loaded.names)} classes, "
+        f"odometry: {', '.join(heads) or 'none of its own'}; sums and contract hold",
+    )
+
+
+def _camera(
+    spec: str, mount: str | None, intrinsics: str | None, camera_file: Path | None, plot: Path | None
+) -> Iterator[Finding]:
+    from math import degrees
+
+    from edgemap.cli.options import lens_and_mount
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.runtime.cameras import open_camera
+
+    try:
+        with open_camera(spec) as source:
+            frame = source.read()
+            if frame is None:
+                yield Finding("camera", "broken", f"{spec}: no frames")
+                return
+            rate = f"{source.rate_hz:.1f} Hz" if source.rate_hz else "rate unknown"
+            width, height = source.size
+            yield Finding("camera", "ok", f"{spec}: {width}x{height}, {rate}")
+            try:
+                floor = FloorCamera(*lens_and_mount(source, intrinsics, mount, camera_file))
+            except EdgemapError as error:
+                remedy = "" if HOW_TO_MEASURE in str(error) else HOW_TO_MEASURE
+                yield Finding("mount", "broken", str(error), remedy)
+                return
+    except EdgemapError as error:
+        yield Finding("camera", "broken", str(error))
+        return
+    seat, row = floor.mount, floor.horizon_row()
+    nearest = floor.floor_points([(floor.intrinsics.cx, floor.intrinsics.height - 1.0)])[0, 0]
+    yield Finding(
+        "mount",
+        "ok",
+        f"lens {seat.height_m:.3f} m above the floor, {degrees(seat.pitch_rad):.1f} deg down; horizon at row {row:.0f} "
+        f"of {floor.intrinsics.height}, nearest floor {nearest:.2f} m ahead",
+        "" if plot else "edgemap doctor --plot mount.png  draws the metre grid: check it against the floor by eye",
+    )
+    if plot:
+        import cv2
+
+        from edgemap.runtime.overlay import draw_floor_grid
+
+        written = cv2.imwrite(str(plot), draw_floor_grid(frame.image, floor))
+        state = "ok" if written else "broken"
+        yield Finding("mount", state, f"grid drawn in {plot}" if written else f"{plot} cannot be written")

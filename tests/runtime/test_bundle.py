@@ -1,0 +1,144 @@
+import re
+
+import msgspec
+import numpy as np
+import onnx
+import pytest
+from support import painted
+
+from edgemap.runtime.bundle import read_manifest, write_manifest
+from edgemap.runtime.errors import BundleError, OdometryError
+from edgemap.runtime.session import load_bundle, onnx_opset
+
+CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
+
+
+def change(folder, **fields):
+    manifest = read_manifest(folder)
+    write_manifest(folder, msgspec.structs.replace(manifest, **fields))
+
+
+def refusal(folder) -> str:
+    with pytest.raises(BundleError) as caught:
+        load_bundle(folder)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_good_bundle_loads_and_runs(tmp_path):
+    bundle = load_bundle(painted.write_painted(tmp_path / "b", CHAIR))
+    assert bundle.names == painted.NAMES
+    assert bundle.mapped == {"chair", "couch"}
+    out = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
+    np.testing.assert_array_equal(out["head"], painted.head_with(CHAIR))
+
+
+def test_one_flipped_byte_is_refused_by_name(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    data = bytearray((folder / "backbone.onnx").read_bytes())
+    data[len(data) // 2] ^= 1
+    (folder / "backbone.onnx").write_bytes(data)
+    assert "backbone.onnx has sha256" in refusal(folder)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.99])
+def test_a_truncated_file_is_refused_even_where_its_sum_was_made_right(tmp_path, share):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    data = (folder / "backbone.onnx").read_bytes()
+    (folder / "backbone.onnx").write_bytes(data[: int(len(data) * share)])
+    assert "has sha256" in refusal(folder)
+    painted.resum(folder)
+    assert re.search(r"not a complete ONNX file|not a model|no edgemap.contract", refusal(folder))
+
+
+@pytest.mark.parametrize("name", ["../backbone.onnx", "/etc/passwd", "a/../../backbone.onnx", "..\\x.onnx", ""])
+def test_a_path_that_leaves_the_folder_is_refused(tmp_path, name):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    (tmp_path / "backbone.onnx").write_bytes((folder / "backbone.onnx").read_bytes())
+    manifest = read_manifest(folder)
+    detector = msgspec.structs.replace(manifest.detector, file=name)
+    change(folder, detector=detector, sha256={**manifest.sha256, name: manifest.sha256["backbone.onnx"]})
+    assert "leaves the bundle's folder" in refusal(folder)
+
+
+def test_a_link_that_leaves_the_folder_is_refused(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    (folder / "backbone.onnx").rename(tmp_path / "outside.onnx")
+    (folder / "backbone.onnx").symlink_to(tmp_path / "outside.onnx")
+    assert "leaves the bundle's folder" in refusal(folder)
+
+
+def test_missing_and_extra_outputs_are_named(tmp_path):
+    folder = painted.write_painted(tmp_path / "extra", CHAIR, outputs=("head", "surprise"))
+    assert "output surprise is not in the manifest" in refusal(folder)
+    folder = painted.write_painted(tmp_path / "missing", CHAIR, outputs=("other",))
+    assert "output head is missing" in refusal(folder)
+
+
+def test_wrong_shapes_are_named(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    model = painted.backbone_model(painted.head_with(CHAIR, cells=4))
+    manifest = read_manifest(folder)
+    painted.save(folder / "backbone.onnx", model, painted.contract_metadata(manifest.detector))
+    painted.resum(folder)
+    assert "output head has shape (1, 8, 4, 4), manifest says (1, 8, 2, 2)" in refusal(folder)
+
+
+def test_wrong_opset_is_named(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR, opset=7)
+    assert "opset 7" in refusal(folder)
+
+
+def test_opset_is_read_as_onnx_reads_it(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR, opset=16)
+    path = folder / "backbone.onnx"
+    assert onnx_opset(path) == onnx.load(path).opset_import[0].version == 16
+
+
+def test_another_contract_in_the_metadata_is_refused(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR, metadata="{}")
+    assert "contract in its metadata differs" in refusal(folder)
+
+
+def test_a_file_without_contract_is_refused(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    (folder / "backbone.onnx").write_bytes(painted.backbone_model(painted.head_with(CHAIR)).SerializeToString())
+    painted.resum(folder)
+    assert "carries no edgemap.contract metadata" in refusal(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not JSON"),
+        ("{}", "missing required field"),
+        ('{"format": "edgemap.bundle/9"}', "missing required field"),
+    ],
+)
+def test_a_damaged_manifest_is_one_line(tmp_path, text, message):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    (folder / "bundle.json").write_text(text)
+    assert message in refusal(folder)
+
+
+def test_unknown_fields_and_formats_are_refused(tmp_path):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    change(folder, format="edgemap.bundle/99")
+    assert "format 'edgemap.bundle/99'" in refusal(folder)
+    text = (folder / "bundle.json").read_text().replace('"licence"', '"license"')
+    (folder / "bundle.json").write_text(text)
+    assert "unknown field" in refusal(folder)
+
+
+def test_missing_folder_manifest_and_file_are_told_apart(tmp_path):
+    assert "no such folder" in refusal(tmp_path / "none")
+    assert "no bundle.json" in refusal(tmp_path)
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    (folder / "backbone.onnx").unlink()
+    assert "file backbone.onnx is missing" in refusal(folder)
+
+
+def test_an_odometry_that_the_bundle_lacks_is_one_line(tmp_path):
+    bundle = load_bundle(painted.write_painted(tmp_path / "b", CHAIR))
+    with pytest.raises(OdometryError, match=r"painted has no paper odometry \(it has: none\)"):
+        bundle.odometry_head("paper")

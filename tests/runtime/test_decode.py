@@ -1,0 +1,104 @@
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support import painted
+
+from edgemap.runtime.bundle import Detector, HeadSpec, InputSpec
+from edgemap.runtime.decode import Decoder, suppress
+from edgemap.runtime.preprocess import Preprocessor, place
+
+
+def test_yolov3_head_decodes_to_what_was_painted():
+    spec = painted.detector_spec()
+    head = painted.head_with([("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 10.0, 50.0, 16.0, 12.0, 0.6)])
+    found = Decoder(spec, 0.3)({"head": head}, place(spec.input, 128, 64))
+    assert found.labels == ["chair", "couch"]
+    assert found.scores == pytest.approx([0.9, 0.6], abs=1e-4)
+    np.testing.assert_allclose(found.boxes, [[60, 18, 100, 42], [4, 44, 36, 56]], atol=1e-3)  # 128 wide: x doubled
+
+
+def test_scores_below_the_confidence_are_dropped_exactly():
+    spec = painted.detector_spec()
+    head = painted.head_with([("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 10.0, 50.0, 16.0, 12.0, 0.6)])
+    assert Decoder(spec, 0.61)({"head": head}, place(spec.input, 64, 64)).labels == ["chair"]
+    assert len(Decoder(spec, 0.95)({"head": head}, place(spec.input, 64, 64))) == 0
+
+
+def test_darknets_scale_x_y():
+    spec = painted.detector_spec()
+    spec = msgspec.structs.replace(spec, heads=(msgspec.structs.replace(spec.heads[0], scale_xy=1.2),))
+    head = painted.head_with([("chair", 40.0, 30.0, 20.0, 24.0, 0.9)])
+    box = Decoder(spec, 0.3)({"head": head}, place(spec.input, 64, 64)).boxes[0]
+    x = (8 / 32 * 1.2 - 0.1 + 1) * 32  # cell 1, 8 of 32 px into it
+    assert (box[0] + box[2]) / 2 == pytest.approx(x, abs=1e-3)
+
+
+def test_yolox_rows_by_hand():
+    """One row of stride 8, one of stride 16, one of stride 32 in a 64x64 input: rows 0..63, 64..79, 80..83."""
+    rows = np.zeros((1, 84, 5 + 3), dtype=np.float32)
+    rows[0, 8 * 2 + 3] = [0.5, 0.25, np.log(2), np.log(3), 0.9, 0.1, 0.0, 0.8]  # column 3, row 2
+    rows[0, 64 + 4 * 1 + 2] = [0.0, 0.5, np.log(1), np.log(1.5), 0.8, 0.9, 0.0, 0.0]  # column 2, row 1
+    rows[0, 80 + 1] = [0.5, 0.5, np.log(0.5), np.log(1), 0.5, 0.0, 0.7, 0.0]  # column 1, row 0
+    base = painted.detector_spec()
+    spec = Detector(
+        file="x.onnx", input=base.input, decode="yolox", features=(), classes=base.classes,
+        heads=(HeadSpec(name="out", shape=(1, 84, 8), strides=(8, 16, 32)),),
+    )  # fmt: skip
+    found = Decoder(spec, 0.3)({"out": rows}, place(base.input, 64, 64))
+    assert found.labels == ["couch", "chair", "person"]
+    assert found.scores == pytest.approx([0.72, 0.72, 0.35])
+    centres = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
+    np.testing.assert_allclose(centres, [[28, 18], [32, 24], [48, 16]], atol=1e-4)
+    np.testing.assert_allclose(found.boxes[0, 2:] - found.boxes[0, :2], [16, 24], atol=1e-4)
+
+
+def overlap(a, b):
+    low, high = np.maximum(a[:2], b[:2]), np.minimum(a[2:], b[2:])
+    shared = np.prod(np.clip(high - low, 0, None))
+    return shared / (np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2]) - shared)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 60))
+def test_suppression_is_greedy_and_class_wise(seed, count):
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(0, 60, (count, 2))
+    boxes = np.concatenate([corners, corners + rng.uniform(5, 40, (count, 2))], axis=1)
+    scores, classes = rng.permutation(np.linspace(0.1, 0.9, count)), rng.integers(0, 3, count)
+    expected = []
+    for i in np.argsort(-scores):
+        if all(classes[i] != classes[j] or overlap(boxes[i], boxes[j]) <= 0.45 for j in expected):
+            expected.append(i)
+    assert suppress(boxes, scores, classes, 0.45).tolist() == expected
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(20, 900), st.integers(20, 900), st.sampled_from(["stretch", "letterbox", "letterbox_topleft"]),
+    st.sampled_from([64, 416]),
+)  # fmt: skip
+def test_boxes_find_their_way_back_from_the_input(width, height, resize, size):
+    spec = InputSpec(name="i", width=size, height=size, resize=resize, colour="rgb", scale=1.0)
+    where = place(spec, width, height)
+    whole = np.array([[where.left, where.top, where.left + where.width, where.top + where.height]], dtype=float)
+    np.testing.assert_allclose(where.to_image(whole), [[0, 0, width, height]], atol=1e-9)
+
+
+def test_the_tensor_holds_the_picture_in_its_place_and_colours():
+    spec = InputSpec(name="i", width=8, height=8, resize="letterbox", colour="rgb", scale=1 / 255, pad=127)
+    image = np.zeros((4, 8, 3), np.uint8)
+    image[:, :, 0], image[:, :, 2] = 51, 255  # blue 0.2, red 1
+    tensor, where = Preprocessor(spec)(image)
+    assert (where.left, where.top, where.width, where.height) == (0, 2, 8, 4)
+    np.testing.assert_allclose(tensor[0, :, 4, 4], [1.0, 0.0, 0.2], atol=1e-6)
+    np.testing.assert_allclose(tensor[0, :, 0, 0], 127 / 255, atol=1e-6)
+
+
+def test_a_smaller_picture_leaves_no_trace_of_the_one_before():
+    spec = InputSpec(name="i", width=8, height=8, resize="letterbox", colour="bgr", scale=1.0, pad=9)
+    fill = Preprocessor(spec)
+    fill(np.full((8, 8, 3), 200, np.uint8))
+    tensor, _ = fill(np.full((4, 8, 3), 100, np.uint8))
+    assert set(np.unique(tensor)) == {9.0, 100.0}

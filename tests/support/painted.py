@@ -1,0 +1,156 @@
+"""Bundles whose detector sees what a test paints: real ONNX files for onnxruntime, outputs fixed in advance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+from edgemap.runtime.bundle import (
+    FORMAT,
+    METADATA_KEY,
+    ClassEntry,
+    Detector,
+    FeatureSpec,
+    HeadSpec,
+    InputSpec,
+    Manifest,
+    OdometryHead,
+    StateSpec,
+    contract_metadata,
+    sha256_file,
+    write_manifest,
+)
+
+SIZE, STRIDE, ANCHOR = 64, 32, (20.0, 30.0)
+NAMES = ("chair", "person", "couch")
+
+
+def logit(p: float) -> float:
+    return float(np.log(p / (1 - p)))
+
+
+def head_with(boxes: list[tuple[str, float, float, float, float, float]], cells: int = SIZE // STRIDE) -> np.ndarray:
+    """A YOLOv3 head (1, 8, cells, cells) that decodes to the boxes: (label, centre x, y, w, h in input px, score)."""
+    head = np.full((1, 5 + len(NAMES), cells, cells), -12.0, dtype=np.float32)
+    for label, x, y, w, h, score in boxes:
+        column, row = int(x // STRIDE), int(y // STRIDE)
+        head[0, 0, row, column] = logit(min(max(x / STRIDE - column, 1e-6), 1 - 1e-6))
+        head[0, 1, row, column] = logit(min(max(y / STRIDE - row, 1e-6), 1 - 1e-6))
+        head[0, 2, row, column], head[0, 3, row, column] = np.log(w / ANCHOR[0]), np.log(h / ANCHOR[1])
+        head[0, 4, row, column] = 12.0
+        head[0, 5 + NAMES.index(label), row, column] = logit(score)
+    return head
+
+
+def detector_spec(file: str = "backbone.onnx", resize: str = "stretch") -> Detector:
+    shape = (1, 5 + len(NAMES), SIZE // STRIDE, SIZE // STRIDE)
+    return Detector(
+        file=file,
+        input=InputSpec(name="image", width=SIZE, height=SIZE, resize=resize, colour="rgb", scale=1 / 255, pad=127),
+        decode="yolov3",
+        heads=(HeadSpec(name="head", shape=shape, strides=(STRIDE,), anchors=(ANCHOR,)),),
+        features=(FeatureSpec(name="head", shape=shape, stride=STRIDE),),
+        classes=tuple(ClassEntry(name=name, mapped=name != "person") for name in NAMES),
+    )
+
+
+def backbone_model(head: np.ndarray, opset: int = 17, outputs: tuple[str, ...] = ("head",)) -> onnx.ModelProto:
+    """head + 0 * mean(image), under each of the output names."""
+    nodes = [
+        helper.make_node("GlobalAveragePool", ["image"], ["pooled"]),
+        helper.make_node("ReduceMax", ["pooled"], ["mean"], keepdims=0),
+        helper.make_node("Mul", ["mean", "zero"], ["nothing"]),
+    ]
+    nodes += [helper.make_node("Add", ["painted", "nothing"], [name]) for name in outputs]
+    graph = helper.make_graph(
+        nodes,
+        "painted",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, (1, 3, SIZE, SIZE))],
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, head.shape) for name in outputs],
+        [numpy_helper.from_array(head, "painted"), numpy_helper.from_array(np.zeros((), np.float32), "zero")],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
+
+
+def odometry_spec(trained: bool) -> OdometryHead:
+    return OdometryHead(
+        file="odometry.paper.onnx",
+        kind="paper",
+        feature="head",
+        feature_input="feature",
+        motion="motion",
+        states=(StateSpec(input="count_in", output="count_out", shape=(1, 1)),),
+        parameters=0,
+        trained=trained,
+    )
+
+
+def odometry_model(feature_shape: tuple[int, ...]) -> onnx.ModelProto:
+    """motion = (0.01 * (steps before), 0, 0): what comes out shows that the state was carried."""
+    nodes = [
+        helper.make_node("GlobalAveragePool", ["feature"], ["pooled"]),
+        helper.make_node("ReduceMax", ["pooled"], ["mean"], keepdims=0),
+        helper.make_node("Mul", ["mean", "zero"], ["nothing"]),
+        helper.make_node("Add", ["count_in", "one"], ["added"]),
+        helper.make_node("Add", ["added", "nothing"], ["count_out"]),
+        helper.make_node("Mul", ["count_in", "scale"], ["motion"]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "counter",
+        [
+            helper.make_tensor_value_info("feature", TensorProto.FLOAT, feature_shape),
+            helper.make_tensor_value_info("count_in", TensorProto.FLOAT, (1, 1)),
+        ],
+        [
+            helper.make_tensor_value_info("motion", TensorProto.FLOAT, (1, 3)),
+            helper.make_tensor_value_info("count_out", TensorProto.FLOAT, (1, 1)),
+        ],
+        [
+            numpy_helper.from_array(np.zeros((), np.float32), "zero"),
+            numpy_helper.from_array(np.ones((), np.float32), "one"),
+            numpy_helper.from_array(np.array([[0.01, 0, 0]], np.float32), "scale"),
+        ],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+
+
+def write_painted(
+    folder: Path,
+    boxes: list[tuple[str, float, float, float, float, float]],
+    *,
+    opset: int = 17,
+    outputs: tuple[str, ...] = ("head",),
+    metadata: str | None = None,
+    resize: str = "stretch",
+    odometry: bool | None = None,
+) -> Path:
+    """Write a whole bundle. odometry: None for none, else whether it says that it is trained."""
+    folder.mkdir(parents=True, exist_ok=True)
+    head = head_with(boxes)
+    record = detector_spec(resize=resize)
+    save(folder / record.file, backbone_model(head, opset, outputs), metadata or contract_metadata(record))
+    heads = {}
+    if odometry is not None:
+        heads["paper"] = odometry_spec(odometry)
+        save(folder / "odometry.paper.onnx", odometry_model(head.shape), contract_metadata(heads["paper"]))
+    sums = {path.name: sha256_file(path) for path in folder.glob("*.onnx")}
+    manifest = Manifest(format=FORMAT, name="painted", version="1", detector=record, sha256=sums, odometry=heads)
+    write_manifest(folder, manifest)
+    return folder
+
+
+def save(path: Path, model: onnx.ModelProto, contract: str) -> None:
+    model.metadata_props.add(key=METADATA_KEY, value=contract)
+    path.write_bytes(model.SerializeToString())
+
+
+def resum(folder: Path) -> None:
+    """Make the manifest's sums right again after a test has changed a file."""
+    manifest = msgspec.json.decode((folder / "bundle.json").read_bytes(), type=Manifest)
+    manifest.sha256 = {name: sha256_file(folder / name) for name in manifest.sha256}
+    write_manifest(folder, manifest)
