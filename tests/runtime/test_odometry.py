@@ -1,0 +1,163 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+from support import painted
+
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.odometry.planar import PlanarOdometry
+from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.session import load_bundle
+from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
+
+CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12))
+
+
+def floor_texture():
+    rng = np.random.default_rng(0)
+    texture = cv2.resize(rng.integers(0, 255, (150, 150), dtype=np.uint8), (1500, 1500), interpolation=cv2.INTER_CUBIC)
+    return cv2.cvtColor(texture, cv2.COLOR_GRAY2BGR)
+
+
+TEXTURE = floor_texture()
+
+
+def picture_from(pose: SE2) -> np.ndarray:
+    """What the camera sees of a textured floor (1 cm a texel, x and y from -7.5 m): sampled ray by ray."""
+    v, u = np.mgrid[0:240, 0:320]
+    points = pose.apply(np.nan_to_num(CAMERA.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3))
+    texel = ((points + 7.5) * 100).astype(np.float32).reshape(240, 320, 2)
+    return cv2.remap(TEXTURE, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
+
+
+def drive(steps):
+    """Frames and true poses of a drive with the given motions."""
+    pose, frames, poses = SE2(), [Frame(0, 0.0, picture_from(SE2()))], [SE2()]
+    for index, motion in enumerate(steps, start=1):
+        pose = pose @ motion
+        frames.append(Frame(index, index / 10, picture_from(pose)))
+        poses.append(pose)
+    return frames, poses
+
+
+MOTIONS = {
+    "straight": [SE2(0.04, 0, 0)] * 20,
+    "left arc": [SE2(0.03, 0, 0.04)] * 20,
+    "spin right": [SE2(0, 0, -0.06)] * 20,
+    "reverse": [SE2(-0.03, 0, 0.01)] * 20,
+    "stand": [SE2()] * 10,
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_planar_follows_a_textured_floor(name):
+    frames, poses = drive(MOTIONS[name])
+    odometry, pose = PlanarOdometry(CAMERA), SE2()
+    first = odometry.step(frames[0], {})
+    assert first.motion == SE2()
+    for frame in frames[1:]:
+        motion = odometry.step(frame, {})
+        assert not motion.fault
+        pose = pose @ motion.motion
+    error = pose.inverse() @ poses[-1]
+    assert math.hypot(error.x_m, error.y_m) < 0.03
+    assert abs(error.yaw_rad) < 0.01
+
+
+def test_planar_says_so_where_there_is_nothing_to_follow():
+    odometry = PlanarOdometry(CAMERA)
+    blank = np.full((240, 320, 3), 128, np.uint8)
+    odometry.step(Frame(0, 0.0, blank), {})
+    motion = odometry.step(Frame(1, 0.1, blank), {})
+    assert "no motion agrees among 0 floor corners" in motion.fault
+    assert motion.covariance[0, 0] >= 0.01
+
+
+def test_planar_carries_the_last_motion_through_a_short_gap_with_large_covariance():
+    frames, _ = drive(MOTIONS["straight"][:6])
+    odometry = PlanarOdometry(CAMERA)
+    for frame in frames:
+        seen = odometry.step(frame, {})
+    gap = odometry.step(Frame(7, 0.7, np.full((240, 320, 3), 128, np.uint8)), {})
+    assert gap.fault
+    assert gap.motion.x_m == pytest.approx(0.04, abs=0.004)
+    assert np.trace(gap.covariance) > 100 * np.trace(seen.covariance)
+
+
+def test_planar_is_deterministic():
+    frames, _ = drive(MOTIONS["left arc"][:6])
+
+    def run():
+        odometry = PlanarOdometry(CAMERA)
+        return [odometry.step(frame, {}).motion for frame in frames]
+
+    assert run() == run()
+
+
+def test_paper_head_carries_its_state_and_forgets_it_on_reset(tmp_path):
+    bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True))
+    odometry = LearnedOdometry(bundle)
+    features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
+    frame = Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8))
+    first = odometry.step(frame, features)
+    assert first.motion == SE2()
+    assert first.covariance[0, 0] == 1.0
+    assert [odometry.step(frame, features).motion.x_m for _ in range(3)] == pytest.approx([0.01, 0.02, 0.03])
+    odometry.reset("test")
+    again = odometry.step(frame, features)
+    assert again.motion == SE2()
+    assert again.covariance[0, 0] == 1.0
+    assert odometry.step(frame, features).motion.x_m == pytest.approx(0.01)
+
+
+def test_an_untrained_head_is_refused_unless_forced(tmp_path):
+    bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=False))
+    with pytest.raises(OdometryError, match="untrained"):
+        LearnedOdometry(bundle)
+    LearnedOdometry(bundle, allow_untrained=True)
+
+
+def test_recorded_poses_become_motions():
+    poses = (SE2(1, 1, 0.5), SE2(2, 1, 0.7), SE2(2, 2, -3.0))
+    odometry = RecordedOdometry(Trajectory(np.array([0.0, 0.1, 0.2]), poses), "test")
+    image, pose = np.zeros((4, 4, 3), np.uint8), SE2(1, 1, 0.5)
+    for index in range(3):
+        pose = pose @ odometry.step(Frame(index, index / 10, image), {}).motion
+    np.testing.assert_allclose(pose.vector(), poses[-1].vector(), atol=1e-12)
+
+
+def test_a_stamp_outside_the_recording_is_named():
+    odometry = RecordedOdometry(Trajectory(np.array([0.0, 0.1]), (SE2(), SE2())), "x.tum")
+    with pytest.raises(OdometryError, match=r"frame 7: no pose at 9\.000 s: the trajectory covers 0\.000 to 0\.100 s"):
+        odometry.step(Frame(7, 9.0, np.zeros((4, 4, 3), np.uint8)), {})
+
+
+def test_tum_lines_come_back(tmp_path):
+    poses = [SE2(0.1 * i, -0.2 * i, 0.9 * i) for i in range(8)]
+    text = "# stamp x y z qx qy qz qw\n" + "".join(tum_line(i / 10, pose) for i, pose in enumerate(poses))
+    (tmp_path / "a.tum").write_text(text)
+    read = read_tum(tmp_path / "a.tum")
+    for expected, found in zip(poses, read.poses, strict=True):
+        np.testing.assert_allclose((expected.inverse() @ found).vector(), 0, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no poses"),
+        ("0 1 2 3\n", ":1: need 8 numbers"),
+        ("0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", ":2: need 8"),
+        ("1 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "strictly increasing"),
+    ],
+)
+def test_a_damaged_tum_file_is_one_line(tmp_path, text, message):
+    (tmp_path / "a.tum").write_text(text)
+    with pytest.raises(OdometryError, match=message):
+        read_tum(tmp_path / "a.tum")
