@@ -94,11 +94,12 @@ class FloorCamera:
 class FloorNoise:
     """Standard deviations of what a floor point depends on.
 
-    pixel_px: of a box's lower edge and centre, for a box at 416 px of picture height scaled by the true height.
+    pixel_share: of a box's lower edge and centre, as a share of the picture's longer side: detectors see the picture
+    at their own size (0.007 is 3 px of 416).
     pitch_rad, roll_rad, height_m: how well the mount is known; shared by all sightings of a drive.
     """
 
-    pixel_px: float = 3.0
+    pixel_share: float = 0.007
     pitch_rad: float = math.radians(0.5)
     roll_rad: float = math.radians(0.3)
     height_m: float = 0.01
@@ -116,7 +117,8 @@ def floor_covariances(camera: FloorCamera, pixels: ArrayLike, noise: FloorNoise)
 
     wrt_u = column(camera.floor_points(pixels + [0.5, 0.0]), camera.floor_points(pixels - [0.5, 0.0]), 0.5)
     wrt_v = column(camera.floor_points(pixels + [0.0, 0.5]), camera.floor_points(pixels - [0.0, 0.5]), 0.5)
-    from_pixels = noise.pixel_px**2 * (_outer(wrt_u) + _outer(wrt_v))
+    sigma_px = noise.pixel_share * max(camera.intrinsics.width, camera.intrinsics.height)
+    from_pixels = sigma_px**2 * (_outer(wrt_u) + _outer(wrt_v))
 
     from_mount = np.zeros_like(from_pixels)
     for name, sigma, step in (

@@ -1,0 +1,153 @@
+import json
+import threading
+
+import numpy as np
+import pytest
+from support import painted
+
+from edgemap.geometry.association import FloorMap
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.floor_map import load_map
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.paper_map import PaperMap
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.errors import CameraError, RunFolderError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.loop import run
+from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.session import load_bundle
+from edgemap.runtime.sinks.run_folder import RunFolder
+from edgemap.runtime.trajectory import Trajectory, read_tum
+
+FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 32.0, 32.0), Mount(1.0))
+# Lower edge at row 42: 10 px below the horizon, hence 5 m ahead; the person is never mapped.
+SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
+
+
+class Memory:
+    """Frames from memory; raises `failure` in place of frame `fails_at`."""
+
+    name, live, intrinsics, mount, rate_hz, truth, size = "memory", False, None, None, 10.0, None, (64, 64)
+
+    def __init__(self, count, fails_at=None, shape=(64, 64, 3)):
+        self.frame_count, self.fails_at, self.shape, self.index = count, fails_at, shape, 0
+
+    def read(self):
+        if self.index == self.fails_at:
+            raise CameraError("memory: the cable came off")
+        if self.index >= self.frame_count:
+            return None
+        self.index += 1
+        return Frame(self.index - 1, (self.index - 1) / 10, np.zeros(self.shape, np.uint8))
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", SCENE))
+
+
+def pipeline(bundle, object_map=None, poses=None):
+    poses = poses or [SE2()] * 100
+    trajectory = Trajectory(np.arange(len(poses)) / 10, tuple(poses))
+    return Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test"), object_map or FloorMap())
+
+
+@pytest.mark.parametrize("kind", [FloorMap, PaperMap])
+def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind):
+    pipe = pipeline(bundle, kind())
+    for index in range(10):
+        result = pipe.step(Frame(index, index / 10, np.zeros((64, 64, 3), np.uint8)))
+    assert result.detections.labels == ["chair", "person"]
+    (chair,) = pipe.objects()
+    assert (chair.id, chair.count) == ("chair-1", 10)
+    assert np.linalg.norm(chair.position_m) == pytest.approx(np.hypot(5.0, 0.8) + 0.25, abs=0.01)
+    assert chair.position_m[1] < 0
+
+
+def test_stages_stand_in_the_order_of_the_step(bundle):
+    result = pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
+    assert list(result.laps_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "map"]
+
+
+def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):
+    poses = [SE2(3, 1, 0.5), SE2(3.2, 1, 0.5), SE2(3.2, 1.1, 0.7)]
+    pipe = pipeline(bundle, poses=poses)
+    for index in range(3):
+        result = pipe.step(Frame(index, index / 10, np.zeros((64, 64, 3), np.uint8)))
+        if index == 0:
+            assert result.pose_map_base == SE2()
+            assert not result.pose_covariance.any()
+    np.testing.assert_allclose(result.pose_map_base.vector(), (poses[0].inverse() @ poses[2]).vector(), atol=1e-9)
+
+
+def test_a_frame_of_another_size_is_named(bundle):
+    with pytest.raises(CameraError, match="frame 0 is 32x64 px, the intrinsics are for 64x64"):
+        pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 32, 3), np.uint8)))
+
+
+def test_the_run_folder_holds_the_contract(bundle, tmp_path):
+    pipe = pipeline(bundle)
+    sink = RunFolder(tmp_path / "run", FLOOR, {"camera": "memory"})
+    assert load_map(tmp_path / "run") == []  # an empty valid map before the first frame
+    assert run(Memory(25), pipe, [sink]) == 25
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {
+        "map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg",
+    }  # fmt: skip
+    assert [item.id for item in load_map(tmp_path / "run")] == ["chair-1"]
+    assert len(read_tum(tmp_path / "run" / "trajectory.tum").poses) == 25
+    sightings = [json.loads(line) for line in (tmp_path / "run" / "sightings.jsonl").read_text().splitlines()]
+    assert len(sightings) == 25
+    assert {"frame", "label", "map_m", "object", "distance_m"} <= set(sightings[0])
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert record["finished"] is True
+    assert record["frames"] == 25
+    assert set(record["stages_ms"]["backbone"]) == {"p50", "p95", "p99"}
+
+
+def test_a_failing_camera_loses_nothing_of_the_map(bundle, tmp_path):
+    sink = RunFolder(tmp_path / "run", FLOOR, {})
+    with pytest.raises(CameraError, match="cable"):
+        run(Memory(50, fails_at=13), pipeline(bundle), [sink])
+    (chair,) = load_map(tmp_path / "run")
+    assert chair.count == 13
+    assert "frame 13: memory: the cable came off" in json.loads((tmp_path / "run" / "run.json").read_text())["faults"]
+
+
+def test_an_unknown_failure_keeps_the_map_too(bundle, tmp_path):
+    class Broken(Memory):
+        def read(self):
+            if self.index == 7:
+                raise ZeroDivisionError
+            return super().read()
+
+    sink = RunFolder(tmp_path / "run", FLOOR, {})
+    with pytest.raises(ZeroDivisionError):
+        run(Broken(50), pipeline(bundle), [sink])
+    assert load_map(tmp_path / "run")[0].count == 7
+
+
+def test_stop_ends_the_run_after_the_frame_in_hand(bundle, tmp_path):
+    stop = threading.Event()
+
+    class Stopping(Memory):
+        def read(self):
+            if self.index == 4:
+                stop.set()
+            return super().read()
+
+    assert run(Stopping(50), pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})], stop=stop) == 5
+
+
+def test_a_second_run_never_overwrites_the_first(bundle, tmp_path):
+    run(Memory(2), pipeline(bundle), [RunFolder(tmp_path / "run", FLOOR, {})])
+    with pytest.raises(RunFolderError, match="already holds a run"):
+        RunFolder(tmp_path / "run", FLOOR, {})
+
+
+def test_the_same_frames_give_the_same_map_byte_for_byte(bundle, tmp_path):
+    for name in ("a", "b"):
+        run(Memory(30), pipeline(bundle), [RunFolder(tmp_path / name, FLOOR, {})])
+    assert (tmp_path / "a" / "map.json").read_bytes() == (tmp_path / "b" / "map.json").read_bytes()
+    assert (tmp_path / "a" / "sightings.jsonl").read_bytes() == (tmp_path / "b" / "sightings.jsonl").read_bytes()
