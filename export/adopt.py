@@ -1,0 +1,153 @@
+"""Adopts an ONNX detector made elsewhere: recognises its outputs, taps a feature tensor, leaves its numbers alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import onnx
+from google.protobuf.message import DecodeError
+from onnx import ModelProto, version_converter
+
+from edgemap.export.coco import class_entries
+from edgemap.export.errors import ExportError
+from edgemap.export.onnx_export import default_opset
+from edgemap.runtime.bundle import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
+
+YOLOX_STRIDES = (8, 16, 32)
+# Nodes that only rearrange, or that stand inside a convolution-activation pair: no features of their own.
+NO_FEATURE = frozenset({"Conv", "Sigmoid", "Concat", "Slice", "Split", "Reshape", "Transpose", "Resize", "Constant"})
+
+
+@dataclass(frozen=True)
+class Tensor4:
+    """A tensor of the graph with static shape (1, channels, height, width), and the kind of node that makes it."""
+
+    name: str
+    op: str
+    channels: int
+    height: int
+    width: int
+
+
+def load_onnx(path: Path) -> ModelProto:
+    """Read and check an ONNX file; converts its opset where the runtime could not read it. Raises ExportError."""
+    try:
+        model = onnx.load(path, load_external_data=True)
+        onnx.checker.check_model(model)
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (DecodeError, onnx.checker.ValidationError) as error:
+        size = path.stat().st_size
+        raise ExportError(f"{path}: not a whole ONNX model, {size:,} bytes ({_first_line(error)})") from None
+    opset = default_opset(model)
+    if opset not in OPSETS:
+        wanted = OPSETS[0] if opset < OPSETS[0] else OPSETS[-1]
+        try:
+            model = version_converter.convert_version(model, wanted)
+        except Exception as error:  # the converter raises bare RuntimeError and others
+            raise ExportError(f"{path}: opset {opset} does not convert to {wanted} ({_first_line(error)})") from None
+    return model
+
+
+def static_tensors(model: ModelProto) -> list[Tensor4]:
+    """All tensors of static shape (1, C, H, W) that nodes make, in graph order."""
+    inferred = onnx.shape_inference.infer_shapes(model)
+    shapes = {}
+    for value in (*inferred.graph.value_info, *inferred.graph.output):
+        sizes = [axis.dim_value for axis in value.type.tensor_type.shape.dim]
+        if len(sizes) == 4 and sizes[0] == 1 and all(size > 0 for size in sizes):
+            shapes[value.name] = sizes
+    return [
+        Tensor4(name, node.op_type, *shapes[name][1:])
+        for node in inferred.graph.node
+        for name in node.output
+        if name in shapes
+    ]
+
+
+def find_tap(tensors: list[Tensor4], stride: int, width: int, height: int) -> Tensor4:
+    """The best feature tensor of a stride: the last of the widest activations before the next coarser grid.
+
+    At the coarsest stride nothing coarser follows, so the neck's last wide activation is found. Raises ExportError.
+    """
+    grid = (height // stride, width // stride)
+    found: list[Tensor4] = []
+    for tensor in tensors:
+        if (tensor.height, tensor.width) == grid and tensor.op not in NO_FEATURE:
+            found.append(tensor)
+        if found and tensor.height * 2 == grid[0] and tensor.width * 2 == grid[1]:
+            break
+    if not found:
+        raise ExportError(f"no feature tensor of stride {stride}: none has shape (1, C, {grid[0]}, {grid[1]})")
+    widest = max(tensor.channels for tensor in found)
+    return [tensor for tensor in found if tensor.channels == widest][-1]
+
+
+def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]:
+    """Recognise a detector and tap its feature tensor as one more output.
+
+    feature: a tensor's name, or `stride8`, `stride16`, `stride32`; None taps nothing. The only known rule is
+    YOLOX's: one output (1, cells of strides 8, 16, 32, 5 + classes). Its pictures are BGR, 0..255, letterboxed to the top
+    left with grey 114. Raises ExportError.
+    """
+    model = load_onnx(path)
+    spec, head, classes = _yolox(model, path)
+    features: tuple[FeatureSpec, ...] = ()
+    if feature is not None:
+        features = (_tap(model, path, feature, spec),)
+    detector = Detector(
+        file="backbone.onnx",
+        input=spec,
+        decode="yolox",
+        heads=(head,),
+        features=features,
+        classes=class_entries(classes),
+    )
+    return model, detector
+
+
+def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:
+    constants = {item.name for item in model.graph.initializer}
+    inputs = [value for value in model.graph.input if value.name not in constants]
+    shapes = {
+        value.name: tuple(axis.dim_value for axis in value.type.tensor_type.shape.dim)
+        for value in (*inputs, *model.graph.output)
+    }
+    if len(inputs) != 1 or len(shapes[inputs[0].name]) != 4 or shapes[inputs[0].name][:2] != (1, 3):
+        said = {value.name: shapes[value.name] for value in inputs}
+        raise ExportError(f"{path}: expected one input (1, 3, H, W) of fixed size, found {said}")
+    _, _, height, width = shapes[inputs[0].name]
+    if height < 32 or width < 32 or height % 32 or width % 32:
+        raise ExportError(f"{path}: input of {width}x{height} px, expected a fixed multiple of 32")
+    cells = sum((height // stride) * (width // stride) for stride in YOLOX_STRIDES)
+    outputs = {value.name: shapes[value.name] for value in model.graph.output}
+    name, shape = next(iter(outputs.items()))
+    if len(outputs) != 1 or len(shape) != 3 or shape[:2] != (1, cells) or shape[2] < 6:
+        raise ExportError(f"{path}: outputs {outputs} fit no known rule; yolox has one, (1, {cells}, 5 + classes)")
+    spec = InputSpec(
+        name=inputs[0].name, width=width, height=height, resize="letterbox_topleft", colour="bgr", scale=1.0, pad=114
+    )
+    return spec, HeadSpec(name=name, shape=shape, strides=YOLOX_STRIDES), shape[2] - 5
+
+
+def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> FeatureSpec:
+    tensors = static_tensors(model)
+    named = next((tensor for tensor in tensors if tensor.name == feature), None)
+    if named is None and feature.startswith("stride") and feature[6:].isdigit() and int(feature[6:]) > 0:
+        try:
+            named = find_tap(tensors, int(feature[6:]), spec.width, spec.height)
+        except ExportError as error:
+            raise ExportError(f"{path}: {error}") from None
+    if named is None:
+        raise ExportError(f"{path}: no tensor {feature!r} of static shape (1, C, H, W); {len(tensors)} others have one")
+    if spec.width % named.width or spec.height % named.height or spec.width // named.width != spec.height // named.height:
+        raise ExportError(f"{path}: tensor {feature!r} has {named.height}x{named.width} cells, no whole stride of the input")
+    shape = (1, named.channels, named.height, named.width)
+    if named.name not in {value.name for value in model.graph.output}:
+        model.graph.output.append(onnx.helper.make_tensor_value_info(named.name, onnx.TensorProto.FLOAT, shape))
+    return FeatureSpec(name=named.name, shape=shape, stride=spec.width // named.width)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:160]

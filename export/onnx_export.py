@@ -1,0 +1,149 @@
+"""Torch networks as lean ONNX files: fixed shapes, one file, the contract in the metadata."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import onnx
+import torch
+from onnx import ModelProto, numpy_helper
+from torch import Tensor, nn
+
+from edgemap.export.convlstm import PaperHead
+from edgemap.export.darknet import Darknet, fold_batch_norm
+from edgemap.export.errors import ExportError
+from edgemap.runtime.bundle import METADATA_KEY, OPSETS, Detector, OdometryHead, contract_metadata
+
+OPSET = 18
+IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18
+PROTOBUF_LIMIT = 2_000_000_000  # bytes
+
+
+def backbone_to_onnx(network: Darknet, detector: Detector) -> ModelProto:
+    """A Darknet network that takes raw 0..255 pictures: batch normalisation and the factor 1/255 are folded into weights.
+
+    The outputs are named by the detector's heads and features in `network.outputs` order. The network is left as it is.
+    """
+    folded = copy.deepcopy(network).eval()
+    fold_batch_norm(folded)
+    _fold_input_scale(folded, 1.0 / 255.0)
+    names = [spec.name for spec in (*detector.heads, *detector.features)]
+    example = torch.zeros(1, network.channels, network.height, network.width)
+    return to_onnx(folded, [example], [detector.input.name], list(dict.fromkeys(names)), detector)
+
+
+def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
+    """The paper's head as one step: feature and states in, motion and states out."""
+    example = [torch.zeros(head.shape), *(torch.zeros(shape) for shape in head.state_shapes)]
+    inputs = [record.feature_input, *(state.input for state in record.states)]
+    outputs = [record.motion, *(state.output for state in record.states)]
+    return to_onnx(head, example, inputs, outputs, record)
+
+
+def to_onnx(
+    module: nn.Module,
+    example: Sequence[Tensor],
+    inputs: list[str],
+    outputs: list[str],
+    record: Detector | OdometryHead,
+) -> ModelProto:
+    """Trace a module at the example's shapes into a checked model that carries its contract. Raises ExportError."""
+    quiet = [logging.getLogger(name) for name in ("torch.onnx", "onnxscript", "onnx_ir")]
+    levels = [logger.level for logger in quiet]
+    try:
+        for logger in quiet:
+            logger.setLevel(logging.ERROR)
+        with warnings.catch_warnings(), torch.no_grad():
+            warnings.simplefilter("ignore")
+            program = torch.onnx.export(
+                module.eval(),
+                tuple(example),
+                input_names=inputs,
+                output_names=outputs,
+                opset_version=OPSET,
+                dynamo=True,
+                verbose=False,
+            )
+    finally:
+        for logger, level in zip(quiet, levels, strict=True):
+            logger.setLevel(level)
+    assert program is not None
+    model = program.model_proto
+    model.ir_version = IR_VERSION
+    _forget_tracing(model)
+    _fuse_pool_padding(model)
+    return seal(model, record)
+
+
+def seal(model: ModelProto, record: Detector | OdometryHead) -> ModelProto:
+    """Write the contract into the model's metadata and check the model. Raises ExportError."""
+    del model.metadata_props[:]
+    model.metadata_props.add(key=METADATA_KEY, value=contract_metadata(record))
+    if model.ByteSize() < PROTOBUF_LIMIT:
+        try:
+            onnx.checker.check_model(model, full_check=True)
+        except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
+            raise ExportError(f"{record.file}: not a valid ONNX model ({str(error).splitlines()[0][:160]})") from None
+    if (opset := default_opset(model)) not in OPSETS:
+        raise ExportError(f"{record.file}: ONNX opset {opset}, the runtime reads {OPSETS[0]} to {OPSETS[-1]}")
+    return model
+
+
+def save_model(model: ModelProto, path: Path) -> None:
+    """Write one file without external data. Raises ExportError above protobuf's limit."""
+    if model.ByteSize() >= PROTOBUF_LIMIT:
+        raise ExportError(f"{path.name}: {model.ByteSize():,} bytes, an ONNX file holds at most {PROTOBUF_LIMIT:,}")
+    path.write_bytes(model.SerializeToString(deterministic=True))
+
+
+def default_opset(model: ModelProto) -> int:
+    """Version of the default operator set."""
+    return next((item.version for item in model.opset_import if item.domain in ("", "ai.onnx")), 0)
+
+
+def _fold_input_scale(network: Darknet, factor: float) -> None:
+    """Zero padding stays zero under a factor, so scaling the first weights is the same as scaling the picture."""
+    readers = [layer for layer in network.layers if -1 in layer.sources]  # type: ignore[operator]
+    if len(readers) != 1 or readers[0] is not network.convolutions()[0]:
+        raise ExportError(f"{network.name}: its input must be read by one [convolutional] layer only")
+    with torch.no_grad():
+        weight = network.convolutions()[0].conv.weight
+        weight.copy_(weight.double() * factor)
+
+
+def _forget_tracing(model: ModelProto) -> None:
+    """Drop what the tracer noted for debugging: stack traces name the build machine's folders."""
+    model.doc_string = model.graph.doc_string = ""
+    del model.graph.metadata_props[:]
+    for node in model.graph.node:
+        node.doc_string = ""
+        del node.metadata_props[:]
+    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output, *model.graph.initializer):
+        value.doc_string = ""
+        del value.metadata_props[:]
+
+
+def _fuse_pool_padding(model: ModelProto) -> None:
+    """Pad with -inf then MaxPool is MaxPool with pads: one node less, and no infinities for a quantiser to see."""
+    graph = model.graph
+    makers = {node.output[0]: node for node in graph.node}
+    constants = {item.name: item for item in graph.initializer}
+    for pool in [node for node in graph.node if node.op_type == "MaxPool"]:
+        pad = makers.get(pool.input[0])
+        if pad is None or pad.op_type != "Pad" or sum(pad.output[0] in node.input for node in graph.node) != 1:
+            continue
+        if len(pad.input) < 3 or numpy_helper.to_array(constants[pad.input[2]]) != float("-inf"):
+            continue
+        amounts = numpy_helper.to_array(constants[pad.input[1]]).tolist()
+        attribute = next(item for item in pool.attribute if item.name == "pads")
+        assert not any(attribute.ints)
+        attribute.ints[:] = [amounts[2], amounts[3], amounts[6], amounts[7]]
+        pool.input[0] = pad.input[0]
+        graph.node.remove(pad)
+    used = {name for node in graph.node for name in node.input}
+    for item in [item for item in graph.initializer if item.name not in used]:
+        graph.initializer.remove(item)

@@ -1,0 +1,126 @@
+"""Proof that a bundle computes what its source computes: random pictures, random states, a chain of steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from edgemap.export.convlstm import PaperHead
+from edgemap.export.errors import ExportError
+from edgemap.runtime.bundle import Parity
+from edgemap.runtime.session import Bundle, Network, Tensors, session_options
+
+STEPS = 8
+CASES = 2
+# Two float32 implementations sum in different orders. Over 75 convolutions that costs some 1e-5 of an output's largest
+# value; a wrong padding, activation or channel order costs more than 1e-2.
+RELATIVE_TOLERANCE = 2e-4
+
+# A reference backbone: raw picture (1, 3, H, W) in 0..255 to its outputs by name.
+Reference = Callable[[NDArray[np.float32]], Tensors]
+
+
+class Comparison:
+    """Keeps the largest difference, and refuses one above the tolerance: 2e-4 of the output's largest absolute value."""
+
+    def __init__(self, file: str, relative: float = RELATIVE_TOLERANCE) -> None:
+        self.file = file
+        self.relative = relative
+        self.worst = 0.0
+        self.tolerance = 0.0
+
+    def check(self, name: str, expected: NDArray[np.float32], found: NDArray[np.float32], when: str) -> None:
+        """Compare one output. Raises ExportError."""
+        if expected.shape != found.shape:
+            raise ExportError(f"{self.file}: {name} has shape {found.shape}, its source gives {expected.shape}")
+        if not (np.isfinite(expected).all() and np.isfinite(found).all()):
+            raise ExportError(f"{self.file}: {name} is not finite ({when})")
+        scale = max(float(np.abs(expected).max(initial=0.0)), 1e-6)
+        difference = float(np.abs(expected.astype(np.float64) - found).max(initial=0.0))
+        if difference > self.relative * scale:
+            raise ExportError(
+                f"{self.file}: parity failed: {name} differs by {difference:.3g} ({when}); "
+                f"tolerance {self.relative * scale:.3g}, its values reach {scale:.3g}"
+            )
+        if difference >= self.worst:
+            self.worst, self.tolerance = difference, self.relative * scale
+
+    def result(self, steps: int, cases: int) -> Parity:
+        """The record for the manifest: the largest difference and the tolerance of the output where it occurred."""
+        return Parity(max_abs_difference=self.worst, tolerance=self.tolerance, steps=steps, cases=cases)
+
+
+def random_picture(generator: np.random.Generator, height: int, width: int) -> NDArray[np.float32]:
+    """A picture of coloured blocks under noise, (1, 3, height, width), whole values 0..255."""
+    blocks = generator.integers(0, 256, (1, 3, (height + 31) // 32, (width + 31) // 32))
+    coarse = np.repeat(np.repeat(blocks, 32, axis=2), 32, axis=3)[:, :, :height, :width]
+    noise = generator.integers(-60, 61, coarse.shape)
+    return np.clip(coarse + noise, 0, 255).astype(np.float32)
+
+
+def prove(bundle: Bundle, reference: Reference, heads: dict[str, PaperHead], exact: bool = False) -> dict[str, Parity]:
+    """Run source and bundle side by side; a Parity per file.
+
+    Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed with
+    its own features and its own states, every output of every step and the final state compared. exact: the
+    backbone's outputs must be equal bit for bit (an adopted file). Raises ExportError.
+    """
+    detector = bundle.manifest.detector
+    backbone = Comparison(detector.file, 0.0 if exact else RELATIVE_TOLERANCE)
+    chains = {kind: _Chain(bundle, kind, head) for kind, head in heads.items()}
+    for case in range(CASES):
+        generator = np.random.default_rng(case)
+        for chain in chains.values():
+            chain.start(generator)
+        for step in range(STEPS):
+            picture = random_picture(generator, detector.input.height, detector.input.width)
+            when = f"case {case}, step {step}"
+            expected = reference(picture)
+            found = bundle.backbone.run({detector.input.name: picture})
+            for name, tensor in expected.items():
+                backbone.check(name, tensor, found[name], when)
+            for kind, chain in chains.items():
+                feature = bundle.manifest.odometry[kind].feature
+                chain.step(expected.get(feature, found[feature]), found[feature], when)
+    return {detector.file: backbone.result(STEPS, CASES)} | {
+        chain.file: chain.comparison.result(STEPS, CASES) for chain in chains.values()
+    }
+
+
+class _Chain:
+    """One head's recurrent run on both sides."""
+
+    def __init__(self, bundle: Bundle, kind: str, head: PaperHead) -> None:
+        self._record, self._network = bundle.odometry_head(kind)
+        self._head = head.eval()
+        self.file = self._record.file
+        self.comparison = Comparison(self.file)
+
+    def start(self, generator: np.random.Generator) -> None:
+        states = [generator.standard_normal(state.shape).astype(np.float32) for state in self._record.states]
+        self._theirs: list[Tensor] = [torch.from_numpy(state) for state in states]
+        self._ours = {state.input: values for state, values in zip(self._record.states, states, strict=True)}
+
+    def step(self, expected: NDArray[np.float32], found: NDArray[np.float32], when: str) -> None:
+        with torch.no_grad():
+            motion, *self._theirs = self._head(torch.from_numpy(expected), *self._theirs)
+        outputs = self._network.run({self._record.feature_input: found, **self._ours})
+        self.comparison.check(self._record.motion, motion.numpy(), outputs[self._record.motion], when)
+        for state, tensor in zip(self._record.states, self._theirs, strict=True):
+            self.comparison.check(state.output, tensor.numpy(), outputs[state.output], when)
+        self._ours = {state.input: outputs[state.output] for state in self._record.states}
+
+
+def open_network(path: Path, threads: int = 2) -> Network:
+    """An ONNX file from elsewhere in onnxruntime, as a parity reference. Raises ExportError."""
+    import onnxruntime as ort
+
+    try:
+        return Network(ort.InferenceSession(str(path), session_options(threads), providers=["CPUExecutionProvider"]))
+    except Exception as error:  # onnxruntime's exceptions share no public base
+        raise ExportError(f"{path}: onnxruntime does not load it ({str(error).splitlines()[0][:160]})") from None

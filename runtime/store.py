@@ -1,0 +1,110 @@
+"""The cache on this machine: where bundles and downloads lie, and how a finished bundle gets in."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import quote
+
+import platformdirs
+
+from edgemap.runtime.bundle import MANIFEST_NAME, read_manifest, verified_file
+from edgemap.runtime.download import download
+from edgemap.runtime.errors import BundleError
+
+MANIFEST_BYTES = 4 << 20
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+def cache_folder() -> Path:
+    """`$EDGEMAP_CACHE`, or the user's cache folder for edgemap."""
+    return Path(os.environ.get("EDGEMAP_CACHE") or platformdirs.user_cache_path("edgemap"))
+
+
+def downloads_folder() -> Path:
+    """Where fetched files lie."""
+    return cache_folder() / "downloads"
+
+
+def bundle_folder(name: str) -> Path:
+    """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name in the cache."""
+    path = Path(name).expanduser()
+    if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
+        return path
+    return cache_folder() / "bundles" / name
+
+
+def install_folder(folder: Path) -> Path:
+    """Copy a finished bundle into the cache under its own name, every file checked. Raises BundleError."""
+    manifest = read_manifest(folder)
+    target = _place(manifest.name, str(folder))
+    if target.exists() and target.resolve() == folder.resolve():
+        return target
+    with staged(target) as stage:
+        for name in manifest.sha256:
+            (stage / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(verified_file(folder, manifest, name), stage / name)
+            verified_file(stage, manifest, name)
+        shutil.copyfile(folder / MANIFEST_NAME, stage / MANIFEST_NAME)
+    return target
+
+
+def install_url(url: str, progress: bool = True) -> Path:
+    """Fetch a finished bundle from the folder at `url` (or its bundle.json) into the cache, every file checked.
+
+    Raises BundleError or DownloadError; the cache is left as it was.
+    """
+    base = url.removesuffix(MANIFEST_NAME).rstrip("/")
+    with tempfile.TemporaryDirectory() as name:
+        page = download(f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, most_bytes=MANIFEST_BYTES, progress=False)
+        manifest, text = read_manifest(page.parent), page.read_bytes()
+    target = _place(manifest.name, url)
+    with staged(target) as stage:
+        for name, expected in manifest.sha256.items():
+            fetched = download(f"{base}/{quote(name)}", downloads_folder() / expected, sums=(expected,), progress=progress)
+            (stage / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(fetched, stage / name)
+        (stage / MANIFEST_NAME).write_bytes(text)
+    return target
+
+
+@contextmanager
+def staged(target: Path) -> Iterator[Path]:
+    """An empty folder beside `target` that takes its place in one rename when the block ends well, and else goes.
+
+    Raises BundleError where `target` holds something that is no bundle: that is never overwritten.
+    """
+    if target.exists() and not (target.is_dir() and (not any(target.iterdir()) or (target / MANIFEST_NAME).is_file())):
+        raise BundleError(f"{target} exists and is no bundle: left alone")
+    stage = target.parent / f".{target.name}.{os.getpid()}.new"
+    old = target.parent / f".{target.name}.{os.getpid()}.old"
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(stage, ignore_errors=True)
+        stage.mkdir()
+    except OSError as error:
+        raise BundleError(f"{target}: cannot be written ({error.strerror})") from None
+    try:
+        yield stage
+        if target.exists():
+            target.rename(old)
+        try:
+            stage.rename(target)
+        except OSError:
+            if old.exists():
+                old.rename(target)
+            raise
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _place(name: str, source: str) -> Path:
+    if not _NAME.fullmatch(name):
+        raise BundleError(f"bundle {source}: its name {name!r} is no file name")
+    return cache_folder() / "bundles" / name
