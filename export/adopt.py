@@ -88,8 +88,8 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]
     """Recognise a detector and tap its feature tensor as one more output.
 
     feature: a tensor's name, or `stride8`, `stride16`, `stride32`; None taps nothing. The only known rule is
-    YOLOX's: one output (1, cells of strides 8, 16, 32, 5 + classes). Its pictures are BGR, 0..255, letterboxed to the top
-    left with grey 114. Raises ExportError.
+    YOLOX's: one output (1, cells of strides 8, 16, 32, 5 + classes). Its pictures are BGR, 0..255, letterboxed to the
+    top left with grey 114. Raises ExportError.
     """
     model = load_onnx(path)
     spec, head, classes = _yolox(model, path)
@@ -141,8 +141,14 @@ def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> Featur
             raise ExportError(f"{path}: {error}") from None
     if named is None:
         raise ExportError(f"{path}: no tensor {feature!r} of static shape (1, C, H, W); {len(tensors)} others have one")
-    if spec.width % named.width or spec.height % named.height or spec.width // named.width != spec.height // named.height:
-        raise ExportError(f"{path}: tensor {feature!r} has {named.height}x{named.width} cells, no whole stride of the input")
+    if (
+        spec.width % named.width
+        or spec.height % named.height
+        or spec.width // named.width != spec.height // named.height
+    ):
+        raise ExportError(
+            f"{path}: tensor {feature!r} has {named.height}x{named.width} cells, no whole stride of the input"
+        )
     shape = (1, named.channels, named.height, named.width)
     if named.name not in {value.name for value in model.graph.output}:
         model.graph.output.append(onnx.helper.make_tensor_value_info(named.name, onnx.TensorProto.FLOAT, shape))

@@ -19,8 +19,8 @@ Proof = Callable[[Bundle], dict[str, Parity]]
 def write_bundle(out: Path, manifest: Manifest, models: dict[str, ModelProto], proof: Proof) -> Path:
     """Write models and manifest to the folder `out`; the manifest's sums and parity are filled in here.
 
-    The bundle is built under another name, loaded by the runtime, run against its source by `proof`, and renamed into place.
-    Raises ExportError or BundleError; then nothing is left and an older bundle at `out` stays.
+    The bundle is built under another name, loaded by the runtime, run against its source by `proof`, and renamed into
+    place. Raises ExportError or BundleError; then nothing is left and an older bundle at `out` stays.
     """
     with staged(out) as stage:
         for name, model in models.items():

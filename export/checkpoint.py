@@ -19,8 +19,8 @@ class HeadCheckpoint:
     """A head with all that a bundle says about it.
 
     feature: which tensor of the backbone it reads, in export's words (`head`, `neck`, `stride32`, …). sigma: standard
-    deviations of forward_m, left_m, yaw_rad of one step. envelope, measured: as in the manifest. trained: false for random
-    weights.
+    deviations of forward_m, left_m, yaw_rad of one step. envelope, measured: as in the manifest. trained: false for
+    random weights.
     """
 
     head: PaperHead
@@ -36,7 +36,9 @@ class HeadCheckpoint:
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
     """Write a checkpoint: plain values and tensors, nothing that needs unpickling of code."""
     head = checkpoint.head
-    document: dict[str, Any] = {item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"}
+    document: dict[str, Any] = {
+        item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"
+    }
     document |= {
         "format": FORMAT,
         "shape": list(head.shape),
@@ -48,7 +50,7 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
 
 
 def load_head(path: Path) -> HeadCheckpoint:
-    """Read a checkpoint. Raises ExportError where it is no checkpoint, damaged, or above the paper's parameter count."""
+    """Read a checkpoint. Raises ExportError where it is none, is damaged, or exceeds the paper's parameter count."""
     if not path.is_file():
         raise ExportError(f"{path}: no such checkpoint")
     try:

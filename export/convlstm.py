@@ -19,8 +19,8 @@ SLOPE = 0.1  # of the leaky ReLU, as in Darknet
 class ConvLSTMCell(nn.Module):
     """One ConvLSTM step with 3x3 kernels; hidden h and cell c go in and come out, (1, hidden, H, W).
 
-    i, f, o = sigmoid and g = leaky ReLU of one convolution over [x, h]; c' = f c + i g; h' = o leaky ReLU(c'). The leaky
-    ReLU stands where the textbook has tanh (paper, section 4.5). The forget gate's bias starts at 1.
+    i, f, o = sigmoid and g = leaky ReLU of one convolution over [x, h]; c' = f c + i g; h' = o leaky ReLU(c'). The
+    leaky ReLU stands where the textbook has tanh (paper, section 4.5). The forget gate's bias starts at 1.
     """
 
     def __init__(self, channels: int, hidden: int) -> None:
@@ -39,8 +39,8 @@ class PaperHead(nn.Module):
     """Features of one frame and the state to the base's motion since the previous frame, and the new state.
 
     Two ConvLSTM layers of 64 channels on the standardised map, then two dense layers over ALL cells. Pooling over cells
-    would be cheaper but forget where in the picture something moved, which is what tells turning from driving. The first
-    dense layer is as wide (up to 128) as the paper's parameter count leaves room for.
+    would be cheaper but forget where in the picture something moved, which is what tells turning from driving. The
+    first dense layer is as wide (up to 128) as the paper's parameter count leaves room for.
 
     shape: (1, C, H, W) of the features. Buffers, not trained by gradient: feature_mean and feature_std, (1, C, 1, 1);
     motion_scale (3,), metres, metres, radians per unit of output. Raises ExportError where the count cannot be kept.
@@ -55,6 +55,9 @@ class PaperHead(nn.Module):
         flat = hidden[-1] * height * width
         self.dense = nn.Linear(flat, dense or _dense_units(flat, _count(self.cells), self.shape))
         self.out = nn.Linear(self.dense.out_features, 3)
+        self.feature_mean: Tensor
+        self.feature_std: Tensor
+        self.motion_scale: Tensor
         self.register_buffer("feature_mean", torch.zeros(1, channels, 1, 1))
         self.register_buffer("feature_std", torch.ones(1, channels, 1, 1))
         self.register_buffer("motion_scale", torch.tensor([0.02, 0.01, 0.04]))
@@ -70,7 +73,7 @@ class PaperHead(nn.Module):
         return [(1, hidden, *self.shape[2:]) for hidden in self.hidden for _ in "hc"]
 
     def forward(self, feature: Tensor, *state: Tensor) -> tuple[Tensor, ...]:
-        """feature (1, C, H, W), state h1, c1, h2, c2, …: motion (1, 3) forward_m, left_m, yaw_rad, then the new state."""
+        """feature (1, C, H, W), state h1, c1, h2, c2: motion (1, 3) forward_m, left_m, yaw_rad, then the new state."""
         x = (feature - self.feature_mean) / self.feature_std
         new: list[Tensor] = []
         for cell, h, c in zip(self.cells, state[0::2], state[1::2], strict=True):
@@ -92,7 +95,8 @@ def random_head(shape: Sequence[int], seed: int = 0) -> PaperHead:
                 module.weight.uniform_(-bound, bound, generator=generator)
                 module.bias.zero_()
         for cell in head.cells:
-            assert isinstance(cell, ConvLSTMCell) and cell.gates.bias is not None
+            assert isinstance(cell, ConvLSTMCell)
+            assert cell.gates.bias is not None
             cell.gates.bias[cell.hidden : 2 * cell.hidden] = 1.0
     return head
 

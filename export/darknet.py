@@ -45,7 +45,7 @@ class Darknet(nn.Module):
 
     @classmethod
     def from_cfg(cls, cfg: Path | str, size: tuple[int, int] | None = None) -> Darknet:
-        """From a cfg file (Path) or a cfg's text. size: (width, height) in px instead of the cfg's. Raises ExportError."""
+        """From a cfg file (Path) or text. size: (width, height) in px instead of the cfg's. Raises ExportError."""
         return cls(read_cfg(cfg) if isinstance(cfg, Path) else parse_cfg(cfg), size)
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
@@ -64,7 +64,8 @@ class Darknet(nn.Module):
         _, height, width = self.shapes[layer]
         if self.height % height or self.width % width or self.height // height != self.width // width:
             raise ExportError(
-                f"{self.name}: layer {layer} has {height}x{width} cells, no whole stride of a {self.width}x{self.height} input"
+                f"{self.name}: layer {layer} has {height}x{width} cells, "
+                f"no whole stride of a {self.width}x{self.height} input"
             )
         return self.width // width
 
@@ -120,7 +121,9 @@ class Darknet(nn.Module):
     def _sources(self, section: Section, key: str, index: int) -> list[int]:
         sources = [number if number >= 0 else index + number for number in section.integers(key)]
         if not sources or any(not 0 <= source < index for source in sources):
-            raise ExportError(f"{section.where} {key}={section.text(key)}: this is layer {index}, sources are 0 to {index - 1}")
+            raise ExportError(
+                f"{section.where} {key}={section.text(key)}: this is layer {index}, sources are 0 to {index - 1}"
+            )
         return sources
 
     def _route(self, section: Section, index: int) -> tuple[layers.Layer, Shape]:
@@ -131,7 +134,9 @@ class Darknet(nn.Module):
             sizes = ", ".join(f"{source}: {s[1]}x{s[2]}" for source, s in zip(sources, shapes, strict=True))
             raise ExportError(f"{section.where} joins layers of different sizes ({sizes})")
         if group >= groups or any(shape[0] % groups for shape in shapes):
-            raise ExportError(f"{section.where} group_id={group} of groups={groups} does not fit {[s[0] for s in shapes]} channels")
+            raise ExportError(
+                f"{section.where} group_id={group} of groups={groups} does not fit {[s[0] for s in shapes]} channels"
+            )
         channels = sum(shape[0] // groups for shape in shapes)
         return layers.Route(sources, groups, group), (channels, *shapes[0][1:])
 
@@ -142,7 +147,9 @@ class Darknet(nn.Module):
         shape = self.shapes[index - 1] if index else (0, 0, 0)
         for source in sources:
             if self.shapes[source] != shape:
-                raise ExportError(f"{section.where} adds layer {source} of shape {self.shapes[source]} to shape {shape}")
+                raise ExportError(
+                    f"{section.where} adds layer {source} of shape {self.shapes[source]} to shape {shape}"
+                )
         return layers.Shortcut([index - 1, *sources], layers.activation(section, "linear")), shape
 
     def _yolo(self, section: Section, index: int, shape: Shape) -> tuple[layers.Layer, Shape]:
@@ -156,11 +163,11 @@ class Darknet(nn.Module):
         expected = len(mask) * (classes + 5)
         if shape[0] != expected:
             raise ExportError(
-                f"{section.where} needs {expected} filters before it ({len(mask)} anchors x ({classes} classes + 5)), found {shape[0]}"
+                f"{section.where} needs {expected} filters before it ({len(mask)} anchors x ({classes} classes + 5)), "
+                f"found {shape[0]}"
             )
         anchors = tuple(pairs[number] for number in mask)
-        source = self.shapes and index - 1
-        self.heads.append(Yolo(source, classes, anchors, section.number("scale_x_y", 1.0), shape))
+        self.heads.append(Yolo(index - 1, classes, anchors, section.number("scale_x_y", 1.0), shape))
         return layers.Same([index - 1]), shape
 
 
@@ -171,7 +178,8 @@ def fold_batch_norm(network: Darknet) -> None:
             norm = layer.norm
             if norm is None:
                 continue
-            assert norm.running_var is not None and norm.running_mean is not None
+            assert norm.running_var is not None
+            assert norm.running_mean is not None
             factor = norm.weight.double() / torch.sqrt(norm.running_var.double() + norm.eps)
             bias = norm.bias.double() - norm.running_mean.double() * factor
             layer.conv.weight.copy_(layer.conv.weight.double() * factor[:, None, None, None])

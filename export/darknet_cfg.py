@@ -51,9 +51,7 @@ class Section:
         """A comma-separated option as real numbers. Raises ExportError."""
         return tuple(self._list(key, float, "numbers"))
 
-    def _one(
-        self, key: str, default: object, read: Callable[[str], Value], what: str, least: int | None
-    ) -> Value:
+    def _one(self, key: str, default: object, read: Callable[[str], Value], what: str, least: int | None) -> Value:
         if key not in self.options and default is not _REQUIRED:
             return default  # type: ignore[return-value]
         text = self.text(key)
@@ -74,7 +72,7 @@ class Section:
 
 
 def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
-    """Split a cfg into sections, `[net]` first. Of a key given twice the first counts, as in Darknet. Raises ExportError."""
+    """Split a cfg into sections, `[net]` first. Of a key given twice the first counts. Raises ExportError."""
     sections: list[Section] = []
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.split("#", 1)[0].split(";", 1)[0].strip()

@@ -14,8 +14,8 @@ from edgemap.export.errors import ExportError
 
 Shape = tuple[int, int, int]  # channels, height, width
 
-# As OpenCV's importer has it, nearest to Darknet's CPU code (1e-6 on the square root; its GPU code: 1e-5 on the variance).
-# The choice moves YOLOv3-tiny's logits, which reach 19, by up to 0.004.
+# As OpenCV's importer has it, nearest to Darknet's CPU code (1e-6 on the square root; its GPU code: 1e-5 on the
+# variance). The choice moves YOLOv3-tiny's logits, which reach 19, by up to 0.004.
 BATCH_NORM_EPSILON = 1e-6
 
 ACTIVATIONS: dict[str, Callable[[], nn.Module]] = {
@@ -31,7 +31,18 @@ ACTIVATIONS: dict[str, Callable[[], nn.Module]] = {
     "hardtan": nn.Hardtanh,
 }
 # Options that change what a layer computes and that this reader does not know.
-FOREIGN = ("stride_x", "stride_y", "binary", "xnor", "antialiasing", "share_index", "rotate", "deform", "reverse", "flipped")
+FOREIGN = (
+    "stride_x",
+    "stride_y",
+    "binary",
+    "xnor",
+    "antialiasing",
+    "share_index",
+    "rotate",
+    "deform",
+    "reverse",
+    "flipped",
+)
 
 
 class Layer(nn.Module):
@@ -159,9 +170,7 @@ def convolutional(section: Section, shape: Shape, source: int) -> tuple[Layer, S
     out_width = (width + 2 * padding * dilation - reach) // stride + 1
     if out_height < 1 or out_width < 1:
         raise ExportError(f"{section.where} size={size} does not fit into {height}x{width} cells")
-    conv = nn.Conv2d(
-        channels, filters, size, stride, padding * dilation, dilation, groups, bias=not normalised
-    )
+    conv = nn.Conv2d(channels, filters, size, stride, padding * dilation, dilation, groups, bias=not normalised)
     norm = nn.BatchNorm2d(filters, eps=BATCH_NORM_EPSILON) if normalised else None
     layer = Convolution(source, conv, norm, activation(section, "logistic"))
     return layer, (filters, out_height, out_width)

@@ -35,7 +35,8 @@ def tensors_in_file_order(network: Darknet) -> list[Tensor]:
             ordered.append(layer.conv.bias)
         else:
             norm = layer.norm
-            assert norm.running_mean is not None and norm.running_var is not None
+            assert norm.running_mean is not None
+            assert norm.running_var is not None
             ordered += [norm.bias, norm.weight, norm.running_mean, norm.running_var]
         ordered.append(layer.conv.weight)
     return ordered
@@ -106,7 +107,8 @@ def random_weights(network: Darknet, seed: int = 0) -> None:
             if layer.conv.bias is not None:
                 layer.conv.bias.normal_(0.0, 0.1, generator=generator)
             if layer.norm is not None:
-                assert layer.norm.running_mean is not None and layer.norm.running_var is not None
+                assert layer.norm.running_mean is not None
+                assert layer.norm.running_var is not None
                 layer.norm.weight.uniform_(0.5, 1.0, generator=generator)
                 layer.norm.bias.normal_(0.0, 0.1, generator=generator)
                 layer.norm.running_mean.normal_(0.0, 0.1, generator=generator)

@@ -71,11 +71,12 @@ def export_backbone(
 ) -> Path:
     """Export a backbone and its odometry heads as a bundle folder; gives `out`.
 
-    backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg or an .onnx file. weights: its .weights (for yolox-nano its
-    .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any, an untrained
-    paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked so. size: (width,
-    height) in px of a Darknet input. random_seed: random weights instead of a file, for timing. sources: where the weights
-    came from, for the manifest. Raises ExportError or another EdgemapError; then nothing is left at `out`.
+    backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg or an .onnx file. weights: its .weights (for yolox-nano
+    its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any, an
+    untrained paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked
+    so. size: (width, height) in px of a Darknet input. random_seed: random weights instead of a file, for timing.
+    sources: where the weights came from, for the manifest. Raises ExportError or another EdgemapError; then nothing is
+    left at `out`.
     """
     checkpoints = [load_head(path) for path in heads]
     kinds = [checkpoint.kind for checkpoint in checkpoints]
@@ -152,7 +153,7 @@ def _darknet(
         exact=False,
         measured={"weights": about},
         licence=known.licence if known else "not stated",
-        sources=sources or (weights.name if weights else "",),
+        sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
     )
 
 
@@ -232,7 +233,7 @@ def _adopted(backbone: str, weights: Path | None, wanted: list[str], sources: tu
         exact=True,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
         licence=known.licence if known else "not stated",
-        sources=sources or (path.name,),
+        sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
     )
 
 

@@ -16,7 +16,7 @@ from edgemap.runtime.store import downloads_folder
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
     """The model's file in the cache, and one line on where it came from with its sum.
 
-    given: a file or URL of the user's instead of the known sources. Raises DownloadError with one line per source tried.
+    given: a file or URL of the user's instead of the known sources. Raises DownloadError, a line per source tried.
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):

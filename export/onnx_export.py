@@ -24,7 +24,7 @@ PROTOBUF_LIMIT = 2_000_000_000  # bytes
 
 
 def backbone_to_onnx(network: Darknet, detector: Detector) -> ModelProto:
-    """A Darknet network that takes raw 0..255 pictures: batch normalisation and the factor 1/255 are folded into weights.
+    """A Darknet network for raw 0..255 pictures: batch normalisation and the factor 1/255 go into the weights.
 
     The outputs are named by the detector's heads and features in `network.outputs` order. The network is left as it is.
     """

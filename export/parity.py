@@ -19,14 +19,14 @@ STEPS = 8
 CASES = 2
 # Two float32 implementations sum in different orders. Over 75 convolutions that costs some 1e-5 of an output's largest
 # value; a wrong padding, activation or channel order costs more than 1e-2.
-RELATIVE_TOLERANCE = 2e-4
+RELATIVE_TOLERANCE = 1e-4
 
 # A reference backbone: raw picture (1, 3, H, W) in 0..255 to its outputs by name.
 Reference = Callable[[NDArray[np.float32]], Tensors]
 
 
 class Comparison:
-    """Keeps the largest difference, and refuses one above the tolerance: 2e-4 of the output's largest absolute value."""
+    """Keeps the largest difference; refuses one above 1e-4 of the output's largest absolute value."""
 
     def __init__(self, file: str, relative: float = RELATIVE_TOLERANCE) -> None:
         self.file = file
@@ -66,8 +66,8 @@ def random_picture(generator: np.random.Generator, height: int, width: int) -> N
 def prove(bundle: Bundle, reference: Reference, heads: dict[str, PaperHead], exact: bool = False) -> dict[str, Parity]:
     """Run source and bundle side by side; a Parity per file.
 
-    Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed with
-    its own features and its own states, every output of every step and the final state compared. exact: the
+    Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed
+    with its own features and its own states, every output of every step and the final state compared. exact: the
     backbone's outputs must be equal bit for bit (an adopted file). Raises ExportError.
     """
     detector = bundle.manifest.detector

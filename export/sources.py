@@ -77,9 +77,7 @@ KNOWN = {
             ),
             bytes=4_000_000,
             licence="Apache-2.0 (Megvii, YOLOX)",
-            sources=(
-                Web("https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx"),
-            ),
+            sources=(Web("https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx"),),
         ),
     )
 }

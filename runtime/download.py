@@ -43,8 +43,8 @@ def download(
 ) -> Path:
     """Fetch `url` into `target`; a broken transfer leaves `target.part` and goes on from there the next time.
 
-    sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source (the URL
-    by default). Raises DownloadError, one line; `target` appears only when it is whole and right.
+    sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source
+    (the URL by default). Raises DownloadError, one line; `target` appears only when it is whole and right.
     """
     if target.is_file() and (not sums or sha256_file(target) in sums):
         return target
@@ -71,7 +71,9 @@ def download(
         raise DownloadError(f"{label}: broke off after {done:,} of {total:,} bytes; run again to go on from there")
     if sums and (seen := sha256_file(part)) not in sums:
         _forget(part, notes)
-        raise DownloadError(f"{label}: sha256 {seen[:12]}…, expected {' or '.join(s[:12] + '…' for s in sums)}; deleted")
+        raise DownloadError(
+            f"{label}: sha256 {seen[:12]}…, expected {' or '.join(s[:12] + '…' for s in sums)}; deleted"
+        )
     part.replace(target)
     notes.unlink(missing_ok=True)
     return target
@@ -164,4 +166,4 @@ def _receive(
 def _in_words(reason: object, timeout_s: float) -> str:
     if isinstance(reason, TimeoutError):
         return f"no answer within {timeout_s:g} s"
-    return str(reason).strip() or type(reason).__name__
+    return getattr(reason, "strerror", None) or str(reason).strip() or type(reason).__name__

@@ -61,12 +61,16 @@ def install_url(url: str, progress: bool = True) -> Path:
     """
     base = url.removesuffix(MANIFEST_NAME).rstrip("/")
     with tempfile.TemporaryDirectory() as name:
-        page = download(f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, most_bytes=MANIFEST_BYTES, progress=False)
+        page = download(
+            f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, most_bytes=MANIFEST_BYTES, progress=False
+        )
         manifest, text = read_manifest(page.parent), page.read_bytes()
     target = _place(manifest.name, url)
     with staged(target) as stage:
         for name, expected in manifest.sha256.items():
-            fetched = download(f"{base}/{quote(name)}", downloads_folder() / expected, sums=(expected,), progress=progress)
+            fetched = download(
+                f"{base}/{quote(name)}", downloads_folder() / expected, sums=(expected,), progress=progress
+            )
             (stage / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.move(fetched, stage / name)
         (stage / MANIFEST_NAME).write_bytes(text)

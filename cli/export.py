@@ -1,0 +1,93 @@
+"""`edgemap export`: trained weights to a bundle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from edgemap.geometry.errors import EdgemapError
+
+
+class UsageError(EdgemapError):
+    """Arguments that do not go together."""
+
+
+def command(
+    checkpoint: Annotated[
+        Path | None,
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="[CHECKPOINT]", help="A trained odometry head (.pt); it names its backbone."),
+    ] = None,
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="DIR", help="The bundle folder to write.")],
+    backbone: Annotated[
+        str | None,
+        tyro.conf.arg(metavar="NAME|FILE", help="yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg or an .onnx file."),
+    ] = None,
+    weights: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            metavar="FILE", help="The backbone's .weights (yolox-nano: .onnx); fetched for a NAME without it."
+        ),
+    ] = None,
+    head: Annotated[
+        tuple[Path, ...],
+        tyro.conf.arg(metavar="CHECKPOINT", help="Trained odometry heads; without any, an untrained paper head."),
+    ] = (),
+    feature: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="NAME",
+            help="What the untrained head reads: head (raw coarse map, the default), neck, stride8, stride16, layer:N; "
+            "for ONNX files a tensor's name or stride8, stride16, stride32 (the default).",
+        ),
+    ] = None,
+    size: Annotated[
+        tuple[int, int] | None, tyro.conf.arg(metavar="W H", help="Input size in pixels of a Darknet backbone.")
+    ] = None,
+    random_weights: Annotated[
+        bool, tyro.conf.arg(help="Seeded random weights instead of a file, for timing only; detects nothing.")
+    ] = False,
+) -> None:
+    """Write a bundle that the robot loads, proven against its source.
+
+    Random pictures and random states run through the source and through onnxruntime, a chain of steps; the largest
+    difference goes into bundle.json. A bundle that fails is not left behind.
+    """
+    from edgemap.cli.extras import need_export
+
+    need_export()
+    from edgemap.export.checkpoint import load_head
+    from edgemap.export.exporter import export_backbone
+    from edgemap.runtime.bundle import read_manifest
+
+    heads = list(head)
+    if checkpoint is not None:
+        heads.insert(0, checkpoint)
+        backbone = backbone or load_head(checkpoint).backbone
+    if backbone is None:
+        raise UsageError("what to export? edgemap export CHECKPOINT -o DIR, or edgemap export --backbone NAME -o DIR")
+    seed = 0 if random_weights else None
+    export_backbone(backbone, output, weights=weights, heads=heads, feature=feature, size=size, random_seed=seed)
+    describe(output, read_manifest(output))
+
+
+def describe(folder: Path, manifest: object) -> None:
+    """Say what a bundle holds and how near its source it is."""
+    from edgemap.runtime.bundle import Manifest
+
+    assert isinstance(manifest, Manifest)
+    size = manifest.detector.input
+    print(
+        f"bundle {manifest.name} in {folder}/: {size.width}x{size.height} input, "
+        f"{len(manifest.detector.classes)} classes"
+    )
+    for kind, head in manifest.odometry.items():
+        print(f"  {kind} odometry: {head.parameters:,} parameters, {'trained' if head.trained else 'NOT trained'}")
+    for name, proof in manifest.parity.items():
+        print(
+            f"  {name}: differs from its source by {proof.max_abs_difference:.2g} at most "
+            f"(allowed {proof.tolerance:.2g}), {proof.cases} chains of {proof.steps} steps"
+        )

@@ -1,0 +1,79 @@
+"""`edgemap pull`: known models and finished bundles, into the cache."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+def command(
+    source: Annotated[
+        str,
+        tyro.conf.Positional,
+        tyro.conf.arg(
+            metavar="NAME|URL|FOLDER",
+            help="yolov3-tiny, yolov3 or yolox-nano (needs the extra 'export'); or a finished bundle: its folder, or "
+            "the URL of one (needs nothing).",
+        ),
+    ],
+    given: Annotated[
+        str | None,
+        tyro.conf.arg(name="from", metavar="FILE|URL", help="The model's file, for machines that reach no source."),
+    ] = None,
+) -> None:
+    """Fetch a model into the cache, ready to run.
+
+    Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it, and a broken
+    transfer goes on where it stopped.
+    """
+    from edgemap.runtime.download import is_url
+    from edgemap.runtime.store import install_folder, install_url
+
+    if is_url(source):
+        folder = install_url(source)
+    elif not known(source) and Path(source).expanduser().exists():
+        folder = install_folder(Path(source).expanduser())
+    else:
+        folder = pull_known(source, given)
+    print(f"ready: {folder}")
+
+
+def known(name: str) -> bool:
+    """Whether a name is one of the models that can be fetched."""
+    from edgemap.export.sources import KNOWN
+
+    return name in KNOWN
+
+
+def pull_known(name: str, given: str | None = None) -> Path:
+    """Fetch a known model and export it into the cache; gives the bundle's folder, at once where it is there already.
+
+    given: a file or URL instead of the known sources. Raises BundleError for an unknown name, MissingExtraError,
+    DownloadError or ExportError.
+    """
+    from edgemap.cli.extras import need_export
+    from edgemap.export.sources import KNOWN
+    from edgemap.runtime.bundle import read_manifest, verified_file
+    from edgemap.runtime.errors import BundleError
+    from edgemap.runtime.store import cache_folder
+
+    if name not in KNOWN:
+        raise BundleError(f"{name!r} is neither a bundle's folder nor URL, nor a known model ({', '.join(KNOWN)})")
+    folder = cache_folder() / "bundles" / name
+    if given is None and folder.is_dir():
+        try:
+            manifest = read_manifest(folder)
+            for file in manifest.sha256:
+                verified_file(folder, manifest, file)
+        except BundleError:
+            pass  # damaged or of an older format: made anew
+        else:
+            return folder
+    need_export(f"edgemap pull {name}")
+    from edgemap.export.exporter import export_backbone
+    from edgemap.export.obtain import obtain
+
+    weights, sources = obtain(KNOWN[name], given)
+    return export_backbone(name, folder, weights=weights, sources=sources)
