@@ -58,7 +58,7 @@ def command(
     rule = FloorRule(mapped=loaded.mapped)
     documents = []
     for path in images:
-        from edgemap.runtime.cameras.pictures import read_picture
+        from edgemap.runtime.drives.pictures import read_picture
 
         picture = read_picture(path)
         detections = detector(picture)

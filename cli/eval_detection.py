@@ -30,7 +30,7 @@ def command(
     from tqdm import tqdm
 
     from edgemap.evaluation.detection import ScoredPicture, average_precision
-    from edgemap.runtime.cameras import open_labelled
+    from edgemap.runtime.drives.labelled import labelled_pictures
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
 
@@ -38,7 +38,7 @@ def command(
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
     number = {name: index for index, name in enumerate(loaded.names)}
     pictures, unknown = [], 0
-    for image, truth in tqdm(open_labelled(data, frames), unit=" pictures", disable=json or None):
+    for image, truth in tqdm(labelled_pictures(data, frames), unit=" pictures", disable=json or None):
         known = [row for row, label in enumerate(truth.labels) if label in number]
         unknown += len(truth.labels) - len(known)
         found = detector(image)

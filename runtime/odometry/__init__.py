@@ -6,13 +6,14 @@ from pathlib import Path
 
 from edgemap.geometry.floor import FloorCamera
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
-from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry, read_wheel_csv
+from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.session import Bundle
-from edgemap.runtime.trajectory import read_tum
+from edgemap.runtime.trajectory import Trajectory, read_tum
 
 __all__ = ["Motion", "Odometry", "open_odometry"]
 
@@ -30,7 +31,7 @@ def open_odometry(
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
         return RecordedOdometry(camera.truth, "truth")
     if spec.startswith("wheel:"):
-        return RecordedOdometry(read_wheel_csv(Path(spec.removeprefix("wheel:"))), spec, WHEEL)
+        return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec)
     raise OdometryError(f"odometry {spec!r} is not planar, paper, truth, wheel:FILE.csv or FILE.tum")

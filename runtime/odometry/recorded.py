@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -57,34 +55,3 @@ class RecordedOdometry:
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""
         self._last = None
-
-
-def read_wheel_csv(path: Path) -> Trajectory:
-    """Wheel odometry: columns stamp_s, x_m, y_m, yaw_rad (cumulative pose of the base), with a header line.
-
-    Raises OdometryError with the line number for missing columns and values that are not finite numbers.
-    """
-    columns = ("stamp_s", "x_m", "y_m", "yaw_rad")
-    stamps, poses = [], []
-    try:
-        with path.open(newline="") as stream:
-            reader = csv.DictReader(stream)
-            if not set(columns) <= set(reader.fieldnames or ()):
-                raise OdometryError(f"{path}: needs the columns {', '.join(columns)}, found {reader.fieldnames}")
-            for row in reader:
-                try:
-                    stamp, x, y, yaw = (float(row[column]) for column in columns)
-                except (TypeError, ValueError):
-                    stamp = x = y = yaw = math.nan
-                if not all(map(math.isfinite, (stamp, x, y, yaw))):
-                    raise OdometryError(f"{path}:{reader.line_num}: not four finite numbers ({', '.join(columns)})")
-                stamps.append(stamp)
-                poses.append(SE2(x, y, yaw))
-    except (OSError, UnicodeDecodeError) as error:
-        raise OdometryError(f"{path}: cannot be read ({error})") from None
-    if not poses:
-        raise OdometryError(f"{path}: no rows in it")
-    try:
-        return Trajectory(np.array(stamps), tuple(poses))
-    except OdometryError as error:
-        raise OdometryError(f"{path}: {error}") from None
