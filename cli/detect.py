@@ -55,7 +55,7 @@ def command(
         raise OptionError("no pictures given")
     loaded = find_bundle(bundle, threads)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
-    rule = FloorRule(mapped=loaded.mapped)
+    rule = FloorRule()  # people and pets too: only maps leave them out
     documents = []
     for path in images:
         from edgemap.runtime.drives.pictures import read_picture

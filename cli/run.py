@@ -48,7 +48,10 @@ def command(
         str | None, tyro.conf.arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
     ] = None,
     confidence: Confidence = 0.3,
-    clustering: Literal["default", "paper"] = "default",
+    clustering: Annotated[
+        Literal["default", "paper"],
+        tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
+    ] = "default",
     out: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
     ] = None,

@@ -38,6 +38,7 @@ def _distances(axes: Axes, sightings: list[Sighting]) -> None:
     rows = np.arange(len(ordered))
     errors = [np.sqrt(np.linalg.eigvalsh(s.covariance_m2 + s.shared_m2)[-1]) for s in ordered]
     axes.barh(rows, [s.distance_m for s in ordered], xerr=errors, color=[colours[s.label] for s in ordered], ecolor=INK)
+    axes.set_ylim(-0.8, max(len(ordered), 4) - 0.2)
     axes.set_yticks(rows, [s.label for s in ordered])
     for row, sighting in enumerate(ordered):
         size = f"{sighting.distance_m:.2f} m   ({sighting.width_m:.2f} x {sighting.height_m:.2f} m)"
@@ -62,3 +63,4 @@ def _map(axes: Axes, sightings: list[Sighting]) -> None:
     axes.set_xlim(reach * 0.7, -reach * 0.7)
     axes.set_ylim(-0.15 * reach, reach)
     floor_axes(axes, "(c) 2-D map", "base")
+    axes.set_aspect("equal", adjustable="box")

@@ -46,7 +46,7 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
 def draw_detections(image: Picture, detections: Detections, sightings: list[Sighting]) -> Picture:
     """A copy of the picture with all boxes: green with a distance for those on the floor, grey for the others."""
     picture = image.copy()
-    thickness = max(1, image.shape[1] // 400)
+    thickness = max(2, image.shape[1] // 320)
     placed = {sighting.detection: sighting for sighting in sightings}
     for index in np.argsort([index in placed for index in range(len(detections))], kind="stable"):
         x0, y0, x1, y1 = detections.boxes[index].round().astype(int).tolist()
@@ -73,7 +73,10 @@ def _inside(picture: Picture, pixel: NDArray[np.float64]) -> bool:
 
 
 def _text(picture: Picture, text: str, pixel: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
-    scale = max(0.45, picture.shape[1] / 1400)
-    origin = int(pixel[0]), int(pixel[1])
-    cv2.putText(picture, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), 3, cv2.LINE_AA)
-    cv2.putText(picture, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+    """Text on a dark plate whose lower left corner is the pixel, kept inside the picture."""
+    scale = max(0.45, picture.shape[1] / 1600)
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+    x = max(0, min(int(pixel[0]), picture.shape[1] - width - 4))
+    y = max(height + 4, min(int(pixel[1]), picture.shape[0] - below))
+    cv2.rectangle(picture, (x, y - height - 4), (x + width + 4, y + below - 1), (35, 32, 30), -1)
+    cv2.putText(picture, text, (x + 2, y - 2), cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)

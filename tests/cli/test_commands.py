@@ -1,0 +1,240 @@
+"""The command line as a user meets it: real processes, exit codes, one line per known failure."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.geometry.floor_map import load_map
+
+
+def one_line(result, code=1):
+    """The single line that a known failure prints; no traceback."""
+    assert result.returncode == code, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+def test_help_is_quick_and_names_every_command(edgemap):
+    from edgemap.cli import COMMANDS
+
+    result = edgemap("--help")
+    assert result.returncode == 0
+    for words in COMMANDS:
+        assert words in result.stdout
+
+
+@pytest.mark.parametrize("module", ["numpy", "cv2", "onnxruntime", "torch", "tyro", "scipy"])
+def test_help_imports_nothing_heavy(module):
+    code = f"import sys; sys.argv = ['edgemap', '--help']\nfrom edgemap.cli import main\ntry: main()\nexcept SystemExit: pass\nassert '{module}' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("words", ["run", "detect", "bench", "pull", "export", "eval detection", "map show", "doctor"])
+def test_every_command_explains_itself_without_its_heavy_imports(words):
+    code = (
+        f"import sys\nfrom edgemap.cli import main\ntry: main({words.split() + ['--help']!r})\nexcept SystemExit as e: assert e.code == 0\n"
+        "heavy = {'torch', 'cv2', 'onnxruntime', 'matplotlib', 'onnx'} & set(sys.modules)\nassert not heavy, heavy"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "usage: edgemap " + words in result.stdout
+
+
+def test_pitch_says_which_way_is_positive(edgemap):
+    text = " ".join(edgemap("run", "--help").stdout.replace("│", " ").split())
+    assert "pitch in degrees, positive looking DOWN" in text
+    assert "metres" in text
+
+
+@pytest.mark.parametrize(
+    "arguments", [(), ("fly",), ("eval",), ("map", "fold"), ("run", "--no-such-flag"), ("run", "--frames", "many")]
+)
+def test_wrong_usage_exits_2(edgemap, arguments):
+    assert edgemap(*arguments).returncode == 2
+
+
+def test_commands_of_later_issues_are_absent(edgemap):
+    for words in ("simulate", "train", "record", "calibrate"):
+        assert edgemap(words).returncode == 2
+
+
+def test_run_on_pictures_makes_a_map(edgemap, painted_bundle, pictures, tmp_path):
+    out = tmp_path / "run"
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
+    assert result.returncode == 0, result.stderr
+    assert [item.id for item in load_map(out)] == ["chair-1"]
+    record = json.loads((out / "run.json").read_text())
+    assert record["mount"]["height_m"] == 1.0
+    assert record["bundle"]["sha256"]
+    assert cv2.imread(str(out / "mount.jpg")) is not None
+
+
+def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictures, tmp_path):
+    out = tmp_path / "run"
+    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out, "--clustering", "paper")
+    result = edgemap("map", "show", out)
+    assert "chair-1" in result.stdout
+    picture = cv2.imread(str(out / "map.png"))
+    assert picture.shape[1] > 2 * picture.shape[0]  # three panels
+    assert edgemap("map", "show", out / "map.json", "--out", tmp_path / "only.svg").returncode == 0
+    assert "<svg" in (tmp_path / "only.svg").read_text()
+
+
+def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_path):
+    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", "--classes")
+    assert "people and animals are detected but never mapped" in one_line(edgemap(*run, "person"))
+    assert "the bundle knows chair, couch, person" in one_line(edgemap(*run, "unicorn"))
+    assert edgemap(*run, "couch").returncode == 0
+    assert load_map(tmp_path / "run") == []
+
+
+def test_no_mount_is_refused_with_how_to_measure_one(edgemap, painted_bundle, pictures):
+    (pictures / "camera.yaml").unlink()
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,32,32")
+    line = one_line(result)
+    assert "measure the lens's height above the floor" in line
+    assert "--mount HEIGHT_M,PITCH_DEG" in line
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--mount", "1,0")
+    assert "--intrinsics FX,FY,CX,CY" in one_line(result)
+
+
+@pytest.mark.parametrize(
+    ("flags", "text"),
+    [
+        (("--intrinsics", "nan,50,32,32"), "must be finite"),
+        (("--intrinsics=-50,50,32,32",), "fx is -50.0"),
+        (("--intrinsics", "50,50"), "expected 4 numbers, FX,FY,CX,CY"),
+        (("--mount", "1.0,-60"), "looks at the sky"),
+        (("--mount=-1,0",), "height is -1.0 m"),
+        (("--mount", "high"), "expected 2 numbers, HEIGHT_M,PITCH_DEG"),
+        (("--odometry", "magic"), "odometry 'magic' is not"),
+        (("--odometry", "paper"), "untrained"),
+        (("--odometry", "truth"), "brings no poses"),
+        (("--odometry", "none.tum"), "none.tum: cannot be read"),
+        (("--odometry", "wheel:none.csv"), "none.csv"),
+    ],
+)
+def test_bad_values_are_one_line(edgemap, painted_bundle, pictures, flags, text):
+    assert text in one_line(edgemap("run", "--camera", pictures, "--bundle", painted_bundle, *flags))
+
+
+def test_an_untrained_head_runs_when_forced(edgemap, painted_bundle, pictures, tmp_path):
+    flags = ("--odometry", "paper", "--allow-untrained", "--out", tmp_path / "run")
+    assert edgemap("run", "--camera", pictures, "--bundle", painted_bundle, *flags).returncode == 0
+
+
+def test_a_picture_that_is_none_ends_the_run_with_the_map_saved(edgemap, painted_bundle, pictures, tmp_path):
+    (pictures / "8.png").write_bytes(b"not a picture")
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert "8.png: not a picture" in one_line(result)
+    assert load_map(tmp_path / "run")[0].count == 8
+
+
+def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
+    assert "no pictures in it" in one_line(edgemap("run", "--camera", tmp_path, "--bundle", painted_bundle))
+
+
+def write_video(path, count=40):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (64, 64))
+    rng = np.random.default_rng(0)
+    for _ in range(count):
+        writer.write(rng.integers(0, 255, (64, 64, 3), dtype=np.uint8))
+    writer.release()
+
+
+def test_a_video_that_ends_early_keeps_the_map(edgemap, painted_bundle, tmp_path):
+    write_video(tmp_path / "whole.avi")
+    data = (tmp_path / "whole.avi").read_bytes()
+    (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
+    flags = ("--bundle", painted_bundle, "--mount", "1,0", "--intrinsics", "50,50,32,32", "--out")
+    assert edgemap("run", "--camera", tmp_path / "whole.avi", *flags, tmp_path / "a").returncode == 0
+    line = one_line(edgemap("run", "--camera", tmp_path / "cut.avi", *flags, tmp_path / "b"))
+    assert "40" in line
+    assert 3 <= load_map(tmp_path / "b")[0].count < 40
+
+
+def test_ctrl_c_ends_cleanly_with_the_map_saved(painted_bundle, pictures, tmp_path):
+    out = tmp_path / "run"
+    (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 2.0"))
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", str(pictures), "--bundle", str(painted_bundle)]
+    process = subprocess.Popen(
+        [*command, "--out", str(out), "--realtime"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not (out / "mount.jpg").exists():
+        time.sleep(0.05)
+    time.sleep(1.6)
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=30)
+    assert process.returncode == 0, stderr
+    assert "stopped after" in stdout
+    record = json.loads((out / "run.json").read_text())
+    assert record["finished"]
+    assert 0 < record["frames"] < 12
+    assert load_map(out) is not None
+
+
+def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):
+    flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--json")
+    result = edgemap("detect", pictures / "0.png", pictures / "1.png", *flags)
+    first, second = json.loads(result.stdout)
+    assert first["detections"] == second["detections"]
+    chair = first["detections"][0]
+    assert (chair["label"], chair["on_floor"]) == ("chair", True)
+    assert chair["distance_m"] == pytest.approx(np.hypot(5.0, 0.8), abs=0.01)
+    assert first["horizon_row_px"] == pytest.approx(32.0)
+
+
+def test_detect_draws_figure_4(edgemap, painted_bundle, pictures, tmp_path):
+    flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--plot", tmp_path / "drawn")
+    assert edgemap("detect", pictures / "0.png", *flags).returncode == 0
+    assert cv2.imread(str(tmp_path / "drawn" / "0.png")) is not None
+
+
+def test_bench_prints_the_contract(edgemap, painted_bundle, pictures):
+    flags = ("--bundle", painted_bundle, "--seconds", "0.5", "--json", "--against", "openvino")
+    result = edgemap("bench", "--camera", pictures, *flags)
+    figures = json.loads(result.stdout)
+    assert {
+        "fps", "latency_ms", "stages_ms", "cold_start_s", "peak_rss_mb", "cpu_percent", "threads", "detect_every",
+        "provider", "precision", "against",
+    } <= set(figures)  # fmt: skip
+    assert figures["detect_every"] == 1
+    assert {"network_ratio", "end_to_end_ratio", "full_ratio"} <= set(figures["against"]["openvino"])
+
+
+def test_doctor_says_what_works_and_what_to_type(edgemap, painted_bundle, pictures, tmp_path):
+    grid = tmp_path / "grid.jpg"
+    result = edgemap("doctor", "--camera", pictures, "--bundle", painted_bundle, "--plot", grid)
+    assert result.returncode == 0, result.stdout
+    for topic in ("processor", "libraries", "realsense", "bundle", "camera", "mount"):
+        assert topic in result.stdout
+    assert cv2.imread(str(grid)) is not None
+    (pictures / "camera.yaml").unlink()
+    result = edgemap("doctor", "--camera", pictures, "--bundle", painted_bundle, "--json")
+    assert result.returncode == 1
+    broken = [finding for finding in json.loads(result.stdout) if finding["state"] == "broken"]
+    assert [finding["topic"] for finding in broken] == ["mount"]
+
+
+def test_no_realsense_is_one_line_and_exit_1(edgemap, painted_bundle):
+    assert "no RealSense device" in one_line(edgemap("run", "--camera", "realsense", "--bundle", painted_bundle))
+
+
+def test_an_unknown_camera_lists_what_is_understood(edgemap, painted_bundle):
+    line = one_line(edgemap("run", "--camera", "no/such/thing", "--bundle", painted_bundle))
+    assert "realsense" in line
+
+
+def test_an_unknown_bundle_is_one_line(edgemap, tmp_path):
+    import os
+
+    line = one_line(edgemap("run", "--bundle", "nonsense", env={**os.environ, "EDGEMAP_CACHE": str(tmp_path)}))
+    assert "nonsense" in line
