@@ -1,0 +1,51 @@
+"""What file cameras share: counting, the check of every frame's size against the lens, and closing."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.trajectory import Trajectory
+
+
+class CameraBase:
+    """The protocol's fields with nothing known, and `frame` to wrap a picture. Subclasses add `read`."""
+
+    def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
+        self.name = name
+        self.live = False
+        self.intrinsics = intrinsics
+        self.mount = mount
+        self.rate_hz: float | None = None
+        self.frame_count: int | None = None
+        self.truth: Trajectory | None = None
+        self._delivered = 0
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. See `Camera.read`."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Let go of the source; may be called twice."""
+
+    def frame(self, image: NDArray[np.uint8], stamp_s: float, name: str) -> Frame:
+        """The picture as the next delivered frame. Raises CameraError where its size is not the lens's."""
+        height, width = image.shape[:2]
+        lens = self.intrinsics
+        if lens is not None and (width, height) != (lens.width, lens.height):
+            raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
+        frame = Frame(self._delivered, stamp_s, image, name)
+        self._delivered += 1
+        return frame
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()

@@ -1,0 +1,74 @@
+"""SPEC to camera: one line per kind, each kind's module imported when it is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.errors import CameraError
+
+UNDERSTOOD = (
+    "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, a video file, a folder of pictures, "
+    "a recording FILE.mcap, sim:SEED, or KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo"
+)
+KINDS = ("kitti", "tum", "c2w", "drive", "locobot", "yolo")
+DEMO = Path(__file__).parents[1] / "demo"
+
+
+def open_camera(
+    spec: str = "demo", *, realtime: bool = False, intrinsics: Intrinsics | None = None, mount: Mount | None = None
+) -> Camera:
+    """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
+
+    realtime: pace a file source by its stamps; live devices need no pacing. `sim:SEED` belongs to the simulation
+    and is not opened here. Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
+    """
+    camera = _open(spec, intrinsics, mount)
+    if realtime and not camera.live:
+        from edgemap.runtime.cameras.paced import PacedCamera
+
+        return PacedCamera(camera)
+    return camera
+
+
+def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+    kind, _, rest = spec.partition(":")
+    if spec == "demo":
+        return _open_drive(f"drive:{DEMO}", spec, intrinsics, mount)
+    if kind in KINDS:
+        return _open_drive(spec, spec, intrinsics, mount)
+    if kind == "realsense":
+        return _open_realsense(rest, spec, intrinsics, mount)
+    if spec.isdecimal() or spec.startswith("/dev/video"):
+        from edgemap.runtime.cameras.webcam import open_webcam
+
+        return open_webcam(Path(f"/dev/video{spec}" if spec.isdecimal() else spec), spec, intrinsics, mount)
+    path = Path(spec).expanduser()
+    if path.is_dir():
+        from edgemap.runtime.cameras.pictures import open_folder
+
+        return open_folder(path, spec, intrinsics, mount)
+    if path.is_file():
+        from edgemap.runtime.cameras.video import VideoCamera
+
+        return VideoCamera(spec, path, intrinsics, mount)
+    if path.suffix or "/" in spec:
+        raise CameraError(f"camera {spec!r}: no such file or folder; understood: {UNDERSTOOD}")
+    raise CameraError(f"camera {spec!r} is not understood; understood: {UNDERSTOOD}")
+
+
+def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+    from edgemap.runtime.cameras.drive_camera import drive_camera
+    from edgemap.runtime.drives.open import open_drive
+
+    return drive_camera(open_drive(spec), name, intrinsics, mount)
+
+
+def _open_realsense(rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+    from edgemap.runtime.cameras.realsense import RealSenseRecording, open_realsense
+
+    if rest.endswith((".db3", ".bag")) or "/" in rest:
+        return RealSenseRecording(Path(rest).expanduser(), name, intrinsics, mount)
+    return open_realsense(rest or None, name, intrinsics, mount)

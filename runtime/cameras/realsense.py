@@ -1,0 +1,156 @@
+"""Intel RealSense: the colour stream of a device or of a recording, with its own lens and sensor time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.latest import LatestFrameCamera, Picture
+from edgemap.runtime.cameras.realsense_picture import to_bgr
+from edgemap.runtime.errors import CameraError, MissingExtraError
+from edgemap.runtime.frame import Frame
+
+WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
+POLL_MS = 200
+SILENT_POLLS = 50  # 10 s of a recording that neither delivers nor ends
+
+
+def import_realsense() -> ModuleType:
+    """The librealsense module. Raises MissingExtraError, naming the remedy, where it or libusb is missing."""
+    try:
+        import pyrealsense2
+    except ImportError as error:
+        if "libusb" in str(error):
+            raise MissingExtraError(
+                f"RealSense needs the system library libusb: apt install libusb-1.0-0 ({error})"
+            ) from None
+        raise MissingExtraError(
+            f"RealSense needs librealsense's Python module: pip install pyrealsense2 ({error})"
+        ) from None
+    return pyrealsense2
+
+
+def lens_of(profile: Any, name: str) -> Intrinsics:
+    """Intrinsics of a librealsense video stream profile.
+
+    Raises CameraError for a distortion model that is not a Brown-Conrady one and whose coefficients are not zero.
+    """
+    lens = profile.as_video_stream_profile().get_intrinsics()
+    model, coefficients = lens.model.name, tuple(float(c) for c in lens.coeffs)
+    if not any(coefficients):
+        distortion = Distortion()
+    elif model in ("brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"):
+        distortion = Distortion(model, coefficients)
+    else:
+        raise CameraError(f"{name}: distortion model {model} with coefficients {list(coefficients)} is not supported")
+    return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, distortion)
+
+
+def open_realsense(
+    serial: str | None, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
+) -> LatestFrameCamera:
+    """Open a device, the first one or the one with this serial: colour, 640x480 at 30 Hz or what it offers.
+
+    Stamps are the device's. Raises CameraError where no such device is found or it cannot start.
+    """
+    rs = import_realsense()
+    serials = [device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()]
+    if not serials:
+        raise CameraError("no RealSense device found (check the cable, a USB 3 port, and librealsense's udev rules)")
+    if serial is not None and serial not in serials:
+        raise CameraError(f"no RealSense device with serial {serial} found; connected: {', '.join(serials)}")
+    pipeline, profile = _start_device(rs, serial or serials[0])
+    lens = intrinsics or lens_of(profile, name)
+
+    def grab() -> Picture | None:
+        try:
+            there, frames = pipeline.try_wait_for_frames(POLL_MS)
+        except RuntimeError as error:
+            raise CameraError(f"{name}: the camera stopped delivering ({error})") from None
+        colour = frames.get_color_frame() if there else None
+        return (colour.get_timestamp() / 1000.0, to_bgr(rs, colour, name)) if colour else None
+
+    return LatestFrameCamera(name, grab, pipeline.stop, lens, mount, float(profile.fps()))
+
+
+def _start_device(rs: ModuleType, serial: str) -> tuple[Any, Any]:
+    wishes = [(rs.stream.color, WIDTH, HEIGHT, rs.format.bgr8, RATE_HZ), (rs.stream.color,)]
+    failure: Exception | None = None
+    for wish in wishes:
+        pipeline, config = rs.pipeline(), rs.config()
+        config.enable_device(serial)
+        config.enable_stream(*wish)
+        try:
+            return pipeline, pipeline.start(config).get_stream(rs.stream.color)
+        except RuntimeError as error:
+            failure = error
+    raise CameraError(f"RealSense {serial} does not start its colour stream ({failure})")
+
+
+class RealSenseRecording(CameraBase):
+    """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read."""
+
+    def __init__(
+        self, path: Path, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
+    ) -> None:
+        super().__init__(name, intrinsics, mount)
+        if not path.is_file():
+            raise CameraError(f"{path}: no such file")
+        self._rs = rs = import_realsense()
+        self._path = path
+        self._last_s = -np.inf
+        self._pipeline = rs.pipeline()
+        self._running = False
+        config = rs.config()
+        try:
+    XX
+            config.enable_stream(rs.stream.color)
+            active = self._pipeline.start(config)
+            self._running = True
+            self._playback = active.get_device().as_playback()
+            self._playback.set_real_time(False)
+            profile = active.get_stream(rs.stream.color)
+        except RuntimeError as error:
+            self.close()
+            raise CameraError(
+                f"{path}: not a RealSense recording with a colour stream ({' '.join(str(error).split())})"
+            ) from None
+        self.intrinsics = intrinsics or lens_of(profile, str(path))
+        self.rate_hz = float(profile.fps())
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""
+        for _ in range(SILENT_POLLS):
+            if not self._running:
+                return None
+            # Asked first: what was queued when playback stopped is still there to be waited for.
+            stopped = self._playback.current_status() == self._rs.playback_status.stopped
+            there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
+            colour = frames.get_color_frame() if there else None
+            if colour:
+                return self._frame(colour)
+            if stopped and not there:
+                return None
+        raise CameraError(f"{self._path}: no frame for {SILENT_POLLS * POLL_MS / 1000:.0f} s and no end either")
+
+    def close(self) -> None:
+        """Stop playback."""
+        if self._running:
+            self._running = False
+            self._pipeline.stop()
+
+    def _frame(self, colour: Any) -> Frame:
+        stamp_s = colour.get_timestamp() / 1000.0
+        if stamp_s <= self._last_s:
+            raise CameraError(
+                f"{self._path}: frame {self._delivered} at {stamp_s:.4f} s does not come after {self._last_s:.4f} s"
+            )
+        self._last_s = stamp_s
+        image = to_bgr(self._rs, colour, str(self._path))
+        return self.frame(image, stamp_s, f"{self._path}#{self._delivered}")

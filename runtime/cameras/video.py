@@ -1,0 +1,94 @@
+"""A video file as a camera: every frame, in order, with the file's own time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+
+# A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
+MISSING_FRAMES, MISSING_SHARE = 3, 0.05
+FALLBACK_RATE_HZ = 30.0
+
+
+class VideoCamera(CameraBase):
+    """A video that OpenCV decodes. stamps_s: where given, the video must have exactly one frame for each.
+
+    Else stamps are the file's, or last + 1 / fps where those do not increase. Raises CameraError for no video.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        intrinsics: Intrinsics | None = None,
+        mount: Mount | None = None,
+        stamps_s: Sequence[float] | None = None,
+    ) -> None:
+        super().__init__(name, intrinsics, mount)
+        if not path.is_file():
+            raise CameraError(f"{path}: no such file")
+        self._path, self._stamps_s = path, stamps_s
+        self._capture: cv2.VideoCapture | None = cv2.VideoCapture(str(path), _backend())
+        if not self._capture.isOpened():
+            self.close()
+            raise CameraError(f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes)")
+        rate = self._capture.get(cv2.CAP_PROP_FPS)
+        self.rate_hz = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
+        announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self._announced = announced if 0 < announced < 1 << 31 else None
+        self.frame_count = len(stamps_s) if stamps_s is not None else self._announced
+        self._last_s = -math.inf
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. Raises CameraError, after the last good frame, where the file is cut off."""
+        if self._capture is None:
+            return None
+        good, image = self._capture.read()
+        if not good or image is None:
+            self._check_end()
+            return None
+        if self._stamps_s is not None and self._delivered >= len(self._stamps_s):
+            raise CameraError(f"{self._path}: more frames than the {len(self._stamps_s)} poses beside it")
+        stamp = self._stamp(self._capture)
+        frame = self.frame(np.asarray(image, dtype=np.uint8), stamp, f"{self._path}#{self._delivered}")
+        self._last_s = stamp
+        return frame
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+
+    def _stamp(self, capture: cv2.VideoCapture) -> float:
+        if self._stamps_s is not None:
+            return float(self._stamps_s[self._delivered])
+        stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
+        if math.isfinite(stamp) and stamp > self._last_s:
+            return stamp
+        return self._last_s + 1.0 / (self.rate_hz or FALLBACK_RATE_HZ)
+
+    def _check_end(self) -> None:
+        if self._stamps_s is not None and self._delivered < len(self._stamps_s):
+            raise CameraError(
+                f"{self._path}: ends after {self._delivered} frames, {len(self._stamps_s)} poses beside it"
+            )
+        allowed = max(MISSING_FRAMES, MISSING_SHARE * (self._announced or 0))
+        if self._announced is not None and self._announced - self._delivered > allowed:
+            raise CameraError(f"{self._path}: cut off, {self._delivered} of {self._announced} announced frames decoded")
+
+
+def _backend() -> int:
+    # Without a named backend OpenCV also takes the path for a picture pattern, with warnings of its own.
+    known = cv2.videoio_registry.getBackends()
+    return cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY
