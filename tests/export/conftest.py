@@ -1,0 +1,142 @@
+import http.server
+import threading
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+# A little Darknet network with one head: 32x32 input, strides 8 and 16, 1 anchor x (2 classes + 5) = 7 filters.
+SMALL_CFG = """\
+[net]
+width=32
+height=32
+channels=3
+
+[convolutional]
+batch_normalize=1
+filters=4
+size=3
+stride=2
+pad=1
+activation=leaky
+
+[maxpool]
+size=2
+stride=2
+
+[convolutional]
+filters=8
+size=3
+stride=2
+pad=1
+activation=mish
+
+[convolutional]
+batch_normalize=1
+filters=8
+size=3
+pad=1
+groups=4
+activation=swish
+
+[shortcut]
+from=-2
+activation=leaky
+
+[maxpool]
+size=2
+stride=1
+
+[convolutional]
+filters=7
+size=1
+stride=1
+activation=linear
+
+[yolo]
+mask=1
+anchors=4,5, 10,12
+classes=2
+num=2
+scale_x_y=1.05
+"""
+# By hand: conv 3->4: 3*4*9 + 4*4 = 124; conv 4->8: 4*8*9 + 8 = 296; grouped 8->8: 2*8*9 + 4*8 = 176; 8->7: 56 + 7 = 63.
+SMALL_VALUES = 124 + 296 + 176 + 63
+
+
+@pytest.fixture
+def small_cfg(tmp_path) -> Path:
+    path = tmp_path / "small.cfg"
+    path.write_text(SMALL_CFG)
+    return path
+
+
+@pytest.fixture
+def small_weights(tmp_path, small_cfg) -> Path:
+    from edgemap.export.darknet import Darknet
+    from edgemap.export.darknet_weights import random_weights, save_weights
+
+    network = Darknet.from_cfg(small_cfg)
+    random_weights(network, seed=3)
+    save_weights(network, tmp_path / "small.weights", seen=77)
+    return tmp_path / "small.weights"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch) -> Path:
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+    """Serves `server.files`; knows Range and If-Range; `server.cut` bytes end a reply early; `server.asked` logs."""
+
+    protocol_version = "HTTP/1.0"
+
+    def do_GET(self):
+        server = self.server
+        server.asked.append((self.path, self.headers.get("Range"), self.headers.get("If-Range")))
+        if self.path in server.slow:
+            server.release.wait(5)
+            return
+        if self.path not in server.files:
+            self.send_error(404)
+            return
+        data, tag = server.files[self.path], server.tag
+        start = 0
+        wanted = self.headers.get("Range")
+        if wanted and server.ranges and self.headers.get("If-Range", tag) == tag:
+            start = int(wanted.removeprefix("bytes=").removesuffix("-"))
+            if start >= len(data):
+                self.send_error(416)
+                return
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {start}-{len(data) - 1}/{len(data)}")
+        else:
+            self.send_response(200)
+        self.send_header("Content-Length", str(len(data) - start))
+        if tag:
+            self.send_header("ETag", tag)
+        self.end_headers()
+        end = len(data) if server.cut is None else min(len(data), start + server.cut)
+        self.wfile.write(data[start:end])
+
+    def log_message(self, *arguments):
+        pass
+
+
+@pytest.fixture
+def server():
+    """A local web server whose `files` map paths to bytes; `url(path)` is where they are."""
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    server.files, server.asked, server.slow = {}, [], set()
+    server.cut, server.tag, server.ranges = None, '"v1"', True
+    server.release = threading.Event()
+    server.url = lambda path: f"http://127.0.0.1:{server.server_address[1]}{path}"
+    thread = threading.Thread(target=partial(server.serve_forever, poll_interval=0.01), daemon=True)
+    thread.start()
+    yield server
+    server.release.set()
+    server.shutdown()
+    server.server_close()

@@ -1,0 +1,137 @@
+"""The paper's head against an independent step in numpy, its size, and its checkpoints."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import correlate
+
+from edgemap.export.checkpoint import HeadCheckpoint, load_head, save_head
+from edgemap.export.convlstm import PARAMETER_LIMIT, ConvLSTMCell, PaperHead, random_head
+from edgemap.export.errors import ExportError
+
+
+def sigmoid(x):
+    return 1.0 / (1.0 + np.exp(-x))
+
+
+def leaky(x):
+    return np.where(x > 0, x, 0.1 * x)
+
+
+def numpy_cell(weight, bias, x, h, c):
+    """One ConvLSTM step on (C, H, W) arrays: correlation with zero borders, gates in the order i, f, o, g."""
+    stacked = np.concatenate([x, h])
+    gates = np.stack(
+        [
+            sum(correlate(plane, kernel, mode="constant") for plane, kernel in zip(stacked, kernels, strict=True))
+            + shift
+            for kernels, shift in zip(weight, bias, strict=True)
+        ]
+    )
+    i, f, o, g = np.split(gates, 4)
+    c = sigmoid(f) * c + sigmoid(i) * leaky(g)
+    return sigmoid(o) * leaky(c), c
+
+
+def test_cell_equals_an_independent_step():
+    rng = np.random.default_rng(0)
+    cell = ConvLSTMCell(3, 2).double()
+    x, h, c = rng.standard_normal((3, 5, 4)), rng.standard_normal((2, 5, 4)), rng.standard_normal((2, 5, 4))
+    with torch.no_grad():
+        found = cell(*(torch.from_numpy(part)[None] for part in (x, h, c)))
+    expected = numpy_cell(cell.gates.weight.detach().numpy(), cell.gates.bias.detach().numpy(), x, h, c)
+    for ours, theirs in zip(found, expected, strict=True):
+        np.testing.assert_allclose(ours[0].numpy(), theirs, atol=1e-12)
+
+
+def test_head_is_two_cells_then_two_dense_layers():
+    rng = np.random.default_rng(1)
+    head = PaperHead((1, 3, 4, 5), hidden=(2, 3), dense=6).double()
+    head.feature_mean += 0.5
+    head.feature_std *= 2.0
+    values = {name: tensor.numpy() for name, tensor in head.state_dict().items()}
+    feature = rng.standard_normal((3, 4, 5))
+    states = [rng.standard_normal(shape[1:]) for shape in head.state_shapes]
+    with torch.no_grad():
+        motion, *new = head(*(torch.from_numpy(part)[None] for part in (feature, *states)))
+    x, expected = (feature - 0.5) / 2.0, []
+    for layer in range(2):
+        gates = f"cells.{layer}.gates"
+        x, c = numpy_cell(values[f"{gates}.weight"], values[f"{gates}.bias"], x, *states[2 * layer : 2 * layer + 2])
+        expected += [x, c]
+    dense = leaky(values["dense.weight"] @ x.reshape(-1) + values["dense.bias"])
+    out = (values["out.weight"] @ dense + values["out.bias"]) * [0.02, 0.01, 0.04]
+    np.testing.assert_allclose(motion[0].numpy(), out, atol=1e-9)
+    for ours, theirs in zip(new, expected, strict=True):
+        np.testing.assert_allclose(ours[0].numpy(), theirs, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1, 255, 13, 13), (1, 512, 13, 13), (1, 255, 10, 10), (1, 255, 19, 19)])
+def test_parameters_stay_within_the_papers(shape):
+    head = random_head(shape)
+    assert head.parameters_count == sum(p.numel() for p in head.parameters() if p.requires_grad) <= PARAMETER_LIMIT
+    assert PARAMETER_LIMIT == 2_509_555
+
+
+def test_parameter_count_by_hand():
+    # gates 4*64 x ((255+64)*9+1), 4*64 x ((64+64)*9+1); dense 128 x (64*169+1); out 3 x 129
+    assert random_head((1, 255, 13, 13)).parameters_count == 256 * 2872 + 256 * 1153 + 128 * 10817 + 387 == 2_415_363
+
+
+def test_a_map_too_large_for_the_count_is_refused():
+    with pytest.raises(ExportError, match="the paper allows 2,509,555"):
+        random_head((1, 255, 52, 52))
+
+
+def test_random_head_follows_from_its_seed_and_stays_finite():
+    a, b, other = random_head((1, 8, 6, 6), 4), random_head((1, 8, 6, 6), 4), random_head((1, 8, 6, 6), 5)
+    assert all(torch.equal(x, y) for x, y in zip(a.parameters(), b.parameters(), strict=True))
+    assert not torch.equal(a.dense.weight, other.dense.weight)
+    assert a.cells[0].gates.bias[64:128].unique().tolist() == [1.0]
+    state = [torch.zeros(shape) for shape in a.state_shapes]
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for _ in range(500):
+            motion, *state = a(torch.randn(1, 8, 6, 6, generator=generator) * 10.0, *state)
+    assert all(torch.isfinite(tensor).all() for tensor in (motion, *state))
+
+
+def test_checkpoint_comes_back_whole(tmp_path):
+    head = random_head((1, 8, 6, 6))
+    head.feature_mean += 0.25
+    sigma = (0.01, 0.02, 0.03)
+    saved = HeadCheckpoint(head, "yolov3-tiny", "neck", sigma=sigma, envelope={"fps": (5.0, 15.0)}, measured={"n": 3})
+    save_head(saved, tmp_path / "best.pt")
+    back = load_head(tmp_path / "best.pt")
+    assert (back.backbone, back.feature, back.trained, back.sigma) == ("yolov3-tiny", "neck", True, sigma)
+    assert (back.envelope, back.measured) == ({"fps": (5.0, 15.0)}, {"n": 3})
+    for name, tensor in head.state_dict().items():
+        assert torch.equal(tensor, back.head.state_dict()[name]), name
+
+
+def test_bad_checkpoints_are_one_line(tmp_path):
+    path = tmp_path / "x.pt"
+
+    def refusal() -> str:
+        with pytest.raises(ExportError) as caught:
+            load_head(path)
+        assert "\n" not in str(caught.value)
+        return str(caught.value)
+
+    assert "no such checkpoint" in refusal()
+    path.write_bytes(b"junk")
+    assert "not a torch checkpoint" in refusal()
+    torch.save({"format": "other"}, path)
+    assert "format 'other', expected 'edgemap.head/1'" in refusal()
+    save_head(HeadCheckpoint(random_head((1, 8, 6, 6)), "yolov3-tiny", "head"), path)
+    document = torch.load(path, weights_only=True)
+    torch.save({key: value for key, value in document.items() if key != "sigma"}, path)
+    assert "lacks 'sigma'" in refusal()
+    torch.save(document | {"shape": [1, 9, 6, 6]}, path)
+    assert "weights do not fit" in refusal()
+    document["state_dict"]["out.bias"][1] = float("nan")
+    torch.save(document, path)
+    assert "not finite" in refusal()
+    large = PaperHead((1, 8, 6, 6), hidden=(64, 64), dense=1200)
+    save_head(HeadCheckpoint(large, "yolov3-tiny", "head"), path)
+    assert "the paper allows 2,509,555" in refusal()

@@ -1,0 +1,220 @@
+"""The Darknet reader: counts by hand, the layer rules by independent arithmetic, and every way a file can be wrong."""
+
+import numpy as np
+import pytest
+import torch
+
+from edgemap.export.architectures import yolov3, yolov3_tiny
+from edgemap.export.darknet import Darknet, fold_batch_norm
+from edgemap.export.darknet_cfg import parse_cfg, read_cfg
+from edgemap.export.darknet_weights import load_weights, random_weights, read_header, save_weights, value_count
+from edgemap.export.errors import ExportError
+
+SMALL_VALUES = 124 + 296 + 176 + 63  # see conftest.py
+
+
+def refusal(function, *arguments) -> str:
+    with pytest.raises(ExportError) as caught:
+        function(*arguments)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_value_counts_of_the_public_networks():
+    assert value_count(Darknet.from_cfg(yolov3())) == 62_001_757
+    assert value_count(Darknet.from_cfg(yolov3_tiny())) == 8_858_734
+
+
+def test_shapes_and_anchors_of_yolov3():
+    network = Darknet.from_cfg(yolov3())
+    assert len(network.shapes) == 107
+    assert [head.shape for head in network.heads] == [(255, 13, 13), (255, 26, 26), (255, 52, 52)]
+    assert [head.layer for head in network.heads] == [81, 93, 105]
+    assert network.heads[0].anchors == ((116, 90), (156, 198), (373, 326))
+    assert network.shapes[network.feature_layer("neck")] == (512, 13, 13)
+    assert network.feature_layer("stride8") == 36
+
+
+@pytest.mark.parametrize(("name", "text"), [("yolov3", yolov3), ("yolov3-tiny", yolov3_tiny)])
+def test_generated_plans_equal_the_published_ones(shared_data, name, text):
+    published = Darknet.from_cfg(shared_data / "weights" / f"{name}.cfg", size=(416, 416))
+    ours = Darknet.from_cfg(text())
+    assert [str(layer) for layer in ours.layers] == [str(layer) for layer in published.layers]
+    assert [layer.sources for layer in ours.layers] == [layer.sources for layer in published.layers]
+    assert ours.shapes == published.shapes
+    assert ours.heads == published.heads
+
+
+def test_a_network_with_groups_dropout_and_shortcuts(shared_data):
+    network = Darknet.from_cfg(shared_data / "weights" / "yolo-fastest-1.1-xl.cfg")
+    assert value_count(network) == 923_486
+    load_weights(network, shared_data / "weights" / "yolo-fastest-1.1-xl.weights")
+    assert [head.shape for head in network.heads] == [(255, 10, 10), (255, 20, 20)]
+
+
+def test_every_value_of_the_file_lands_in_its_place(tmp_path, small_cfg):
+    network = Darknet.from_cfg(small_cfg)
+    header = np.array([0, 2, 5], "<i4").tobytes() + np.array([1 << 40], "<u8").tobytes()
+    (tmp_path / "w").write_bytes(header + np.arange(SMALL_VALUES, dtype="<f4").tobytes())
+    assert load_weights(network, tmp_path / "w").seen == 1 << 40
+    first, second = network.convolutions()[:2]
+    # Darknet: biases, scales, means, variances, then weights (filters, channels, rows, columns)
+    assert first.norm.bias.tolist() == [0, 1, 2, 3]
+    assert first.norm.weight.tolist() == [4, 5, 6, 7]
+    assert first.norm.running_mean.tolist() == [8, 9, 10, 11]
+    assert first.norm.running_var.tolist() == [12, 13, 14, 15]
+    assert first.conv.weight[0, 0].tolist() == [[16, 17, 18], [19, 20, 21], [22, 23, 24]]
+    assert first.conv.weight[3, 2, 2, 2].item() == 123
+    assert second.conv.bias.tolist() == list(range(124, 132))
+    assert network.convolutions()[-1].conv.weight[6, 7].item() == SMALL_VALUES - 1
+
+
+@pytest.mark.parametrize(("version", "length"), [((0, 1, 0), 16), ((0, 2, 0), 20), ((1, 0, 0), 20)])
+def test_seen_is_as_wide_as_the_version_says(tmp_path, version, length):
+    seen = np.array([9], "<u4" if length == 16 else "<u8").tobytes()
+    (tmp_path / "w").write_bytes(np.array(version, "<i4").tobytes() + seen + bytes(8))
+    header = read_header(tmp_path / "w")
+    assert (header.bytes, header.seen) == (length, 9)
+
+
+@pytest.mark.parametrize(("change", "words"), [(-4, "found 658"), (-1, "found 658 and 3 bytes more"), (4, "found 660")])
+def test_short_and_long_files_are_refused_with_both_counts(small_cfg, small_weights, change, words):
+    data = small_weights.read_bytes()
+    small_weights.write_bytes(data[:change] if change < 0 else data + bytes(change))
+    text = refusal(load_weights, Darknet.from_cfg(small_cfg), small_weights)
+    assert f"too {'short' if change < 0 else 'long'}" in text
+    assert "expected 659 float32 values" in text
+    assert words in text
+
+
+def test_weights_of_another_network_tiny_and_garbage(tmp_path, small_cfg, small_weights):
+    network = Darknet.from_cfg(yolov3_tiny())
+    assert "expected 8,858,734 float32 values, found 659" in refusal(load_weights, network, small_weights)
+    (tmp_path / "stub").write_bytes(b"\0" * 10)
+    assert "10 bytes, too short" in refusal(load_weights, network, tmp_path / "stub")
+    (tmp_path / "text").write_bytes(b"<!DOCTYPE html><html>nothing here</html>")
+    assert "not a Darknet weights file" in refusal(load_weights, network, tmp_path / "text")
+    data = bytearray(small_weights.read_bytes())
+    data[20:24] = np.array([np.nan], "<f4").tobytes()
+    small_weights.write_bytes(data)
+    assert "1 of 659 values are not finite" in refusal(load_weights, Darknet.from_cfg(small_cfg), small_weights)
+    assert "cannot be read" in refusal(load_weights, network, tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[shortcut]", "[gru]", "small.cfg:33: [gru] is not a layer"),
+        ("filters=7", "filters=9", "needs 7 filters before it (1 anchors x (2 classes + 5)), found 9"),
+        ("filters=4", "filters=four", "small.cfg:8: filters=four is not a whole number"),
+        ("filters=4", "filters=-4", "filters=-4, expected 1 or more"),
+        ("filters=4\n", "", "small.cfg:6: [convolutional] lacks filters="),
+        ("from=-2", "from=-9", "this is layer 4, sources are 0 to 3"),
+        ("from=-2", "from=0", "adds layer 0 of shape (4, 16, 16) to shape (8, 4, 4)"),
+        ("groups=4", "groups=3", "groups=3 does not divide 8 channels"),
+        ("activation=mish", "activation=gelu", "activation=gelu is not one of"),
+        ("mask=1", "mask=2", "points outside of 2 anchors"),
+        ("anchors=4,5, 10,12", "anchors=4,5,10", "holds 3 numbers"),
+        ("[yolo]", "[maxpool]", "has no [yolo] layer"),
+        ("width=32\n", "", "lacks width="),
+        ("[net]", "[convolutional]", "does not start with [net]"),
+        ("stride=2\npad=1\nactivation=leaky", "stride=2\nxnor=1\nactivation=leaky", "xnor=1 is not supported"),
+        ("size=3\npad=1\ngroups", "what is this\ngroups", "neither [section] nor key=value"),
+    ],
+)
+def test_a_cfg_that_is_wrong_says_where(small_cfg, old, new, words):
+    text = small_cfg.read_text()
+    assert old in text
+    small_cfg.write_text(text.replace(old, new, 1))
+    assert words in refusal(Darknet.from_cfg, small_cfg)
+
+
+def test_routes_join_and_split_channels():
+    head = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\nanchors=1,1\nclasses=1\n"
+    net = "[net]\nwidth=4\nheight=4\nchannels=4\n[route]\nlayers=-1\n"
+    assert "this is layer 0" in refusal(Darknet.from_cfg, net + head)
+    start = "[net]\nwidth=4\nheight=4\nchannels=4\n[convolutional]\nfilters=4\nsize=1\nactivation=linear\n"
+    network = Darknet.from_cfg(start + "[route]\nlayers=-1\ngroups=2\ngroup_id=1\n[route]\nlayers=-1,0\n" + head).eval()
+    assert [shape[0] for shape in network.shapes] == [4, 2, 6, 6, 6]
+    network.outputs = (0, 2)
+    with torch.no_grad():
+        first, joined = network(torch.rand(1, 4, 4, 4))
+    torch.testing.assert_close(joined, torch.cat([first[:, 2:], first], dim=1))
+    uneven = start + "[maxpool]\nsize=2\nstride=2\n[route]\nlayers=0,1\n" + head
+    assert "different sizes (0: 4x4, 1: 2x2)" in refusal(Darknet.from_cfg, uneven)
+
+
+@pytest.mark.parametrize(
+    ("size", "stride", "cells"), [(2, 1, 13), (2, 2, 13), (2, 2, 12), (5, 1, 13), (3, 2, 13), (9, 1, 7)]
+)
+def test_maxpool_pads_as_darknet_does(size, stride, cells):
+    """Darknet's forward_maxpool_layer, written out as loops: offset -padding/2, cells outside never win."""
+    rng = np.random.default_rng(size * 100 + cells)
+    image = rng.standard_normal((cells, cells)).astype(np.float32) - 5.0  # all negative: zero padding would win
+    padding = size - 1
+    count = (cells + padding - size) // stride + 1
+    expected = np.full((count, count), -np.inf, np.float32)
+    for i in range(count):
+        for j in range(count):
+            for n in range(size):
+                for m in range(size):
+                    row, column = i * stride + n - padding // 2, j * stride + m - padding // 2
+                    if 0 <= row < cells and 0 <= column < cells:
+                        expected[i, j] = max(expected[i, j], image[row, column])
+    net = f"[net]\nwidth={cells}\nheight={cells}\nchannels=1\n[maxpool]\nsize={size}\nstride={stride}\n"
+    head = "[convolutional]\nfilters=6\nsize=1\nactivation=linear\n[yolo]\nmask=0\nanchors=1,1\nclasses=1\n"
+    network = Darknet.from_cfg(net + head).eval()
+    assert network.shapes[0] == (1, count, count)
+    network.outputs = (0,)
+    (found,) = network(torch.from_numpy(image)[None, None])
+    np.testing.assert_array_equal(found[0, 0].numpy(), expected)
+
+
+def test_folding_batch_norm_changes_nothing_but_rounding(small_cfg, small_weights):
+    network = Darknet.from_cfg(small_cfg).eval()
+    load_weights(network, small_weights)
+    picture = torch.rand(1, 3, 32, 32)
+    with torch.no_grad():
+        (before,) = network(picture)
+        fold_batch_norm(network)
+        (after,) = network(picture)
+    assert all(layer.norm is None for layer in network.convolutions())
+    torch.testing.assert_close(before, after, rtol=1e-5, atol=1e-5)
+
+
+def test_yolov3_tiny_sees_the_dog(shared_data):
+    """The real weights on a real picture, decoded by hand: the strongest cell of the coarse head says dog."""
+    import cv2
+
+    network = Darknet.from_cfg(yolov3_tiny()).eval()
+    load_weights(network, shared_data / "weights" / "yolov3-tiny.weights")
+    picture = cv2.resize(cv2.imread(str(shared_data / "pictures" / "dog.jpg"))[..., ::-1], (416, 416))
+    with torch.no_grad():
+        coarse, _ = network(torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].float() / 255.0)
+    cells = coarse.reshape(3, 85, 169).permute(0, 2, 1).reshape(-1, 85)
+    best = cells[cells[:, 4].argmax()]
+    names = (shared_data / "weights" / "coco.names").read_text().split("\n")
+    assert names[int(best[5:].argmax())] in ("dog", "car", "truck", "bicycle")
+    assert torch.sigmoid(best[4]) > 0.6
+
+
+def test_saved_weights_come_back(tmp_path, small_cfg):
+    network = Darknet.from_cfg(small_cfg)
+    random_weights(network, seed=1)
+    save_weights(network, tmp_path / "w", seen=5)
+    assert (tmp_path / "w").stat().st_size == 20 + 4 * SMALL_VALUES
+    other = Darknet.from_cfg(small_cfg)
+    assert load_weights(other, tmp_path / "w").seen == 5
+    for name, tensor in network.state_dict().items():
+        assert torch.equal(tensor, other.state_dict()[name]), name
+
+
+def test_parsing_keeps_the_first_of_two_equal_keys_and_drops_comments(tmp_path):
+    sections = parse_cfg("# top\n[net]\nwidth=8 # px\nwidth=9\n; old style\n\n[maxpool]\n size = 2\n")
+    assert [(section.kind, section.line) for section in sections] == [("net", 2), ("maxpool", 7)]
+    assert sections[0].integer("width") == 8
+    assert sections[1].integer("size") == 2
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x80")
+    assert "not text" in refusal(read_cfg, tmp_path / "binary")
+    assert "has no closing bracket" in refusal(parse_cfg, "[net\n")
+    assert "without any layer" in refusal(parse_cfg, "[net]\nwidth=8\n")
