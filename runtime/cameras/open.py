@@ -11,7 +11,7 @@ from edgemap.runtime.errors import CameraError
 
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, a video file, a folder of pictures, "
-    "a recording FILE.mcap, sim:SEED, or KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo"
+    "or KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo"
 )
 KINDS = ("kitti", "tum", "c2w", "drive", "locobot", "yolo")
 DEMO = Path(__file__).parents[1] / "demo"
@@ -22,8 +22,8 @@ def open_camera(
 ) -> Camera:
     """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
 
-    realtime: pace a file source by its stamps; live devices need no pacing. `sim:SEED` belongs to the simulation
-    and is not opened here. Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
+    realtime: pace a file source by its stamps; live devices need no pacing. Raises CameraError, one line, for a SPEC
+    that is not understood or cannot be opened.
     """
     camera = _open(spec, intrinsics, mount)
     if realtime and not camera.live:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
@@ -52,6 +53,19 @@ def lens_of(profile: Any, name: str) -> Intrinsics:
     return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, distortion)
 
 
+def picture_size(profile: Any) -> tuple[int, int]:
+    """(width, height) in px of a librealsense video stream profile."""
+    video = profile.as_video_stream_profile()
+    return video.width(), video.height()
+
+
+def devices() -> list[tuple[str, str]]:
+    """(serial, name) of each RealSense that is plugged in. Raises MissingExtraError as `import_realsense` does."""
+    rs = import_realsense()
+    info = rs.camera_info
+    return [(d.get_info(info.serial_number), d.get_info(info.name)) for d in rs.context().query_devices()]
+
+
 def open_realsense(
     serial: str | None, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
 ) -> LatestFrameCamera:
@@ -60,13 +74,17 @@ def open_realsense(
     Stamps are the device's. Raises CameraError where no such device is found or it cannot start.
     """
     rs = import_realsense()
-    serials = [device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()]
+    serials = [number for number, _ in devices()]
     if not serials:
         raise CameraError("no RealSense device found (check the cable, a USB 3 port, and librealsense's udev rules)")
     if serial is not None and serial not in serials:
         raise CameraError(f"no RealSense device with serial {serial} found; connected: {', '.join(serials)}")
     pipeline, profile = _start_device(rs, serial or serials[0])
-    lens = intrinsics or lens_of(profile, name)
+    try:
+        lens = intrinsics or lens_of(profile, name)
+    except EdgemapError:
+        pipeline.stop()
+        raise
 
     def grab() -> Picture | None:
         try:
@@ -76,7 +94,7 @@ def open_realsense(
         colour = frames.get_color_frame() if there else None
         return (colour.get_timestamp() / 1000.0, to_bgr(rs, colour, name)) if colour else None
 
-    return LatestFrameCamera(name, grab, pipeline.stop, lens, mount, float(profile.fps()))
+    return LatestFrameCamera(name, grab, pipeline.stop, picture_size(profile), lens, mount, float(profile.fps()))
 
 
 def _start_device(rs: ModuleType, serial: str) -> tuple[Any, Any]:
@@ -96,9 +114,7 @@ def _start_device(rs: ModuleType, serial: str) -> tuple[Any, Any]:
 class RealSenseRecording(CameraBase):
     """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read."""
 
-    def __init__(
-        self, path: Path, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
-    ) -> None:
+    def __init__(self, path: Path, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
         super().__init__(name, intrinsics, mount)
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
@@ -109,7 +125,7 @@ class RealSenseRecording(CameraBase):
         self._running = False
         config = rs.config()
         try:
-    XX
+            config.enable_device_from_file(str(path), repeat_playback=False)
             config.enable_stream(rs.stream.color)
             active = self._pipeline.start(config)
             self._running = True
@@ -121,7 +137,12 @@ class RealSenseRecording(CameraBase):
             raise CameraError(
                 f"{path}: not a RealSense recording with a colour stream ({' '.join(str(error).split())})"
             ) from None
-        self.intrinsics = intrinsics or lens_of(profile, str(path))
+        try:
+            self.intrinsics = intrinsics or lens_of(profile, str(path))
+        except EdgemapError:
+            self.close()
+            raise
+        self.size = picture_size(profile)
         self.rate_hz = float(profile.fps())
 
     def read(self) -> Frame | None:
