@@ -15,13 +15,14 @@ from edgemap.runtime.trajectory import Trajectory
 
 
 class CameraBase:
-    """The protocol's fields with nothing known, and `frame` to wrap a picture. Subclasses add `read`."""
+    """The protocol's fields with nothing known, and `frame` to wrap a picture. Subclasses set `size`, add `read`."""
 
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
         self.name = name
         self.live = False
-        self.intrinsics = intrinsics
-        self.mount = mount
+        self.size = (0, 0)
+        self.intrinsics: Intrinsics | None = intrinsics
+        self.mount: Mount | None = mount
         self.rate_hz: float | None = None
         self.frame_count: int | None = None
         self.truth: Trajectory | None = None

@@ -28,8 +28,8 @@ CLOCK_JUMP_LIMIT_S = 1.0
 class LatestFrameCamera(CameraBase):
     """A live camera. grab: blocks for the next (stamp_s, BGR picture), None for "nothing yet", raises when dead.
 
-    The thread overwrites the slot, so a slow reader skips frames and never sees an old one or one twice. The
-    stall limit is ten median frame intervals of the last thirty, at least 1 s; 10 s before the first frame.
+    size: (width, height) in px. The thread overwrites the slot, so a slow reader skips frames and never sees an
+    old one or one twice. The stall limit is ten median frame intervals of the last thirty, at least 1 s; 10 s before the first frame.
     `close_device` is called once, on the reader thread, after the last grab: no device is closed under a grab.
     """
 
@@ -38,13 +38,14 @@ class LatestFrameCamera(CameraBase):
         name: str,
         grab: Callable[[], Picture | None],
         close_device: Callable[[], None],
+        size: tuple[int, int],
         intrinsics: Intrinsics | None = None,
         mount: Mount | None = None,
         rate_hz: float | None = None,
         first_frame_limit_s: float = FIRST_FRAME_LIMIT_S,
     ) -> None:
         super().__init__(name, intrinsics, mount)
-        self.live, self.rate_hz = True, rate_hz
+        self.live, self.size, self.rate_hz = True, size, rate_hz
         self._grab, self._close_device = grab, close_device
         self._first_frame_limit_s = first_frame_limit_s
         self._changed = threading.Condition()
@@ -76,7 +77,7 @@ class LatestFrameCamera(CameraBase):
                 if self._closing:
                     return None
                 if self._failure is not None:
-                    raise _as_camera_error(self.name, self._failure)
+                    raise self._failure
                 limit_s = self.stall_limit_s
                 silent_s = time.monotonic() - self._arrived_s
                 if silent_s >= limit_s:
@@ -123,9 +124,3 @@ class LatestFrameCamera(CameraBase):
             if not self._closing:
                 self._slot = picture
             self._changed.notify_all()
-
-
-def _as_camera_error(name: str, failure: Exception) -> Exception:
-    if isinstance(failure, CameraError):
-        return CameraError(str(failure))
-    return failure

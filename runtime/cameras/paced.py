@@ -22,7 +22,7 @@ class PacedCamera:
         clock_s: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self.name, self.live = camera.name, camera.live
+        self.name, self.live, self.size = camera.name, camera.live, camera.size
         self.intrinsics, self.mount = camera.intrinsics, camera.mount
         self.rate_hz, self.frame_count, self.truth = camera.rate_hz, camera.frame_count, camera.truth
         self._camera, self._clock_s, self._sleep = camera, clock_s, sleep

@@ -17,7 +17,7 @@ from edgemap.runtime.frame import Frame
 
 
 class PicturesCamera(CameraBase):
-    """Pictures on disk at stamps in seconds, one each."""
+    """Pictures on disk at stamps in seconds, one each. Raises CameraError where the first one is not a picture."""
 
     def __init__(
         self,
@@ -30,7 +30,9 @@ class PicturesCamera(CameraBase):
     ) -> None:
         super().__init__(name, intrinsics, mount)
         self.rate_hz = rate_hz
-        self.frame_count = len(pictures)
+        self.frame_count: int | None = len(pictures)
+        height, width = read_picture(pictures[0]).shape[:2]
+        self.size = (width, height)
         self._pictures, self._stamps_s = pictures, stamps_s
 
     def read(self) -> Frame | None:

@@ -16,7 +16,8 @@ class Camera(Protocol):
 
     name: the SPEC it was opened from. live: true for devices that run on whether we read or not.
     intrinsics, mount: None where the source does not know them. rate_hz: nominal frame rate, None if unknown.
-    size: (width, height) of the pictures that it delivers, px. frame_count: None for live sources. truth: the drive's own poses from its start, None where unknown.
+    size: (width, height) of the pictures that it delivers, px. frame_count: None for live sources.
+    truth: the drive's own poses from its start, None where unknown.
     """
 
     name: str

@@ -43,14 +43,20 @@ def lens_of(profile: Any, name: str) -> Intrinsics:
     Raises CameraError for a distortion model that is not a Brown-Conrady one and whose coefficients are not zero.
     """
     lens = profile.as_video_stream_profile().get_intrinsics()
-    model, coefficients = lens.model.name, tuple(float(c) for c in lens.coeffs)
+    model, coefficients = lens.model.name, tuple(map(_single, lens.coeffs))
     if not any(coefficients):
         distortion = Distortion()
     elif model in ("brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"):
         distortion = Distortion(model, coefficients)
     else:
         raise CameraError(f"{name}: distortion model {model} with coefficients {list(coefficients)} is not supported")
-    return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy, distortion)
+    numbers = map(_single, (lens.fx, lens.fy, lens.ppx, lens.ppy))
+    return Intrinsics(lens.width, lens.height, *numbers, distortion)
+
+
+def _single(value: float) -> float:
+    # librealsense keeps float32: 615.2 comes back as 615.2000122; its shortest text is what was calibrated.
+    return float(str(np.float32(value)))
 
 
 def picture_size(profile: Any) -> tuple[int, int]:
@@ -138,12 +144,12 @@ class RealSenseRecording(CameraBase):
                 f"{path}: not a RealSense recording with a colour stream ({' '.join(str(error).split())})"
             ) from None
         try:
-            self.intrinsics = intrinsics or lens_of(profile, str(path))
+            self.intrinsics: Intrinsics | None = intrinsics or lens_of(profile, str(path))
         except EdgemapError:
             self.close()
             raise
         self.size = picture_size(profile)
-        self.rate_hz = float(profile.fps())
+        self.rate_hz: float | None = float(profile.fps())
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""

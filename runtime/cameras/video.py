@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
@@ -38,7 +40,7 @@ class VideoCamera(CameraBase):
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
         self._path, self._stamps_s = path, stamps_s
-        self._capture: cv2.VideoCapture | None = cv2.VideoCapture(str(path), _backend())
+        self._capture: cv2.VideoCapture | None = _open_quietly(path)
         if not self._capture.isOpened():
             self.close()
             raise CameraError(f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes)")
@@ -48,21 +50,26 @@ class VideoCamera(CameraBase):
         self._announced = announced if 0 < announced < 1 << 31 else None
         self.frame_count = len(stamps_s) if stamps_s is not None else self._announced
         self._last_s = -math.inf
+        self._ahead = self._decode()  # what the header says of the size may be turned by the rotation tag
+        if self._ahead is None:
+            self.close()
+            raise CameraError(f"{path}: a video in which no frame can be decoded ({announced} announced)")
+        height, width = self._ahead[0].shape[:2]
+        self.size = (width, height)
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraError, after the last good frame, where the file is cut off."""
         if self._capture is None:
             return None
-        good, image = self._capture.read()
-        if not good or image is None:
+        decoded, self._ahead = self._ahead or self._decode(), None
+        if decoded is None:
             self._check_end()
             return None
         if self._stamps_s is not None and self._delivered >= len(self._stamps_s):
             raise CameraError(f"{self._path}: more frames than the {len(self._stamps_s)} poses beside it")
-        stamp = self._stamp(self._capture)
-        frame = self.frame(np.asarray(image, dtype=np.uint8), stamp, f"{self._path}#{self._delivered}")
-        self._last_s = stamp
-        return frame
+        image, file_stamp_s = decoded
+        self._last_s = self._stamp(file_stamp_s)
+        return self.frame(image, self._last_s, f"{self._path}#{self._delivered}")
 
     def close(self) -> None:
         """Close the file."""
@@ -70,12 +77,19 @@ class VideoCamera(CameraBase):
             self._capture.release()
             self._capture = None
 
-    def _stamp(self, capture: cv2.VideoCapture) -> float:
+    def _decode(self) -> tuple[NDArray[np.uint8], float] | None:
+        if self._capture is None:
+            return None
+        good, image = self._capture.read()
+        if not good or image is None:
+            return None
+        return np.asarray(image, dtype=np.uint8), self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
+
+    def _stamp(self, file_stamp_s: float) -> float:
         if self._stamps_s is not None:
             return float(self._stamps_s[self._delivered])
-        stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
-        if math.isfinite(stamp) and stamp > self._last_s:
-            return stamp
+        if math.isfinite(file_stamp_s) and file_stamp_s > self._last_s:
+            return file_stamp_s
         return self._last_s + 1.0 / (self.rate_hz or FALLBACK_RATE_HZ)
 
     def _check_end(self) -> None:
@@ -88,7 +102,13 @@ class VideoCamera(CameraBase):
             raise CameraError(f"{self._path}: cut off, {self._delivered} of {self._announced} announced frames decoded")
 
 
-def _backend() -> int:
-    # Without a named backend OpenCV also takes the path for a picture pattern, with warnings of its own.
+def _open_quietly(path: Path) -> cv2.VideoCapture:
+    # Without a named backend OpenCV also takes the path for a picture pattern. What fails is said in our own line,
+    # so OpenCV's and FFmpeg's are kept off the terminal.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     known = cv2.videoio_registry.getBackends()
-    return cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY
+    level = cv2.setLogLevel(0)
+    try:
+        return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
+    finally:
+        cv2.setLogLevel(level)

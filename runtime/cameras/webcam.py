@@ -40,9 +40,10 @@ def open_webcam(
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, intrinsics.height)
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     rate = capture.get(cv2.CAP_PROP_FPS)
+    size = (int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
     reader = _Reader(capture, device)
     rate_hz = float(rate) if math.isfinite(rate) and rate > 0 else None
-    return LatestFrameCamera(name, reader.grab, capture.release, intrinsics, mount, rate_hz)
+    return LatestFrameCamera(name, reader.grab, capture.release, size, intrinsics, mount, rate_hz)
 
 
 class _Reader:
