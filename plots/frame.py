@@ -63,4 +63,3 @@ def _map(axes: Axes, sightings: list[Sighting]) -> None:
     axes.set_xlim(reach * 0.7, -reach * 0.7)
     axes.set_ylim(-0.15 * reach, reach)
     floor_axes(axes, "(c) 2-D map", "base")
-    axes.set_aspect("equal", adjustable="box")

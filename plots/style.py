@@ -34,7 +34,7 @@ def floor_axes(axes: Axes, title: str, frame: str) -> None:
     axes.set_title(title, fontsize=11, color=INK, loc="left")
     axes.set_xlabel(f"y left (m), {frame} frame", fontsize=9)
     axes.set_ylabel(f"x forward (m), {frame} frame", fontsize=9)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)

@@ -15,24 +15,26 @@ from edgemap.geometry.sighting import Sighting
 Picture = NDArray[np.uint8]
 
 HORIZON, GRID, FLOOR_BOX, OTHER_BOX = (60, 60, 255), (255, 220, 80), (90, 200, 60), (160, 160, 160)  # BGR
-GRID_REACH_M = 6
+GRID_LINES = 6
 
 
 def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
-    """A copy of the picture with the horizon (red) and the floor's metre grid, distances from the base written on it.
+    """A copy of the picture with the horizon (red) and a grid on the floor, distances from the base written on it.
 
     Where the mount is right, grid lines lie flat on the floor and the horizon cuts everything at camera height.
     """
     picture = image.copy()
     thickness = max(1, image.shape[1] // 640)
-    for metre in range(1, GRID_REACH_M + 1):
-        across = np.column_stack([np.full(81, float(metre)), np.linspace(-4.0, 4.0, 81)])
+    step = grid_step_m(camera)
+    reach = GRID_LINES * step
+    for metre in range(step, reach + 1, step):
+        across = np.column_stack([np.full(81, float(metre)), np.linspace(-reach, reach, 81)])
         _polyline(picture, camera.project(across), GRID, thickness)
         along = camera.project(np.array([[float(metre), 0.0]]))[0]
         if _inside(picture, along):
             _text(picture, f"{metre} m", along + [4, -4], GRID)
-    for left in range(-4, 5):
-        along = np.column_stack([np.linspace(0.3, GRID_REACH_M, 120), np.full(120, float(left))])
+    for left in range(-reach, reach + 1, step):
+        along = np.column_stack([np.linspace(0.3 * step, reach, 120), np.full(120, float(left))])
         _polyline(picture, camera.project(along), GRID, thickness)
     columns = np.linspace(0, image.shape[1] - 1, 33)
     horizon = np.array([[column, camera.horizon_row(float(column))] for column in columns])
@@ -41,6 +43,12 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
     label = np.array([8.0, min(max(row - 6, 14), image.shape[0] - 6)])
     _text(picture, f"horizon, row {row:.0f} px", label, HORIZON)
     return picture
+
+
+def grid_step_m(camera: FloorCamera) -> int:
+    """Metres between grid lines: 1, or 5 where the camera sees the floor from afar only, as on a car."""
+    nearest = camera.floor_points([(camera.intrinsics.cx, camera.intrinsics.height - 1.0)])[0, 0]
+    return 1 if nearest < 3.0 else 5
 
 
 def draw_detections(image: Picture, detections: Detections, sightings: list[Sighting]) -> Picture:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 WORKING_WIDTH = 424  # px; wider pictures are scaled down to it
 MAX_CORNERS = 200
-MAX_DISTANCE_M = 6.0  # farther floor points say little about the way
+REACH_HEIGHTS = 12.0  # floor points farther than this many camera heights say little about the way
 TRACK_SIGMA_PX = 0.35  # of one tracked corner, at working resolution
 GUESSED_STEPS = 5  # frames that the last motion is carried on where tracking fails
 
@@ -111,9 +111,9 @@ class PlanarOdometry:
 
 
 def _floor_mask(camera: FloorCamera) -> NDArray[np.uint8]:
-    """255 where a pixel sees the floor within MAX_DISTANCE_M, else 0."""
+    """255 where a pixel sees the floor within reach, else 0."""
     height, width = camera.intrinsics.height, camera.intrinsics.width
     v, u = np.mgrid[0:height, 0:width]
     points = camera.floor_points(np.column_stack([u.ravel(), v.ravel()]))
-    near = np.linalg.norm(points - camera.mount.position_base_m()[:2], axis=1) < MAX_DISTANCE_M
+    near = np.linalg.norm(points - camera.mount.position_base_m()[:2], axis=1) < REACH_HEIGHTS * camera.mount.height_m
     return (near.reshape(height, width) * 255).astype(np.uint8)

@@ -32,11 +32,11 @@ def painted_bundle(tmp_path_factory):
 
 @pytest.fixture
 def pictures(tmp_path):
-    """A folder of 12 pictures, 64x64, with a camera.yaml."""
+    """A folder of 12 pictures of one scene, 64x64, with a camera.yaml."""
     folder = tmp_path / "pictures"
     folder.mkdir()
-    rng = np.random.default_rng(0)
+    scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
     for index in range(12):
-        cv2.imwrite(str(folder / f"{index}.png"), rng.integers(0, 255, (64, 64, 3), dtype=np.uint8))
+        cv2.imwrite(str(folder / f"{index}.png"), scene)
     (folder / "camera.yaml").write_text(CAMERA_YAML)
     return folder

@@ -32,14 +32,18 @@ def test_help_is_quick_and_names_every_command(edgemap):
 
 @pytest.mark.parametrize("module", ["numpy", "cv2", "onnxruntime", "torch", "tyro", "scipy"])
 def test_help_imports_nothing_heavy(module):
-    code = f"import sys; sys.argv = ['edgemap', '--help']\nfrom edgemap.cli import main\ntry: main()\nexcept SystemExit: pass\nassert '{module}' not in sys.modules"
+    code = (
+        "import sys; sys.argv = ['edgemap', '--help']\nfrom edgemap.cli import main\n"
+        f"try: main()\nexcept SystemExit: pass\nassert '{module}' not in sys.modules"
+    )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
 @pytest.mark.parametrize("words", ["run", "detect", "bench", "pull", "export", "eval detection", "map show", "doctor"])
 def test_every_command_explains_itself_without_its_heavy_imports(words):
     code = (
-        f"import sys\nfrom edgemap.cli import main\ntry: main({words.split() + ['--help']!r})\nexcept SystemExit as e: assert e.code == 0\n"
+        f"import sys\nfrom edgemap.cli import main\ntry: main({[*words.split(), '--help']!r})\n"
+        "except SystemExit as e: assert e.code == 0\n"
         "heavy = {'torch', 'cv2', 'onnxruntime', 'matplotlib', 'onnx'} & set(sys.modules)\nassert not heavy, heavy"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -143,9 +147,9 @@ def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
 
 def write_video(path, count=40):
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (64, 64))
-    rng = np.random.default_rng(0)
+    scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
     for _ in range(count):
-        writer.write(rng.integers(0, 255, (64, 64, 3), dtype=np.uint8))
+        writer.write(scene)
     writer.release()
 
 
