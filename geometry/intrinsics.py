@@ -21,10 +21,13 @@ class Distortion:
     """Lens distortion: `model` and its coefficients (k1, k2, p1, p2, k3), missing ones zero.
 
     - `none`
-    - `brown_conrady`: OpenCV's five-parameter model; the polynomial takes ideal to distorted points.
-    - `inverse_brown_conrady`: RealSense's; the same polynomial takes DISTORTED to ideal points.
+    - `brown_conrady`: OpenCV's five-parameter model.
     - `modified_brown_conrady`: RealSense's; tangential terms see the radially scaled point.
+    - `inverse_brown_conrady`: what RealSense colour streams report. The name promises the opposite direction, but
+      librealsense (2.59, `rs2_project_point_to_pixel`, `rs2_deproject_pixel_to_point`) computes it like
+      `modified_brown_conrady`, and so do we: tests compare with librealsense itself.
 
+    In all of them the polynomial takes ideal to distorted points.
     Raises GeometryError for an unknown model, more than five coefficients, or one that is not finite.
     """
 
@@ -52,16 +55,12 @@ class Distortion:
         """Ideal to distorted normalised image points, shape (N, 2), no unit."""
         if self.is_identity:
             return points
-        if self.model == "inverse_brown_conrady":
-            return _invert(self._polynomial, points)
         return self._polynomial(points)
 
     def undistort(self, points: Array) -> Array:
-        """Distorted to ideal normalised image points, shape (N, 2); Newton steps where there is no closed form."""
+        """Distorted to ideal normalised image points, shape (N, 2), by Newton's method."""
         if self.is_identity:
             return points
-        if self.model == "inverse_brown_conrady":
-            return self._polynomial(points)
         return _invert(self._polynomial, points)
 
     def _polynomial(self, points: Array) -> Array:
@@ -70,7 +69,7 @@ class Distortion:
         r2 = x * x + y * y
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         xr, yr = x * radial, y * radial
-        if self.model == "modified_brown_conrady":
+        if self.model != "brown_conrady":
             x, y = xr, yr
         return np.stack(
             [xr + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), yr + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y], axis=1

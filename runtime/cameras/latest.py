@@ -29,7 +29,8 @@ class LatestFrameCamera(CameraBase):
     """A live camera. grab: blocks for the next (stamp_s, BGR picture), None for "nothing yet", raises when dead.
 
     size: (width, height) in px. The thread overwrites the slot, so a slow reader skips frames and never sees an
-    old one or one twice. The stall limit is ten median frame intervals of the last thirty, at least 1 s; 10 s before the first frame.
+    old one or one twice. The stall limit is ten median frame intervals of the last thirty, at least 1 s; 10 s
+    before the first frame.
     `close_device` is called once, on the reader thread, after the last grab: no device is closed under a grab.
     """
 

@@ -50,8 +50,8 @@ def lens_of(profile: Any, name: str) -> Intrinsics:
         distortion = Distortion(model, coefficients)
     else:
         raise CameraError(f"{name}: distortion model {model} with coefficients {list(coefficients)} is not supported")
-    numbers = map(_single, (lens.fx, lens.fy, lens.ppx, lens.ppy))
-    return Intrinsics(lens.width, lens.height, *numbers, distortion)
+    fx, fy, cx, cy = map(_single, (lens.fx, lens.fy, lens.ppx, lens.ppy))
+    return Intrinsics(lens.width, lens.height, fx, fy, cx, cy, distortion)
 
 
 def _single(value: float) -> float:

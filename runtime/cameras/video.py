@@ -107,8 +107,10 @@ def _open_quietly(path: Path) -> cv2.VideoCapture:
     # so OpenCV's and FFmpeg's are kept off the terminal.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     known = cv2.videoio_registry.getBackends()
-    level = cv2.setLogLevel(0)
+    logging = cv2.utils.logging
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
         return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
     finally:
-        cv2.setLogLevel(level)
+        logging.setLogLevel(level)

@@ -58,14 +58,16 @@ def test_pixel_to_ray_to_pixel_comes_back(model, u, v, depth):
     np.testing.assert_allclose(camera.project(camera.rays([[u, v]]) * depth), [[u, v]], atol=1e-6)
 
 
-def test_inverse_model_applies_its_polynomial_to_the_distorted_point():
+@pytest.mark.parametrize("model", ["inverse_brown_conrady", "modified_brown_conrady"])
+def test_realsense_models_bend_the_ideal_point_radially_then_tangentially(model):
     k1, k2, p1, p2, k3 = coefficients = (0.1, 0.02, 0.003, -0.004, 0.005)
     x, y = 0.3, -0.2
     r2 = x * x + y * y
     f = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
-    expected = [x * f + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * f + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)]
-    camera = Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0, Distortion("inverse_brown_conrady", coefficients))
-    assert camera.rays([[320 + 500 * x, 240 + 500 * y]])[0, :2] == pytest.approx(expected, abs=1e-12)
+    u, v = x * f, y * f
+    bent = [u + 2 * p1 * u * v + p2 * (r2 + 2 * u * u), v + 2 * p2 * u * v + p1 * (r2 + 2 * v * v)]
+    camera = Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0, Distortion(model, coefficients))
+    assert camera.project([[x, y, 1.0]])[0] == pytest.approx([320 + 500 * bent[0], 240 + 500 * bent[1]], abs=1e-9)
 
 
 def test_points_behind_the_camera_have_no_pixel():
