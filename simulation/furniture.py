@@ -52,13 +52,16 @@ class Model:
 
 # Per kind: models that COCO-trained detectors recognise in most views when drawn by this renderer.
 CHOICES: dict[str, tuple[str, ...]] = {
+    "bookcase": ("BlendSwap-CC-0/bookcase",),
     "bottle": ("Scopia/wine_bottle", "KatorLegaz/red-wine-bottle-01"),
     "chair": ("BlendSwap-CC-0/chair", "BlendSwap-CC-0/thonet", "BlendSwap-CC-BY/chair4", "BlendSwap-CC-BY/plaidChair"),
     "couch": ("Scopia/simple_sofa", "Scopia/burlap_sofa", "Scopia/clear_sofa"),
     "cup": ("KatorLegaz/coffee-mug", "Scopia/cup"),
-    "dining table": ("BlendSwap-CC-BY/table", "Scopia/table4", "Scopia/table-on-trestles"),
+    "dining table": ("Scopia/round-table", "Scopia/table4"),
+    "door": ("Scopia/puerta",),
     "easy chair": ("Scopia/armchair2",),
     "potted plant": ("BlendSwap-CC-BY/decorativePlant", "Scopia/maceta", "BlendSwap-CC-0/plant"),
+    "radiator": ("BlendSwap-CC-0/radiator",),
     "refrigerator": ("KatorLegaz/fridge", "BlendSwap-CC-0/largeFridge"),
     "tv": ("Scopia/tv", "Scopia/wall-flat-tv"),
     "tv stand": ("BlendSwap-CC-BY/tvStand",),

@@ -21,7 +21,7 @@ from edgemap.simulation.room import Room, furnish
 from edgemap.simulation.truth import object_records, picture_boxes
 from edgemap.simulation.world import CameraSetup, build_scene, plan_drive
 
-EXPOSURE = 2.2
+EXPOSURE = 1.9
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,8 @@ from edgemap.simulation.mesh import Array
 from edgemap.simulation.room import Room
 
 _CELL_M = 0.03
+# Headings tried per control point of a way, and the sharpest turn at one.
+_TRIES, _SHARPEST_RAD = 40, 1.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,53 +62,60 @@ def random_way(free: FreeSpace, limits: Limits, rng: np.random.Generator, knots:
     """
     need = limits.radius_m + limits.margin_m
     points = [_free_point(free, need + 0.1, rng)]
+    along = np.linspace(0.0, 1.0, 10)[:, None]
+    ahead = None
     while len(points) < knots:
-        for _ in range(30):
-            step, heading = rng.uniform(0.5, 1.3), rng.uniform(-math.pi, math.pi)
-            point = points[-1] + step * np.array([math.cos(heading), math.sin(heading)])
-            if len(points) > 1:
-                before = points[-1] - points[-2]
-                turn = math.atan2(
-                    before[0] * math.sin(heading) - before[1] * math.cos(heading),
-                    before[0] * math.cos(heading) + before[1] * math.sin(heading),
-                )
-                if abs(turn) > 1.5:
-                    continue
-            line = points[-1] + np.linspace(0.0, 1.0, 12)[:, None] * (point - points[-1])
-            if free.clearance_m(line).min() > need:
-                points.append(point)
-                break
-        else:
+        heading = rng.uniform(-math.pi, math.pi, _TRIES)
+        steps = rng.uniform(0.6, 1.7, (_TRIES, 1)) * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        lines = points[-1] + along * steps[:, None]
+        good = free.clearance_m(lines.reshape(-1, 2)).reshape(_TRIES, -1).min(axis=1) > need
+        if ahead is not None:
+            good &= np.abs(np.mod(heading - ahead + math.pi, 2.0 * math.pi) - math.pi) < _SHARPEST_RAD
+        if not good.any():
             return None
+        first = int(np.argmax(good))
+        points.append(points[-1] + steps[first])
+        ahead = heading[first]
     way = _spline(np.array(points))
     return way if free.clearance_m(way).min() > need else None
 
 
 def drive_along(way_m: Array, limits: Limits, frames: int, rate_hz: float) -> list[SE2] | None:
-    """Poses `frames` long at `rate_hz` that follow a way from rest to rest; None where the time does not fit.
+    """Poses `frames` long at `rate_hz` that follow a way from rest to rest; None where the way is too short.
 
-    Speed keeps to the limits of speed, acceleration and yaw rate; then the whole drive is slowed to fill the time.
+    A way that takes longer is cut. Speed keeps to the limits of speed, acceleration and yaw rate; then the whole
+    drive is slowed a little to fill the time.
     """
+    available = (frames - 1) / rate_hz
+    time, heading = _timed(way_m, limits)
+    if time[-1] > available:
+        # Stopping takes time too: half of speed / acceleration beyond what the uncut way took to get here.
+        stop = 0.5 * limits.speed_m_s / limits.acceleration_m_s2 + 0.2
+        way_m = way_m[: max(8, int(np.searchsorted(time, available - stop)))]
+        time, heading = _timed(way_m, limits)
+    if not 0.85 * available <= time[-1] <= available:
+        return None
+    stamps = np.arange(frames) / rate_hz * time[-1] / available
+    x, y = (np.interp(stamps, time, way_m[:, axis]) for axis in range(2))
+    yaw = np.interp(stamps, (time[1:] + time[:-1]) / 2.0, heading)
+    return [SE2(*pose) for pose in zip(x, y, yaw, strict=True)]
+
+
+def _timed(way_m: Array, limits: Limits) -> tuple[Array, Array]:
+    """When the robot is at each point of a way (N,), seconds, and its heading on each step (N - 1,), unwrapped."""
     steps = np.diff(way_m, axis=0)
     length = np.linalg.norm(steps, axis=1)
     heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     curvature = np.abs(np.gradient(heading)) / np.maximum(length, 1e-6)
     curvature = np.convolve(np.pad(curvature, 8, mode="edge"), np.ones(17) / 17, mode="valid")
-    speed = np.minimum(limits.speed_m_s, limits.yaw_rate_rad_s / np.maximum(curvature, 1e-6))
-    speed[[0, -1]] = 0.03
-    for order in (range(1, len(speed)), range(len(speed) - 2, -1, -1)):
-        for i in order:
-            last = i - order.step
-            speed[i] = min(speed[i], math.sqrt(speed[last] ** 2 + 2.0 * limits.acceleration_m_s2 * length[i]))
-    time = np.concatenate([[0.0], np.cumsum(length / speed)])
-    available = (frames - 1) / rate_hz
-    if not 0.75 * available <= time[-1] <= available:
-        return None
-    stamps = np.arange(frames) / rate_hz * time[-1] / available
-    x, y = (np.interp(stamps, time, way_m[:, axis]) for axis in range(2))
-    middle = (time[1:] + time[:-1]) / 2.0
-    yaw = np.interp(stamps, middle, heading)
-    return [SE2(*pose) for pose in zip(x, y, yaw, strict=True)]
+    square = np.minimum(limits.speed_m_s, limits.yaw_rate_rad_s / np.maximum(curvature, 1e-6)) ** 2
+    square[[0, -1]] = 0.03**2
+    # v^2 may grow by 2 a s along the way, and along the way back: a running minimum of v^2 - 2 a s.
+    room = 2.0 * limits.acceleration_m_s2 * np.cumsum(length)
+    square = np.minimum.accumulate(square - room) + room
+    square = (np.minimum.accumulate((square + room)[::-1]))[::-1] - room
+    time = np.concatenate([[0.0], np.cumsum(length / np.sqrt(square))])
+    return time, heading
 
 
 def wheel_odometry(poses: Sequence[SE2], rng: np.random.Generator) -> list[SE2]:

@@ -18,6 +18,8 @@ from edgemap.simulation.mesh import Array
 from edgemap.simulation.shell import Colour, Opening, Shell
 
 _WALL_GAP_M = 0.03
+# Left edge of the window in the far wall.
+_WINDOW_M = 3.25
 _FLOORS: tuple[Colour, ...] = ((184.0, 140.0, 98.0), (168.0, 122.0, 84.0), (198.0, 160.0, 118.0))
 _WALLS: tuple[Colour, ...] = ((222.0, 219.0, 208.0), (205.0, 214.0, 212.0), (224.0, 212.0, 190.0))
 
@@ -93,19 +95,20 @@ class _Layout:
 def furnish(seed: int) -> Room:
     """The room of a seed."""
     rng = np.random.default_rng(seed)
-    width, depth = 5.8 + float(rng.uniform(-0.1, 0.3)), 4.6 + float(rng.uniform(-0.1, 0.2))
+    width, depth = 6.2 + float(rng.uniform(-0.1, 0.2)), 4.7 + float(rng.uniform(-0.1, 0.2))
     layout = _Layout(width, depth, rng)
     _seating(layout)
     _dining(layout)
     _plants(layout)
+    _decoration(layout)
     return Room(_shell(layout), tuple(layout.placed))
 
 
 def _seating(layout: _Layout) -> None:
     """Couch on the near wall, television across the room, an easy chair on the left."""
     sofa = layout.draw("couch")
-    layout.against("couch", sofa, "near", 0.75 + sofa.width_m / 2.0 + layout.jitter(0.05))
-    along = 1.75 + layout.jitter(0.1)
+    layout.against("couch", sofa, "near", 0.85 + sofa.width_m / 2.0 + layout.jitter(0.05))
+    along = 1.72 + layout.jitter(0.04)
     stand = layout.against("", layout.draw("tv stand"), "far", along)
     layout.against("tv", layout.draw("tv"), "far", along, stand.model.height_m)
     layout.put("chair", layout.draw("easy chair"), 0.62, layout.depth_m - 1.75 + layout.jitter(0.1), layout.jitter(12))
@@ -127,14 +130,19 @@ def _dining(layout: _Layout) -> None:
 
 
 def _plants(layout: _Layout) -> None:
-    """Plants in the corners that are left."""
-    for x, y in (
-        (0.45, layout.depth_m - 0.45),
-        (layout.width_m - 0.4, 0.4),
-        (layout.width_m - 2.3, layout.depth_m - 0.4),
-    ):
-        plant = layout.draw("potted plant")
-        layout.put("potted plant", plant, x, y, float(layout.rng.uniform(-180, 180)))
+    """Plants in the corners that are left, and one by the television."""
+    width, depth = layout.width_m, layout.depth_m
+    for x, y in ((0.45, depth - 0.45), (width - 0.4, 0.4), (2.78, depth - 0.38)):
+        layout.put("potted plant", layout.draw("potted plant"), x, y, float(layout.rng.uniform(-180, 180)))
+
+
+def _decoration(layout: _Layout) -> None:
+    """What makes it a room and no detector is asked for: door, radiator, bookcase, lamp."""
+    door = layout.draw("door")
+    layout.put("", door, door.depth_m / 2.0 - 0.06, 1.0 + door.width_m / 2.0, 0.0)
+    layout.against("", layout.draw("radiator"), "far", _WINDOW_M + 0.75)
+    layout.against("", layout.draw("bookcase"), "right", layout.depth_m - 1.75)
+    layout.put("", layout.draw("floor lamp"), 0.4, 0.4, 45.0)
 
 
 def _shell(layout: _Layout) -> Shell:
@@ -150,6 +158,6 @@ def _shell(layout: _Layout) -> Shell:
         floor_rgb=_FLOORS[int(rng.integers(len(_FLOORS)))],
         wall_rgb=_WALLS[int(rng.integers(len(_WALLS)))],
         rug=(rug_x, 1.25, 2.2, 1.5),
-        window=opening(2.9, 0.85, 1.5, 1.25),
-        painting=opening(1.35, 1.45, 0.8, 0.55),
+        window=opening(_WINDOW_M, 0.95, 1.5, 1.2),
+        painting=opening(1.35, 1.5, 0.8, 0.55),
     )
