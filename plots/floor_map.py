@@ -34,8 +34,9 @@ def plot_map(
     """Draw the three panels, or the centres alone where no sightings are known; the path."""
     colours = label_colours([item.label for item in objects] + [seen.label for seen in sightings])
     panels = 3 if sightings else 1
+    width, height = _panel_size(objects, sightings, way)
     figure, grid = plt.subplots(
-        1, panels, figsize=(6.4 * panels, 6.2), squeeze=False, sharex=True, sharey=True, layout="constrained"
+        1, panels, figsize=(width * panels, height + 0.8), squeeze=False, sharex=True, sharey=True, layout="constrained"
     )
     axes = list(grid[0])
     for panel in axes:
@@ -53,6 +54,18 @@ def plot_map(
             handles=handles, loc="outside lower center", ncols=min(8, len(handles)), frameon=False, fontsize=9
         )
     return save(figure, path)
+
+
+def _panel_size(
+    objects: Sequence[MapObject], sightings: Sequence[SeenAt], way: Trajectory | None
+) -> tuple[float, float]:
+    """Width and height in inches of one panel, shaped like what it shows."""
+    x = [float(item.position_m[0]) for item in objects] + [seen.x_m for seen in sightings]
+    y = [float(item.position_m[1]) for item in objects] + [seen.y_m for seen in sightings]
+    poses = way.poses if way else ()
+    up = np.ptp([0.0, *x, *(pose.x_m for pose in poses)]) + 1.0
+    across = np.ptp([0.0, *y, *(pose.y_m for pose in poses)]) + 1.0
+    return float(np.clip(6.0 * across / up, 3.2, 8.0)), float(np.clip(8.0 * up / across, 3.0, 6.0))
 
 
 def _way(axes: Axes, way: Trajectory | None) -> None:
