@@ -20,13 +20,16 @@ CASES = 2
 # Two float32 implementations sum in different orders. Over 75 convolutions that costs some 1e-5 of an output's largest
 # value; a wrong padding, activation or channel order costs more than 1e-2.
 RELATIVE_TOLERANCE = 1e-4
+# The head's chain carries the backbone's rounding through its states: measured up to 4e-5 with YOLOv3's 13x13x255. A
+# gate in the wrong place costs more than 1e-1.
+CHAIN_TOLERANCE = 5e-4
 
 # A reference backbone: raw picture (1, 3, H, W) in 0..255 to its outputs by name.
 Reference = Callable[[NDArray[np.float32]], Tensors]
 
 
 class Comparison:
-    """Keeps the largest difference; refuses one above 1e-4 of the output's largest absolute value."""
+    """Keeps the largest difference; refuses one above `relative` times the output's largest absolute value."""
 
     def __init__(self, file: str, relative: float = RELATIVE_TOLERANCE) -> None:
         self.file = file
@@ -64,7 +67,7 @@ def random_picture(generator: np.random.Generator, height: int, width: int) -> N
 
 
 def prove(bundle: Bundle, reference: Reference, heads: dict[str, PaperHead], exact: bool = False) -> dict[str, Parity]:
-    """Run source and bundle side by side; a Parity per file.
+    """Run source and bundle side by side; a Parity per file, relative tolerance 1e-4 for the backbone, 5e-4 for heads.
 
     Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed
     with its own features and its own states, every output of every step and the final state compared. exact: the
@@ -99,7 +102,7 @@ class _Chain:
         self._record, self._network = bundle.odometry_head(kind)
         self._head = head.eval()
         self.file = self._record.file
-        self.comparison = Comparison(self.file)
+        self.comparison = Comparison(self.file, CHAIN_TOLERANCE)
 
     def start(self, generator: np.random.Generator) -> None:
         states = [generator.standard_normal(state.shape).astype(np.float32) for state in self._record.states]

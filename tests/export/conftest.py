@@ -1,4 +1,5 @@
 import http.server
+import shutil
 import threading
 from functools import partial
 from pathlib import Path
@@ -66,20 +67,39 @@ SMALL_VALUES = 124 + 296 + 176 + 63
 
 @pytest.fixture
 def small_cfg(tmp_path) -> Path:
-    path = tmp_path / "small.cfg"
-    path.write_text(SMALL_CFG)
-    return path
+    return write_small(tmp_path)[0]
 
 
 @pytest.fixture
 def small_weights(tmp_path, small_cfg) -> Path:
+    return write_small(tmp_path)[1]
+
+
+def write_small(folder: Path) -> tuple[Path, Path]:
     from edgemap.export.darknet import Darknet
     from edgemap.export.darknet_weights import random_weights, save_weights
 
-    network = Darknet.from_cfg(small_cfg)
+    cfg, weights = folder / "small.cfg", folder / "small.weights"
+    cfg.write_text(SMALL_CFG)
+    network = Darknet.from_cfg(cfg)
     random_weights(network, seed=3)
-    save_weights(network, tmp_path / "small.weights", seen=77)
-    return tmp_path / "small.weights"
+    save_weights(network, weights, seen=77)
+    return cfg, weights
+
+
+@pytest.fixture(scope="session")
+def exported_once(tmp_path_factory) -> Path:
+    from edgemap.export.exporter import export_backbone
+
+    folder = tmp_path_factory.mktemp("exported")
+    cfg, weights = write_small(folder)
+    return export_backbone(str(cfg), folder / "small", weights=weights)
+
+
+@pytest.fixture
+def small(tmp_path, exported_once) -> Path:
+    """The small network's bundle, the test's own copy, alone in its folder."""
+    return shutil.copytree(exported_once, tmp_path / "out" / "small")
 
 
 @pytest.fixture

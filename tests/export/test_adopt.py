@@ -1,0 +1,121 @@
+"""Adopting ONNX detectors: recognised by their outputs, tapped by name or by shape, otherwise refused in one line."""
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from edgemap.export.adopt import adopt, find_tap, static_tensors
+from edgemap.export.errors import ExportError
+from edgemap.export.exporter import export_backbone
+from edgemap.runtime.bundle import read_manifest
+from edgemap.runtime.session import load_bundle
+
+
+def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1):
+    """A graph of YOLOX's form: three strided Relu convolutions, each grid a few rows of the one output."""
+    rng = np.random.default_rng(0)
+    nodes, weights, parts, source, channels, scale = [], [], [], "images", 3, 1.0 / 255.0
+    for stride, width in ((8, 6), (16, 10), (32, 12)):
+        step = 8 if stride == 8 else 2
+        kernel = rng.standard_normal((width, channels, step, step), np.float32) * scale / step
+        read = rng.standard_normal((5 + classes, width, 1, 1), np.float32)
+        cells = (size // stride) ** 2
+        weights += [
+            numpy_helper.from_array(kernel.astype(np.float32), f"w{stride}"),
+            numpy_helper.from_array(read, f"h{stride}"),
+            numpy_helper.from_array(np.array([batch, 5 + classes, cells], np.int64), f"s{stride}"),
+        ]
+        strides = {"strides": [step, step], "kernel_shape": [step, step]}
+        nodes += [
+            helper.make_node("Conv", [source, f"w{stride}"], [f"c{stride}"], **strides),
+            helper.make_node("Relu", [f"c{stride}"], [f"feature{stride}"]),
+            helper.make_node("Conv", [f"feature{stride}", f"h{stride}"], [f"p{stride}"]),
+            helper.make_node("Reshape", [f"p{stride}", f"s{stride}"], [f"r{stride}"]),
+        ]
+        parts.append(f"r{stride}")
+        source, channels, scale = f"feature{stride}", width, 1.0
+    nodes.append(helper.make_node("Concat", parts, ["all"], axis=2))
+    nodes.append(helper.make_node("Transpose", ["all"], ["output"], perm=[0, 2, 1]))
+    total = rows or sum((size // stride) ** 2 for stride in (8, 16, 32))
+    graph = helper.make_graph(
+        nodes,
+        "little",
+        [helper.make_tensor_value_info("images", TensorProto.FLOAT, [batch, 3, size, size])],
+        [helper.make_tensor_value_info("output", TensorProto.FLOAT, [batch, total, 5 + classes])],
+        weights,
+    )
+    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=6), path)
+    return path
+
+
+def refusal(path, *arguments) -> str:
+    with pytest.raises(ExportError) as caught:
+        adopt(path, *arguments)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_tap_by_name_and_by_stride(tmp_path):
+    path = little_yolox(tmp_path / "m.onnx")
+    for feature, name, shape in [
+        ("stride32", "feature32", (1, 12, 2, 2)),
+        ("stride8", "feature8", (1, 6, 8, 8)),
+        ("c16", "c16", (1, 10, 4, 4)),
+    ]:
+        model, detector = adopt(path, feature)
+        assert [(f.name, f.shape) for f in detector.features] == [(name, shape)]
+        assert [value.name for value in model.graph.output] == ["output", name]
+    assert detector.heads[0].shape == (1, 84, 8)
+    assert detector.heads[0].strides == (8, 16, 32)
+    assert (detector.input.resize, detector.input.colour, detector.input.pad) == ("letterbox_topleft", "bgr", 114)
+
+
+def test_the_adopted_bundle_gives_the_same_bits_and_the_tapped_tensor(tmp_path):
+    path = little_yolox(tmp_path / "m.onnx")
+    out = export_backbone(str(path), tmp_path / "bundle", feature="stride16")
+    manifest = read_manifest(out)
+    assert manifest.parity["backbone.onnx"].max_abs_difference == 0.0
+    picture = np.random.default_rng(1).integers(0, 256, (1, 3, 64, 64)).astype(np.float32)
+    found = load_bundle(out).backbone.run({"images": picture})
+    theirs = ort.InferenceSession(path, providers=["CPUExecutionProvider"]).run(None, {"images": picture})[0]
+    np.testing.assert_array_equal(found["output"], theirs)
+    # the tapped tensor is the one that its name says: its own 1x1 head gives the rows of stride 16
+    weight = next(numpy_helper.to_array(w) for w in onnx.load(path).graph.initializer if w.name == "h16")
+    rows = np.einsum("oc,chw->hwo", weight[:, :, 0, 0], found["feature16"][0]).reshape(16, 8)
+    np.testing.assert_allclose(rows, theirs[0, 64:80], rtol=1e-4, atol=1e-5)
+
+
+def test_what_is_no_detector_is_refused(tmp_path):
+    path = little_yolox(tmp_path / "m.onnx")
+    assert "no tensor 'nix'" in refusal(path, "nix")
+    assert "no feature tensor of stride 4" in refusal(path, "stride4")
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    assert "not a whole ONNX model" in refusal(path)
+    path.write_bytes(b"")
+    assert "not a whole ONNX model" in refusal(path)
+    assert "cannot be read" in refusal(tmp_path / "none.onnx")
+    assert "fit no known rule; yolox has one, (1, 84, 5 + classes)" in refusal(little_yolox(path, rows=85))
+    assert "expected one input (1, 3, H, W)" in refusal(little_yolox(path, batch=2))
+
+
+@pytest.mark.parametrize(("opset", "kept"), [(9, 11), (11, 11), (13, 13)])
+def test_an_opset_outside_of_the_contract_is_converted(tmp_path, opset, kept):
+    path = little_yolox(tmp_path / "m.onnx", opset=opset)
+    model, _ = adopt(path, "stride32")
+    assert [item.version for item in model.opset_import if item.domain == ""] == [kept]
+
+
+def test_yolox_nano(tmp_path, shared_data):
+    path = shared_data / "weights" / "yolox_nano.onnx"
+    out = export_backbone("yolox-nano", tmp_path / "nano", weights=path)
+    manifest = read_manifest(out)
+    assert manifest.detector.heads[0].shape == (1, 3549, 85)
+    assert [(f.shape, f.stride) for f in manifest.detector.features] == [((1, 256, 13, 13), 32)]
+    assert manifest.parity["backbone.onnx"].max_abs_difference == 0.0
+    assert manifest.odometry["paper"].parameters <= 2_509_555
+    tensors = static_tensors(onnx.load(path))
+    found = [find_tap(tensors, stride, 416, 416) for stride in (8, 16, 32)]
+    assert [(tensor.channels, tensor.height) for tensor in found] == [(64, 52), (128, 26), (256, 13)]

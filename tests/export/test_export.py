@@ -1,0 +1,242 @@
+"""Whole exports: contract, parity over a chain of steps, refusal that leaves nothing, an older bundle kept."""
+
+import msgspec
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+import torch
+
+from edgemap.export import exporter, parity
+from edgemap.export.architectures import yolov3
+from edgemap.export.checkpoint import HeadCheckpoint, save_head
+from edgemap.export.convlstm import PaperHead, random_head
+from edgemap.export.darknet import Darknet
+from edgemap.export.darknet_weights import load_weights, random_weights, save_weights
+from edgemap.export.errors import ExportError
+from edgemap.export.exporter import export_backbone
+from edgemap.runtime.bundle import METADATA_KEY, read_manifest, sha256_file, write_manifest
+from edgemap.runtime.errors import BundleError
+from edgemap.runtime.session import load_bundle
+
+
+def test_manifest_of_a_small_network(small):
+    manifest = read_manifest(small)
+    detector, head = manifest.detector, manifest.odometry["paper"]
+    assert (manifest.name, detector.decode, detector.input.resize, detector.input.pad) == (
+        "small",
+        "yolov3",
+        "letterbox",
+        127,
+    )
+    assert (detector.input.colour, detector.input.scale, detector.input.width) == ("rgb", 1.0, 32)
+    (only,) = detector.heads
+    assert (only.shape, only.strides, only.anchors, only.scale_xy) == ((1, 7, 4, 4), (8,), ((10.0, 12.0),), 1.05)
+    assert [(f.name, f.shape, f.stride) for f in detector.features] == [(only.name, (1, 7, 4, 4), 8)]
+    assert [entry.name for entry in detector.classes] == ["class 0", "class 1"]
+    assert (head.feature, head.trained, head.parameters) == (
+        only.name,
+        False,
+        random_head((1, 7, 4, 4)).parameters_count,
+    )
+    assert set(manifest.sha256) == {"backbone.onnx", "odometry.paper.onnx"}
+    assert manifest.measured["weights"]["float32_values"] == 659
+    assert manifest.measured["weights"]["pictures_seen"] == 77
+    for name, proof in manifest.parity.items():
+        assert 0.0 < proof.max_abs_difference <= proof.tolerance, name
+        assert (proof.steps, proof.cases) == (parity.STEPS, parity.CASES)
+        assert proof.steps >= 8
+    assert sorted(path.name for path in small.parent.iterdir()) == ["small"]
+
+
+def test_backbone_takes_raw_pictures_and_equals_darknet_on_scaled_ones(small, small_cfg, small_weights):
+    network = Darknet.from_cfg(small_cfg).eval()
+    load_weights(network, small_weights)
+    picture = np.random.default_rng(5).integers(0, 256, (1, 3, 32, 32)).astype(np.float32)
+    with torch.no_grad():
+        (expected,) = network(torch.from_numpy(picture / 255.0))
+    session = ort.InferenceSession(small / "backbone.onnx", providers=["CPUExecutionProvider"])
+    (found,) = session.run(None, {"image": picture})
+    np.testing.assert_allclose(found, expected.numpy(), atol=1e-5 * np.abs(found).max())
+
+
+def test_graphs_are_lean_and_carry_nothing_of_the_machine(small):
+    model = onnx.load(small / "backbone.onnx")
+    kinds = [node.op_type for node in model.graph.node]
+    assert not {"Pad", "BatchNormalization", "Shape", "Reshape", "Gather", "Identity"} & set(kinds), kinds
+    assert kinds.count("Conv") == 4
+    pools = [node for node in model.graph.node if node.op_type == "MaxPool"]
+    pads = [next(list(a.ints) for a in node.attribute if a.name == "pads") for node in pools]
+    assert pads == [[0, 0, 0, 0], [0, 0, 1, 1]]
+    assert model.ir_version <= 9
+    for name in ("backbone.onnx", "odometry.paper.onnx"):
+        data = (small / name).read_bytes()
+        assert b"/edgemap" not in data
+        assert b".py" not in data
+        assert [item.key for item in onnx.load(small / name).metadata_props] == [METADATA_KEY]
+
+
+def test_a_long_chain_from_random_states_keeps_parity(small):
+    """Independent of export's own proof: 20 steps, another seed, the final state included."""
+    bundle = load_bundle(small)
+    record, network = bundle.odometry_head("paper")
+    head, rng = random_head((1, 7, 4, 4)).eval(), np.random.default_rng(99)
+    ours = {state.input: rng.standard_normal(state.shape).astype(np.float32) for state in record.states}
+    theirs = [torch.from_numpy(ours[state.input]) for state in record.states]
+    with torch.no_grad():
+        for _ in range(20):
+            feature = rng.standard_normal((1, 7, 4, 4)).astype(np.float32)
+            outputs = network.run({record.feature_input: feature, **ours})
+            motion, *theirs = head(torch.from_numpy(feature), *theirs)
+            np.testing.assert_allclose(outputs[record.motion], motion.numpy(), atol=1e-7)
+            ours = {state.input: outputs[state.output] for state in record.states}
+    for state, tensor in zip(record.states, theirs, strict=True):
+        np.testing.assert_allclose(ours[state.input], tensor.numpy(), atol=1e-5)
+    assert [state.input for state in record.states] == ["hidden1_in", "cell1_in", "hidden2_in", "cell2_in"]
+
+
+def test_the_same_export_twice_gives_the_same_bytes(tmp_path, small, small_cfg, small_weights):
+    again = export_backbone(str(small_cfg), tmp_path / "again", weights=small_weights)
+    assert read_manifest(again).sha256 == read_manifest(small).sha256
+
+
+def test_failed_parity_refuses_and_leaves_nothing(tmp_path, small_cfg, small_weights, monkeypatch):
+    """One weight of the exported graph is off by a part: the proof must see it."""
+    true_export = exporter.backbone_to_onnx
+
+    def wrong_export(network, detector):
+        with torch.no_grad():
+            network.convolutions()[2].conv.weight[0, 0, 0, 0] += 0.5
+            model = true_export(network, detector)
+            network.convolutions()[2].conv.weight[0, 0, 0, 0] -= 0.5
+        return model
+
+    monkeypatch.setattr(exporter, "backbone_to_onnx", wrong_export)
+    out = tmp_path / "out" / "small"
+    with pytest.raises(ExportError, match=r"backbone.onnx: parity failed: head_stride8 differs by .* tolerance"):
+        export_backbone(str(small_cfg), out, weights=small_weights)
+    assert list(out.parent.iterdir()) == []
+
+
+def test_failed_parity_of_the_final_state_alone_is_seen(tmp_path, small_cfg, small_weights, monkeypatch):
+    """The cell state of the last layer is wrong by 1 % in the graph; motion of the same step is right."""
+    true_forward, tracing = PaperHead.forward, {"on": False}
+
+    def forward(self, feature, *state):
+        motion, *new = true_forward(self, feature, *state)
+        if tracing["on"]:
+            new[-1] = new[-1] * 1.01
+        return motion, *new
+
+    true_export = exporter.head_to_onnx
+
+    def wrong_export(head, record):
+        tracing["on"] = True
+        try:
+            return true_export(head, record)
+        finally:
+            tracing["on"] = False
+
+    monkeypatch.setattr(PaperHead, "forward", forward)
+    monkeypatch.setattr(exporter, "head_to_onnx", wrong_export)
+    with pytest.raises(ExportError, match=r"odometry.paper.onnx: parity failed: cell2_out differs"):
+        export_backbone(str(small_cfg), tmp_path / "out", weights=small_weights)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_failed_export_keeps_the_older_bundle_and_a_good_one_replaces_it(
+    small, small_cfg, small_weights, monkeypatch
+):
+    before = sha256_file(small / "bundle.json")
+    with monkeypatch.context() as patch:
+        patch.setattr(parity.Comparison.__init__, "__defaults__", (0.0,))
+        with pytest.raises(ExportError, match="parity failed"):
+            export_backbone(str(small_cfg), small, weights=small_weights)
+    assert sha256_file(small / "bundle.json") == before
+    export_backbone(str(small_cfg), small, weights=small_weights, feature="stride4")
+    assert [f.stride for f in read_manifest(small).detector.features] == [4]
+    assert sorted(path.name for path in small.parent.iterdir()) == ["small"]
+
+
+def test_a_folder_that_is_no_bundle_is_left_alone(tmp_path, small_cfg, small_weights):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_bytes(b"x")
+    with pytest.raises(BundleError, match="exists and is no bundle"):
+        export_backbone(str(small_cfg), tmp_path / "photos", weights=small_weights)
+    assert (tmp_path / "photos" / "a.jpg").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("field", ["anchors", "strides", "scale_xy"])
+def test_a_manifest_that_differs_from_the_graphs_contract_is_refused(small, field):
+    manifest = read_manifest(small)
+    value = {"anchors": ((9.0, 12.0),), "strides": (16,), "scale_xy": 1.0}[field]
+    head = msgspec.structs.replace(manifest.detector.heads[0], **{field: value})
+    detector = msgspec.structs.replace(manifest.detector, heads=(head,))
+    write_manifest(small, msgspec.structs.replace(manifest, detector=detector))
+    with pytest.raises(BundleError, match="contract in its metadata differs"):
+        load_bundle(small)
+
+
+def test_a_trained_head_brings_its_facts_along(tmp_path, small_cfg, small_weights):
+    head = random_head((1, 8, 4, 4), seed=9)
+    path = tmp_path / "best.pt"
+    facts = HeadCheckpoint(head, str(small_cfg), "layer:3", sigma=(0.01, 0.02, 0.03), envelope={"rate_hz": (5.0, 15.0)})
+    save_head(facts, path)
+    manifest = read_manifest(export_backbone(str(small_cfg), tmp_path / "b", weights=small_weights, heads=[path]))
+    record = manifest.odometry["paper"]
+    assert (record.trained, record.feature, record.sigma_left_m) == (True, "feature_layer3", 0.02)
+    assert manifest.envelope == {"rate_hz": (5.0, 15.0)}
+    with pytest.raises(ExportError, match="two heads of one kind"):
+        export_backbone(str(small_cfg), tmp_path / "c", weights=small_weights, heads=[path, path])
+    save_head(HeadCheckpoint(head, str(small_cfg), "head"), path)
+    with pytest.raises(ExportError, match=r"takes features \(1, 8, 4, 4\), head_stride8 of small has \(1, 7, 4, 4\)"):
+        export_backbone(str(small_cfg), tmp_path / "c", weights=small_weights, heads=[path])
+
+
+@pytest.mark.parametrize(
+    ("backbone", "options", "words"),
+    [
+        ("yolov9", {}, "is not one of yolov3, yolov3-tiny, yolox-nano"),
+        ("CFG", {"weights": None}, "--weights FILE is needed"),
+        ("CFG", {"feature": "stride16"}, "has no feature 'stride16'"),
+        ("CFG", {"feature": "layer:99"}, "has no feature 'layer:99'"),
+        ("CFG", {"size": (36, 32)}, "has 4x5 cells, no whole stride of a 36x32 input"),
+        ("none.cfg", {}, "cannot be read"),
+        ("none.onnx", {}, "cannot be read"),
+    ],
+)
+def test_what_cannot_be_exported_says_why(tmp_path, small_cfg, small_weights, backbone, options, words):
+    backbone = str(small_cfg) if backbone == "CFG" else backbone
+    with pytest.raises(ExportError) as caught:
+        export_backbone(backbone, tmp_path / "x", **({"weights": small_weights} | options))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "x").exists()
+
+
+def test_yolov3_tiny_with_its_real_weights(tmp_path, shared_data):
+    out = export_backbone("yolov3-tiny", tmp_path / "t", weights=shared_data / "weights" / "yolov3-tiny.weights")
+    manifest = read_manifest(out)
+    assert [head.shape for head in manifest.detector.heads] == [(1, 255, 13, 13), (1, 255, 26, 26)]
+    assert manifest.odometry["paper"].parameters == 2_415_363
+    assert manifest.measured["weights"]["float32_values"] == 8_858_734
+    assert manifest.measured["weights"]["sha256"].startswith("dccea06f59b7")
+    assert {entry.name for entry in manifest.detector.classes if not entry.mapped} >= {"person", "dog", "giraffe"}
+    assert manifest.parity["backbone.onnx"].max_abs_difference < 1e-3
+    assert manifest.parity["odometry.paper.onnx"].max_abs_difference < 1e-3
+
+
+@pytest.mark.slow
+def test_full_yolov3_from_a_synthetic_file(tmp_path):
+    network = Darknet.from_cfg(yolov3())
+    random_weights(network, seed=0)
+    weights = tmp_path / "yolov3.weights"
+    save_weights(network, weights)
+    assert weights.stat().st_size == 248_007_048  # the size of the published file
+    del network
+    out = export_backbone("yolov3", tmp_path / "b", weights=weights)
+    manifest = read_manifest(out)
+    assert [head.shape[2] for head in manifest.detector.heads] == [13, 26, 52]
+    assert manifest.measured["weights"]["float32_values"] == 62_001_757
+    assert manifest.parity["backbone.onnx"].max_abs_difference <= manifest.parity["backbone.onnx"].tolerance
+    assert sorted(path.name for path in out.iterdir()) == ["backbone.onnx", "bundle.json", "odometry.paper.onnx"]
