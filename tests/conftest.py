@@ -13,3 +13,17 @@ def shared_data() -> Path:
     if not (root / "data").is_dir():
         pytest.skip(f"real data not here: no folder {root / 'data'} (set EDGEMAP_SHARED)")
     return root / "data"
+
+
+@pytest.fixture(scope="session")
+def realsense_recording(tmp_path_factory):
+    """Sixty pictures of noise recorded by librealsense itself: the `.db3`, the RGB pictures, the stamps in seconds."""
+    pytest.importorskip("pyrealsense2")
+    import numpy as np
+    from support.record_realsense import record_realsense
+
+    random = np.random.default_rng(5)
+    pictures = [random.integers(0, 256, (480, 640, 3), dtype=np.uint8) for _ in range(60)]
+    stamps = [1000.0 + i / 30 for i in range(60)]
+    path = record_realsense(tmp_path_factory.mktemp("realsense") / "drive.db3", pictures, stamps)
+    return path, pictures, stamps

@@ -1,0 +1,191 @@
+"""Videos, folders and drives as cameras: every frame, in order, and one line for what is broken."""
+
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.cameras import Camera, open_camera
+from edgemap.runtime.cameras.paced import PacedCamera
+from edgemap.runtime.drives import write_drive
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.trajectory import Trajectory
+
+LENS = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5)
+MOUNT = Mount.from_degrees(0.6, 11.5)
+
+
+def write_video(path, count=20, fps=10.0):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), fps, (64, 48))
+    for i in range(count):
+        writer.write(np.full((48, 64, 3), 10 * i, np.uint8))
+    writer.release()
+    return path
+
+
+def write_pictures(folder, count, size=(48, 64)):
+    folder.mkdir(parents=True, exist_ok=True)
+    for i in range(count):
+        cv2.imwrite(str(folder / f"{i}.png"), np.full((*size, 3), i, np.uint8))
+
+
+def stamps_of(camera):
+    stamps = []
+    while (frame := camera.read()) is not None:
+        stamps.append(frame.stamp_s)
+    return stamps
+
+
+def test_a_video_gives_every_frame_with_its_time(tmp_path):
+    with open_camera(str(write_video(tmp_path / "v.mp4"))) as camera:
+        assert isinstance(camera, Camera)
+        assert (camera.size, camera.rate_hz, camera.frame_count, camera.live) == ((64, 48), 10.0, 20, False)
+        levels, stamps = [], []
+        while (frame := camera.read()) is not None:
+            levels.append(float(frame.image.mean()))
+            stamps.append(frame.stamp_s)
+    np.testing.assert_allclose(levels, 10 * np.arange(20), atol=4)
+    np.testing.assert_allclose(stamps, np.arange(20) / 10, atol=1e-3)
+
+
+def test_a_cut_off_video_delivers_what_is_good_and_then_says_so(tmp_path):
+    whole = tmp_path / "v.avi"
+    writer = cv2.VideoWriter(str(whole), cv2.VideoWriter_fourcc(*"MJPG"), 10.0, (64, 48))
+    random = np.random.default_rng(0)
+    for _ in range(40):
+        writer.write(random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
+    writer.release()
+    cut = tmp_path / "cut.avi"
+    data = whole.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    with open_camera(str(cut)) as camera:
+        for _ in range(15):
+            assert camera.read() is not None
+        with pytest.raises(CameraError, match=r"cut\.avi: cut off, (1[5-9]|2[01]) of 40 announced frames decoded"):
+            stamps_of(camera)
+
+
+@pytest.mark.parametrize("content", [b"", b"this is no video"])
+def test_a_file_that_is_no_video_is_one_line(tmp_path, content):
+    path = tmp_path / "v.mp4"
+    path.write_bytes(content)
+    program = f"""
+from edgemap.runtime.cameras import open_camera
+try:
+    open_camera({str(path)!r})
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert run.stdout == f"CameraError {path}: not a video that OpenCV reads ({len(content)} bytes)\n"
+    assert run.stderr == ""  # neither OpenCV nor FFmpeg adds lines of its own
+
+
+def test_a_folder_is_read_in_natural_order(tmp_path):
+    write_pictures(tmp_path / "p", 12)
+    with open_camera(str(tmp_path / "p")) as camera:
+        assert (camera.frame_count, camera.size, camera.intrinsics) == (12, (64, 48), None)
+        assert [int(camera.read().image[0, 0, 0]) for _ in range(12)] == list(range(12))
+        assert camera.read() is None
+
+
+def test_a_damaged_picture_is_named(tmp_path):
+    write_pictures(tmp_path / "p", 2)
+    (tmp_path / "p" / "1.png").write_bytes(b"broken")
+    with open_camera(str(tmp_path / "p")) as camera:
+        camera.read()
+        with pytest.raises(CameraError, match=r"1\.png: not a picture that OpenCV reads \(6 bytes\)"):
+            camera.read()
+
+
+def test_a_truncated_jpeg_is_noticed(tmp_path):
+    path = tmp_path / "p" / "a.jpg"
+    path.parent.mkdir()
+    cv2.imwrite(str(path), np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8))
+    path.write_bytes(path.read_bytes()[:-400])
+    with pytest.raises(CameraError, match=r"a\.jpg: picture is cut short"):
+        open_camera(str(path.parent))
+
+
+def test_a_picture_of_another_size_is_refused_with_both_sizes(tmp_path):
+    write_pictures(tmp_path / "p", 1, size=(20, 30))
+    complaint = pytest.raises(CameraError, match="picture is 30x20, the intrinsics are for 64x48")
+    with open_camera(str(tmp_path / "p"), intrinsics=LENS) as camera, complaint:
+        camera.read()
+
+
+def write_own(folder, poses):
+    stamps = 100.0 + np.arange(poses) / 10
+    way = Trajectory(stamps, tuple(SE2(2.0 + 0.1 * i, 1.0, 0.0) for i in range(poses)))
+    write_drive(folder, LENS, MOUNT, 10.0, way)
+
+
+def test_a_drive_with_a_video_has_its_stamps_lens_mount_and_truth(tmp_path):
+    write_own(tmp_path, 20)
+    write_video(tmp_path / "video.mp4", 20)
+    with open_camera(f"drive:{tmp_path}") as camera:
+        assert (camera.intrinsics, camera.frame_count, camera.rate_hz) == (LENS, 20, 10.0)
+        assert camera.mount.pitch_rad == pytest.approx(MOUNT.pitch_rad)
+        assert camera.truth.poses[0] == SE2()
+        assert camera.truth.poses[-1].x_m == pytest.approx(1.9)
+        np.testing.assert_allclose(stamps_of(camera), 100.0 + np.arange(20) / 10)
+
+
+@pytest.mark.parametrize(("frames", "text"), [(15, "ends after 15 frames, 20 poses"), (25, "more frames than the 20")])
+def test_a_video_that_does_not_match_its_poses_is_an_error(tmp_path, frames, text):
+    write_own(tmp_path, 20)
+    write_video(tmp_path / "video.mp4", frames)
+    with open_camera(f"drive:{tmp_path}") as camera, pytest.raises(CameraError, match=text):
+        stamps_of(camera)
+
+
+def test_given_lens_and_mount_go_before_the_drives_own(tmp_path):
+    write_own(tmp_path, 3)
+    write_pictures(tmp_path / "images", 3)
+    lens, mount = Intrinsics(64, 48, 70.0, 70.0, 31.5, 23.5), Mount(0.4)
+    with open_camera(f"drive:{tmp_path}", intrinsics=lens, mount=mount) as camera:
+        assert (camera.intrinsics, camera.mount) == (lens, mount)
+
+
+def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
+    write_pictures(tmp_path / "p", 4)
+    now, waits = [50.0], []
+
+    def sleep(seconds):
+        waits.append(seconds)
+        now[0] += seconds
+
+    camera = PacedCamera(open_camera(str(tmp_path / "p")), clock_s=lambda: now[0], sleep=sleep)
+    assert camera.read().stamp_s == 0.0
+    now[0] += 0.03  # the reader works
+    assert camera.read().stamp_s == 0.1
+    now[0] += 0.25  # too slow for two frames
+    assert [camera.read().index, camera.read().index] == [2, 3]
+    assert waits == pytest.approx([0.07])
+    assert camera.read() is None
+
+
+@pytest.mark.parametrize("spec", ["nonsense", "realsens", "kity:/tmp"])
+def test_an_unknown_spec_lists_what_is_understood(spec):
+    with pytest.raises(CameraError, match=r"understood.*demo.*realsense.*video file.*KIND:DIR") as caught:
+        open_camera(spec)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_camera_that_is_not_there_is_one_line():
+    with pytest.raises(CameraError, match=r"^/dev/video97: no such camera"):
+        open_camera("97")
+
+
+def test_opening_a_folder_imports_no_realsense(tmp_path):
+    write_pictures(tmp_path / "p", 1)
+    program = (
+        f"import sys; from edgemap.runtime.cameras import open_camera; open_camera({str(tmp_path / 'p')!r});"
+        "print([m for m in ('pyrealsense2', 'torch', 'onnx', 'matplotlib') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "[]\n"

@@ -1,0 +1,135 @@
+"""RealSense through librealsense's own recorder and playback: nothing is faked but the lens in front."""
+
+import os
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.errors import CameraError
+
+rs = pytest.importorskip("pyrealsense2")
+
+from support.record_realsense import record_realsense  # noqa: E402
+
+
+def drain(camera):
+    frames = []
+    while (frame := camera.read()) is not None:
+        frames.append(frame)
+    return frames
+
+
+def test_every_frame_comes_back_bit_exact_in_order(realsense_recording):
+    path, pictures, stamps = realsense_recording
+    with open_camera(f"realsense:{path}") as camera:
+        assert not camera.live
+        assert camera.size == (640, 480)
+        assert camera.rate_hz == 30.0
+        lens = camera.intrinsics
+        frames = drain(camera)
+        assert camera.read() is None
+    assert (lens.fx, lens.fy, lens.cx, lens.cy) == (615.2, 615.4, 321.1, 239.7)
+    assert lens.distortion.is_identity
+    assert [frame.index for frame in frames] == list(range(60))
+    np.testing.assert_allclose([frame.stamp_s for frame in frames], stamps, atol=1e-6)
+    for frame, picture in zip(frames, pictures, strict=True):
+        np.testing.assert_array_equal(frame.image[..., ::-1], picture)
+
+
+def test_a_slow_reader_loses_nothing(realsense_recording):
+    import time
+
+    path, _, stamps = realsense_recording
+    with open_camera(f"realsense:{path}") as camera:
+        read = []
+        while (frame := camera.read()) is not None:
+            read.append(frame.stamp_s)
+            time.sleep(0.05 if len(read) < 20 else 0.0)  # slower than the recorded 30 Hz
+    np.testing.assert_allclose(read, stamps, atol=1e-6)
+
+
+def test_closing_half_way_returns(realsense_recording):
+    camera = open_camera(f"realsense:{realsense_recording[0]}")
+    assert camera.read().index == 0
+    camera.close()
+    camera.close()
+    assert camera.read() is None
+
+
+def test_distortion_is_carried_over(tmp_path):
+    coefficients = (-0.055, 0.064, 0.0009, -0.0006, -0.021)
+    picture = np.zeros((480, 640, 3), np.uint8)
+    path = record_realsense(tmp_path / "d.db3", [picture] * 3, [0.0, 0.1, 0.2], coefficients=coefficients)
+    with open_camera(f"realsense:{path}") as camera:
+        assert camera.intrinsics.distortion.model == "inverse_brown_conrady"
+        assert camera.intrinsics.distortion.coefficients == coefficients
+
+
+def test_a_lens_that_is_not_brown_conrady_is_refused(tmp_path):
+    picture = np.zeros((480, 640, 3), np.uint8)
+    model, coefficients = rs.distortion.kannala_brandt4, (0.1, 0.0, 0.0, 0.0, 0.0)
+    path = record_realsense(tmp_path / "f.db3", [picture] * 2, [0.0, 0.1], model, coefficients)
+    with pytest.raises(CameraError, match=r"kannala_brandt4 with coefficients \[0.1, .* not supported"):
+        open_camera(f"realsense:{path}")
+
+
+def test_bgr_recordings_come_back_unchanged(tmp_path):
+    picture = np.random.default_rng(1).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    path = record_realsense(tmp_path / "b.db3", [picture], [5.0], stream_format=rs.format.bgr8)
+    with open_camera(f"realsense:{path}") as camera:
+        np.testing.assert_array_equal(camera.read().image, picture)
+
+
+def test_yuyv_recordings_are_converted(tmp_path):
+    flat = np.full((480, 640, 3), (40, 120, 200), np.uint8)  # BGR
+    packed = np.empty((480, 640, 2), np.uint8)  # BT.601, limited range, from the numbers above by hand
+    packed[..., 0] = round(16 + 0.257 * 200 + 0.504 * 120 + 0.098 * 40)
+    packed[:, 0::2, 1] = round(128 - 0.148 * 200 - 0.291 * 120 + 0.439 * 40)
+    packed[:, 1::2, 1] = round(128 + 0.439 * 200 - 0.368 * 120 - 0.071 * 40)
+    path = record_realsense(tmp_path / "y.db3", [packed], [5.0], stream_format=rs.format.yuyv)
+    with open_camera(f"realsense:{path}") as camera:
+        assert np.abs(camera.read().image.astype(int) - flat).max() <= 3
+
+
+def test_no_device_and_no_recording_are_one_line(tmp_path):
+    if not rs.context().query_devices().size():
+        with pytest.raises(CameraError, match=r"^no RealSense device found .*cable.*udev"):
+            open_camera("realsense")
+    (tmp_path / "x.db3").write_bytes(b"no database")
+    with pytest.raises(CameraError, match=r"x\.db3: not a RealSense recording") as caught:
+        open_camera(f"realsense:{tmp_path / 'x.db3'}")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(CameraError, match="no such file"):
+        open_camera(f"realsense:{tmp_path / 'none.db3'}")
+
+
+@pytest.mark.parametrize(
+    ("complaint", "remedy"),
+    [
+        ("libusb-1.0.so.0: cannot open shared object file: No such file or directory", "apt install libusb-1.0-0"),
+        ("No module named 'pyrealsense2'", "pip install pyrealsense2"),
+    ],
+)
+def test_a_missing_library_names_its_remedy(complaint, remedy):
+    program = textwrap.dedent(f"""
+        import sys
+        class Block:
+            def find_spec(self, name, path=None, target=None):
+                if name.partition(".")[0] == "pyrealsense2":
+                    raise ImportError({complaint!r})
+        sys.meta_path.insert(0, Block())
+        from edgemap.geometry.errors import EdgemapError
+        from edgemap.runtime.cameras import open_camera
+        try:
+            open_camera("realsense")
+        except EdgemapError as error:
+            print(error)
+    """)
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=dict(os.environ))
+    assert run.returncode == 0, run.stderr
+    assert remedy in run.stdout
+    assert run.stdout.count("\n") == 1
