@@ -1,0 +1,55 @@
+"""camera.yaml: what it says comes back, and what cannot be is named."""
+
+import pytest
+
+from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+from edgemap.runtime.errors import CameraError
+
+TEXT = """{width: 640, height: 480, fx: 587.0, fy: 587.0, cx: 319.5, cy: 239.5,
+ distortion: {model: none, coefficients: []}, fps: 10.0, world_up: z, mount: {height_m: 0.60, pitch_deg: 11.5, roll_deg: 0.0, forward_m: 0.15, left_m: 0.0}}"""
+
+
+def test_the_documented_file_is_read(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(TEXT)
+    file = read_camera_yaml(path)
+    assert file.intrinsics == Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
+    assert file.mount == Mount.from_degrees(0.6, 11.5, forward_m=0.15)
+    assert (file.rate_hz, file.world_up) == (10.0, "z")
+
+
+def test_what_is_written_is_read_back(tmp_path):
+    lens = Intrinsics(640, 480, 615.2, 615.4, 321.1, 239.7, Distortion("brown_conrady", (0.1, -0.2, 1e-5, -2e-3, 0.03)))
+    mount = Mount.from_degrees(0.42, 17.3, -1.5, 0.1, -0.03)
+    write_camera_yaml(tmp_path / "camera.yaml", lens, mount, 29.97, "-y")
+    file = read_camera_yaml(tmp_path / "camera.yaml")
+    assert file.intrinsics == lens
+    assert (file.mount.pitch_rad, file.mount.roll_rad) == pytest.approx((mount.pitch_rad, mount.roll_rad), abs=1e-12)
+    assert (file.rate_hz, file.world_up) == (29.97, "-y")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("fx: 587.0", "fx: .nan", "fx is nan"),
+        ("fx: 587.0", "fx: -3.0", "fx is -3.0"),
+        ("fx: 587.0", "fx: wide", r"\$\.fx"),
+        ("width: 640, ", "", "missing required field `width`"),
+        ("fx: 587.0", "fx: 587.0, focus: 3", "unknown field `focus`"),
+        ("height_m: 0.60", "height_m: -0.2", "height is -0.2 m"),
+        ("pitch_deg: 11.5", "pitch_deg: .nan", "pitch_rad is nan"),
+        ("fps: 10.0", "fps: 0", "fps is 0"),
+        ("world_up: z", "world_up: up", "world_up is 'up', must be one of x, y, z"),
+        ("model: none", "model: fisheye", "distortion model 'fisheye'"),
+        ("{width", "{{width", "not YAML"),
+    ],
+)
+def test_what_cannot_be_is_one_line_with_the_path(tmp_path, old, new, text):
+    path = tmp_path / "camera.yaml"
+    path.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(CameraError, match=text) as caught:
+        read_camera_yaml(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)

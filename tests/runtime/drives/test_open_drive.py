@@ -1,0 +1,226 @@
+"""Every layout read from files that the tests write, and one line for each thing that is wrong with them."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives import open_drive, write_drive, write_locobot
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.trajectory import Trajectory
+
+LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
+IDENTITY_12 = "1 0 0 0 0 1 0 0 0 0 1 0"
+
+
+def write_pictures(folder, count):
+    folder.mkdir(parents=True)
+    for i in range(count):
+        cv2.imwrite(str(folder / f"{i}.png"), np.full((48, 64, 3), i, np.uint8))
+
+
+def kitti(folder, pictures=3, lines=3, line=IDENTITY_12):
+    write_pictures(folder / "image", pictures)
+    (folder / "poses.txt").write_text((line + "\n") * lines)
+    return f"kitti:{folder}"
+
+
+def own(folder, count=3, **extra):
+    write_pictures(folder / "images", count)
+    poses = tuple(SE2(1.0, 2.0 + 0.5 * i, math.pi / 2) for i in range(count))
+    write_drive(folder, LENS, MOUNT, 10.0, Trajectory(7.0 + np.arange(count) / 10, poses), **extra)
+    return f"drive:{folder}"
+
+
+def refusal(spec):
+    with pytest.raises(CameraError) as caught:
+        open_drive(spec)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_kitti_without_a_camera_file(tmp_path):
+    drive = open_drive(kitti(tmp_path / "k"))
+    assert (drive.intrinsics, drive.mount) == (None, None)
+    np.testing.assert_allclose(drive.stamps_s, [0.0, 0.1, 0.2])
+    assert "10 Hz assumed" in drive.notes["rate"]
+
+
+def test_kitti_times_are_used(tmp_path):
+    spec = kitti(tmp_path / "k")
+    (tmp_path / "k" / "times.txt").write_text("0.0\n1.04e-01\n2.07e-01\n")
+    np.testing.assert_allclose(open_drive(spec).stamps_s, [0.0, 0.104, 0.207])
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"lines": 2}, "poses.txt: 2 lines for the 3 pictures in"),
+        ({"line": IDENTITY_12.replace("0", "nan", 1)}, "poses.txt:1: not all numbers are finite"),
+        ({"line": "1 2 3"}, "poses.txt:1: 3 numbers, expected 12"),
+        ({"line": "a b c"}, "poses.txt:1: not numbers"),
+        ({"line": "2 0 0 0 0 2 0 0 0 0 2 0"}, "pose 0 is no rigid motion"),
+        ({"line": ""}, "poses.txt: no numbers in it"),
+    ],
+)
+def test_broken_poses_are_named(tmp_path, options, text):
+    assert text in refusal(kitti(tmp_path / "k", **options))
+
+
+def test_missing_things_are_named(tmp_path):
+    assert f"{tmp_path / 'none'}: no such folder" in refusal(f"kitti:{tmp_path / 'none'}")
+    (tmp_path / "empty").mkdir()
+    assert f"{tmp_path / 'empty'}: no pictures in it" in refusal(f"kitti:{tmp_path / 'empty'}")
+    kitti(tmp_path / "k")
+    (tmp_path / "k" / "poses.txt").unlink()
+    assert f"{tmp_path / 'k' / 'poses.txt'}: no such file" in refusal(f"kitti:{tmp_path / 'k'}")
+    assert "not KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo" in refusal("kity:here")
+
+
+def test_c2w_reads_k_and_pictures_in_the_folder_itself(tmp_path):
+    folder = tmp_path / "c"
+    write_pictures(folder, 2)
+    # z up, camera level and facing world x; then one metre on
+    line = "0 0 1 {} -1 0 0 0 0 -1 0 1 0 0 0 1\n"
+    (folder / "poses.txt").write_text(line.format(0) + line.format(1))
+    (folder / "K.txt").write_text("50 0 32\n0 51 24\n0 0 1\n")
+    drive = open_drive(f"c2w:{folder}")
+    assert drive.intrinsics == Intrinsics(64, 48, 50.0, 51.0, 32.0, 24.0)
+    assert drive.truth.poses[1].vector() == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_tum_interpolates_its_truth_and_leaves_out_pictures_without(tmp_path):
+    write_pictures(tmp_path / "rgb", 4)
+    (tmp_path / "rgb.txt").write_text("# stamp file\n" + "".join(f"{10 + i / 10} rgb/{i}.png\n" for i in range(4)))
+    # optical camera facing world x with z up is the quaternion (-0.5, 0.5, -0.5, 0.5)
+    rows = [f"{stamp:.2f} {stamp - 10} 0 1 -0.5 0.5 -0.5 0.5\n" for stamp in np.arange(10.05, 10.26, 0.05)]
+    (tmp_path / "groundtruth.txt").write_text("# truth\n" + "".join(rows))
+    drive = open_drive(f"tum:{tmp_path}")
+    assert [path.name for path in drive.images] == ["0.png", "1.png", "2.png", "3.png"]
+    found = [pose.vector().tolist() for pose in drive.truth.poses]
+    assert found[2] == pytest.approx([0.15, 0.0, 0.0], abs=1e-6)  # the first picture's truth is that at 10.05 s
+
+
+def test_tum_drops_what_lies_outside(tmp_path):
+    write_pictures(tmp_path / "rgb", 4)
+    (tmp_path / "rgb.txt").write_text("".join(f"{10 + i} rgb/{i}.png\n" for i in range(4)))
+    rows = [f"{stamp:.2f} {stamp - 11} 0 1 -0.5 0.5 -0.5 0.5\n" for stamp in np.arange(11.0, 12.01, 0.05)]
+    (tmp_path / "groundtruth.txt").write_text("".join(rows))
+    drive = open_drive(f"tum:{tmp_path}")
+    assert [path.name for path in drive.images] == ["1.png", "2.png"]
+    assert drive.truth.poses[1].x_m == pytest.approx(1.0)
+    assert drive.notes == {"pictures_without_truth": 2}
+    (tmp_path / "groundtruth.txt").write_text("50 0 0 1 -0.5 0.5 -0.5 0.5\n")
+    assert "covers 50.000 to 50.000 s, no picture" in refusal(f"tum:{tmp_path}")
+
+
+def test_tum_with_pictures_and_poses(tmp_path):
+    write_pictures(tmp_path / "images", 2)
+    (tmp_path / "poses.tum").write_text("1.0 0 0 1 -0.5 0.5 -0.5 0.5\n1.5 0 2 1 -0.5 0.5 -0.5 0.5\n")
+    drive = open_drive(f"tum:{tmp_path}")
+    assert drive.rate_hz == pytest.approx(2.0)
+    assert drive.truth.poses[1].vector() == pytest.approx([0.0, 2.0, 0.0])
+    (tmp_path / "poses.tum").write_text("1.0 0 0 1 0 0 0 0\n")
+    assert "poses.tum:1: quaternion has length 0.000" in refusal(f"tum:{tmp_path}")
+
+
+def test_our_own_layout_comes_back(tmp_path):
+    chair = {
+        "id": "chair-1",
+        "label": "chair",
+        "x_m": 1.5,
+        "y_m": -0.5,
+        "on_floor": True,
+        "footprint_m": [[1, -1], [2, -1], [2, 0], [1, 0]],
+        "width_m": 0.5,
+        "depth_m": 0.5,
+        "height_m": 0.9,
+        "visible_frames": 3,
+    }
+    box = {"id": "chair-1", "label": "chair", "box": [1, 2, 30, 40], "visible": 0.5}
+    spec = own(tmp_path / "d", objects=[chair], boxes=[[box], [], [box]], wheel=[(7.0, 0, 0, 0), (7.1, 0.1, 0, 0.01)])
+    drive = open_drive(spec)
+    assert drive.truth.poses[2].vector() == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    np.testing.assert_allclose(drive.stamps_s, [7.0, 7.1, 7.2])
+    assert drive.intrinsics == LENS
+    entry = drive.objects[0]
+    assert entry["footprint_m"] == [(1, -1), (2, -1), (2, 0), (1, 0)]
+    assert (entry["id"], entry["on_floor"], entry["visible_frames"]) == ("chair-1", True, 3)
+    assert [frame.labels for frame in drive.boxes] == [("chair",), (), ("chair",)]
+    np.testing.assert_array_equal(drive.boxes[2].boxes, [[1, 2, 30, 40]])
+    assert drive.wheel == tmp_path / "d" / "wheel.csv"
+
+
+def test_visibility_is_counted_from_the_boxes_where_the_file_does_not_say(tmp_path):
+    def box(side, visible):
+        return [{"id": 4, "label": "chair", "box": [0, 0, side, 5], "visible": visible}]
+
+    spec = own(
+        tmp_path / "d",
+        objects=[{"id": 4, "label": "chair", "x_m": 1, "y_m": 0}],
+        boxes=[box(30, 0.9), box(20, 0.9), box(30, 0.2)],  # seen; too small; too hidden
+    )
+    assert open_drive(spec).objects[0]["visible_frames"] == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "text"),
+    [
+        ("poses.tum", "7.0 0 0 0 0 0 0 1\n", "poses.tum: 1 lines for the 3 pictures"),
+        ("poses.tum", "7.0 nan 0 0 0 0 0 1\n", "poses.tum:1: not all numbers are finite"),
+        ("poses.tum", "7 0 0 0 0 0 0 1\n" * 3, "stamp 1 (7.0 s) does not come after stamp 0"),
+        ("boxes.json", '{"frames": [[]]}', "boxes.json: 1 lines for the 3 pictures"),
+        ("boxes.json", "{", "boxes.json: "),
+        ("objects.json", '{"objects": [{"id": 1, "x_m": 0, "y_m": 0}]}', "missing required field `label`"),
+        ("camera.yaml", "width: 640", "camera.yaml: Object missing required field"),
+        ("stamps.txt", "7.0\n7.1\n9.0\n", "covers 7.000 to 7.200 s, the pictures lie at 7.000 to 9.000 s"),
+    ],
+)
+def test_what_is_wrong_with_our_own_layout_is_named(tmp_path, name, content, text):
+    spec = own(tmp_path / "d")
+    (tmp_path / "d" / name).write_text(content)
+    message = refusal(spec)
+    assert text in message
+    assert str(tmp_path / "d") in message
+
+
+def test_locobot_truth_is_its_odometry_unless_there_is_better(tmp_path):
+    write_pictures(tmp_path / "rgb", 2)
+    write_pictures(tmp_path / "depth", 2)
+    write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 1.0, 1.0, math.pi / 2), (3.1, 1.0, 1.4, math.pi / 2)])
+    drive = open_drive(f"locobot:{tmp_path}")
+    assert drive.truth.poses[1].vector() == pytest.approx([0.4, 0.0, 0.0], abs=1e-5)
+    assert drive.notes["truth"] == "wheel odometry"
+    assert len(drive.depth) == 2
+    better = Trajectory(np.array([3.0, 3.1]), (SE2(), SE2(0.5, 0.0, 0.0)))
+    write_locobot(tmp_path, LENS, MOUNT, 10.0, [(3.0, 0, 0, 0), (3.1, 0.4, 0, 0)], better)
+    assert open_drive(f"locobot:{tmp_path}").truth.poses[1].x_m == pytest.approx(0.5)
+    (tmp_path / "odometry.csv").write_text("stamp_s,x_m,y_m,yaw_rad\n3.0,nan,0,0\n")
+    assert "odometry.csv:2: expected 4 finite numbers" in refusal(f"locobot:{tmp_path}")
+
+
+def test_yolo_labels_become_pixels(tmp_path):
+    write_pictures(tmp_path / "images", 2)
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels" / "0.txt").write_text("56 0.5 0.5 0.25 0.5\n")
+    drive = open_drive(f"yolo:{tmp_path}")
+    np.testing.assert_allclose(drive.boxes[0].boxes, [[24, 12, 40, 36]])
+    assert drive.boxes[0].labels == ("chair",)
+    assert drive.boxes[1].boxes.shape == (0, 4)
+    assert drive.truth is None
+    (tmp_path / "labels" / "0.txt").write_text("80 0.5 0.5 0.25 0.5\n")
+    assert "0.txt:1: class 80 is not one of COCO's 0..79" in refusal(f"yolo:{tmp_path}")
+
+
+def test_real_coco_pictures(shared_data):
+    drive = open_drive(f"yolo:{shared_data / 'coco128'}")
+    lines = sum(
+        len((shared_data / "coco128" / "labels" / f"{path.stem}.txt").read_text().splitlines())
+        for path in drive.images
+        if (shared_data / "coco128" / "labels" / f"{path.stem}.txt").is_file()
+    )
+    assert sum(len(frame.labels) for frame in drive.boxes) == lines == 929
