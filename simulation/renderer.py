@@ -75,6 +75,7 @@ class Renderer:
         if not intrinsics.distortion.is_identity:
             raise SimulationError(f"the renderer draws no lens distortion ({intrinsics.distortion.model})")
         self.intrinsics = intrinsics
+        # Several contexts may live side by side: every public method makes its own one current.
         self._gl = require("moderngl")
         self._context = _context(self._gl)
         size = (intrinsics.width, intrinsics.height)
@@ -95,22 +96,15 @@ class Renderer:
 
     def picture(self, view: View) -> NDArray[np.uint8]:
         """The picture, (H, W, 3) uint8 BGR, anti-aliased."""
-        in_view = self._aim(self._colour, view, self.intrinsics)
-        self._many.use()
-        self._many.clear(0.0, 0.0, 0.0, 1.0)
-        self._context.enable_only(self._gl.DEPTH_TEST)
-        for batch in in_view:
-            if batch.material.opacity < 0.99:
-                self._context.enable(self._gl.BLEND)
-            self._draw_colour(batch)
-        self._context.copy_framebuffer(self._one, self._many)
-        raw = self._one.read(components=3, alignment=1)
+        with self._context:
+            raw = self._draw_picture(view)
         image = np.frombuffer(raw, dtype=np.uint8).reshape(self.intrinsics.height, self.intrinsics.width, 3)
         return np.ascontiguousarray(image[::-1, :, ::-1])
 
     def ids_and_depth(self, view: View) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Object ids (H, W), ROOM_ID for the room, and optical depth (H, W) in metres, both at pixel centres."""
-        exact = self._draw_identity(view, self.intrinsics, None)
+        with self._context:
+            exact = self._draw_identity(view, self.intrinsics, None)
         return exact[..., 0].astype(np.int32), exact[..., 1]
 
     def silhouette_px(self, view: View, id_: int) -> float:
@@ -122,7 +116,9 @@ class Renderer:
             cx=(self.intrinsics.cx + 0.5) / 2.0 + self.intrinsics.width / 4.0 - 0.5,
             cy=(self.intrinsics.cy + 0.5) / 2.0 + self.intrinsics.height / 4.0 - 0.5,
         )
-        return 4.0 * float((self._draw_identity(view, wide, id_)[..., 0] == id_).sum())
+        with self._context:
+            alone = self._draw_identity(view, wide, id_)
+        return 4.0 * float((alone[..., 0] == id_).sum())
 
     def close(self) -> None:
         """Give the OpenGL context back."""
@@ -142,6 +138,18 @@ class Renderer:
         outside |= np.all(w[..., 0] < _NEAR_M, axis=1)
         order = np.lexsort((np.maximum(w[..., 0], 0.0).mean(axis=1), self._see_through))
         return [self._batches[i] for i in order if not outside[i]]
+
+    def _draw_picture(self, view: View) -> bytes:
+        in_view = self._aim(self._colour, view, self.intrinsics)
+        self._many.use()
+        self._many.clear(0.0, 0.0, 0.0, 1.0)
+        self._context.enable_only(self._gl.DEPTH_TEST)
+        for batch in in_view:
+            if batch.material.opacity < 0.99:
+                self._context.enable(self._gl.BLEND)
+            self._draw_colour(batch)
+        self._context.copy_framebuffer(self._one, self._many)
+        return self._one.read(components=3, alignment=1)
 
     def _draw_colour(self, batch: _Batch) -> None:
         program, material = self._colour, batch.material

@@ -56,7 +56,7 @@ class FreeSpace:
 
 
 def random_way(free: FreeSpace, limits: Limits, rng: np.random.Generator, knots: int) -> Array | None:
-    """A smooth way of points (N, 2), about 2 cm apart, with clearance all along; None where this try failed.
+    """A smooth way of points (N, 2), about 1 cm apart, with clearance all along; None where this try failed.
 
     Control points are a random walk with free lines of sight and no sharp turns; a cubic B-spline rounds them off.
     """
@@ -107,14 +107,15 @@ def _timed(way_m: Array, limits: Limits) -> tuple[Array, Array]:
     length = np.linalg.norm(steps, axis=1)
     heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     curvature = np.abs(np.gradient(heading)) / np.maximum(length, 1e-6)
-    curvature = np.convolve(np.pad(curvature, 8, mode="edge"), np.ones(17) / 17, mode="valid")
-    square = np.minimum(limits.speed_m_s, limits.yaw_rate_rad_s / np.maximum(curvature, 1e-6)) ** 2
-    square[[0, -1]] = 0.03**2
-    # v^2 may grow by 2 a s along the way, and along the way back: a running minimum of v^2 - 2 a s.
-    room = 2.0 * limits.acceleration_m_s2 * np.cumsum(length)
+    curvature = np.convolve(np.pad(curvature, 15, mode="edge"), np.ones(31) / 31, mode="valid")
+    allowed = np.minimum(limits.speed_m_s, limits.yaw_rate_rad_s / np.maximum(curvature, 1e-6)) ** 2
+    square = np.concatenate([[0.0], np.minimum(allowed[1:], allowed[:-1]), [0.0]])
+    # v^2 grows by at most 2 a s along the way, and along the way back: running minima of v^2 - 2 a s.
+    room = 2.0 * limits.acceleration_m_s2 * np.concatenate([[0.0], np.cumsum(length)])
     square = np.minimum.accumulate(square - room) + room
-    square = (np.minimum.accumulate((square + room)[::-1]))[::-1] - room
-    time = np.concatenate([[0.0], np.cumsum(length / np.sqrt(square))])
+    square = np.minimum.accumulate((square + room)[::-1])[::-1] - room
+    speed = np.sqrt(np.maximum(square, 0.0))
+    time = np.concatenate([[0.0], np.cumsum(2.0 * length / (speed[1:] + speed[:-1]))])
     return time, heading
 
 
@@ -142,7 +143,7 @@ def _free_point(free: FreeSpace, clearance_m: float, rng: np.random.Generator) -
             return point
 
 
-def _spline(control: Array, spacing_m: float = 0.02) -> Array:
+def _spline(control: Array, spacing_m: float = 0.01) -> Array:
     """Clamped uniform cubic B-spline of control points (N, 2), resampled evenly."""
     count = len(control)
     knots = np.concatenate([np.zeros(3), np.arange(count - 2), np.full(3, count - 3)]).astype(np.float64)

@@ -1,0 +1,135 @@
+"""The renderer's pictures against edgemap.geometry: same pixels, same depths."""
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.mesh import Material, box
+from edgemap.simulation.scene import LitPart, LitScene
+
+POSE = SE2(1.0, 2.0, 0.4)
+# Nothing square, nothing centred: every sign and offset must be right.
+INTRINSICS = Intrinsics(320, 240, 290.0, 270.0, 150.3, 128.9)
+MOUNT = Mount.from_degrees(0.55, 14.0, roll_deg=6.0, forward_m=0.2, left_m=-0.07)
+
+
+@pytest.fixture(scope="module")
+def markers():
+    """Small boxes (2 cm) in front of the robot, their middles (N, 3), and a renderer of them."""
+    pytest.importorskip("moderngl")
+    from edgemap.geometry.errors import EdgemapError
+    from edgemap.simulation.renderer import Renderer
+
+    base = np.array([[1.5, 0.0, 0.02], [2.0, 0.5, 0.3], [3.0, -0.9, 0.7], [2.5, 0.9, 0.05], [1.2, -0.2, 0.3]])
+    middles = np.column_stack([POSE.apply(base[:, :2]), base[:, 2]])
+    parts = []
+    for id_, middle in enumerate(middles, start=1):
+        for part in box(middle - 0.01, middle + 0.01, Material()).parts:
+            light = np.ones(part.positions.shape, dtype=np.float32)
+            parts.append(LitPart(id_, part, light, light))
+    try:
+        made = Renderer(LitScene((), tuple(parts), ()), INTRINSICS)
+    except EdgemapError as error:
+        pytest.skip(str(error))
+    yield middles, made
+    made.close()
+
+
+def optical(points_room):
+    """Points of the room in the optical frame, written from the mount alone, apart from the renderer's View."""
+    base = POSE.inverse().apply(points_room[:, :2])
+    return (np.column_stack([base, points_room[:, 2]]) - MOUNT.position_base_m()) @ MOUNT.rotation_base_optical()
+
+
+def test_ids_stand_where_geometry_projects_them(markers):
+    from edgemap.simulation.renderer import View
+
+    middles, renderer = markers
+    ids, depth = renderer.ids_and_depth(View.of_base(POSE, MOUNT))
+    expected = optical(middles)
+    pixels = INTRINSICS.project(expected)
+    for id_, (pixel, point) in enumerate(zip(pixels, expected, strict=True), start=1):
+        rows, columns = np.nonzero(ids == id_)
+        assert len(rows) > 3, f"marker {id_} is not in the picture"
+        assert np.hypot(columns.mean() - pixel[0], rows.mean() - pixel[1]) < 1.0
+        assert abs(np.median(depth[rows, columns]) - point[2]) < 0.02
+
+
+def test_picture_and_ids_agree(markers):
+    from edgemap.simulation.renderer import View
+
+    _, renderer = markers
+    view = View.of_base(POSE, MOUNT)
+    ids, _ = renderer.ids_and_depth(view)
+    bright = renderer.picture(view).max(axis=2) > 128
+    assert (bright & (ids > 0)).sum() > 0.7 * (ids > 0).sum()
+    assert not (bright & (ids == 0)).sum() > 0.3 * (ids > 0).sum()
+
+
+def test_silhouette_counts_what_the_picture_shows(markers):
+    from edgemap.simulation.renderer import View
+
+    middles, renderer = markers
+    view = View.of_base(POSE, MOUNT)
+    ids, _ = renderer.ids_and_depth(view)
+    nearest = int(np.argmin(np.linalg.norm(optical(middles), axis=1))) + 1
+    assert renderer.silhouette_px(view, nearest) == pytest.approx((ids == nearest).sum(), rel=0.25)
+
+
+def test_floor_depth_is_that_of_the_ray(world, renderer):
+    """Every floor pixel's depth is where its viewing ray meets z = 0, to the centimetre."""
+    from edgemap.simulation.renderer import View
+    from edgemap.simulation.world import CameraSetup
+
+    setup = CameraSetup()
+    room, _ = world
+    pose = SE2(room.shell.width_m / 2, room.shell.depth_m / 2, 0.7)
+    ids, depth = renderer.ids_and_depth(View.of_base(pose, setup.mount))
+    rows, columns = np.mgrid[0:480:7, 0:640:7]
+    rays = setup.intrinsics.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+    down = -(rays @ setup.mount.rotation_base_optical().T)[:, 2]
+    below = down > 0.25
+    expected = np.full(len(rays), np.nan)
+    expected[below] = setup.mount.height_m / down[below]
+    found, what = depth[rows.ravel(), columns.ravel()], ids[rows.ravel(), columns.ravel()]
+    # Where the ray meets the floor inside the room and no furniture is before it, it shows the floor (or the rug,
+    # 6 mm higher).
+    on_floor = pose.apply((rays * expected[:, None]) @ setup.mount.rotation_base_optical().T[:, :2] + [0.15, 0.0])
+    inside = ((on_floor > 0.1) & (on_floor < np.array([room.shell.width_m, room.shell.depth_m]) - 0.1)).all(axis=1)
+    shown = below & inside & (what == 0)
+    assert shown.sum() > 500
+    assert np.abs(found - expected)[shown].max() < 0.006 / 0.25 + 0.005
+    assert np.median(np.abs(found - expected)[shown]) < 0.01
+
+
+def test_same_seed_same_picture(world, renderer):
+    from edgemap.simulation.light import BakeSettings, bake
+    from edgemap.simulation.renderer import Renderer, View
+    from edgemap.simulation.room import furnish
+    from edgemap.simulation.world import CameraSetup, build_scene
+
+    room, _ = world
+    again = furnish(5)
+    assert again == room
+    settings = BakeSettings(texel_m=0.1, vertex_spacing_m=0.3, lamp_samples=2, hemisphere_samples=4, bounces=1)
+    setup = CameraSetup()
+    other = Renderer(bake(build_scene(again, 5), 5, settings), setup.intrinsics, exposure=1.9)
+    view = View.of_base(SE2(3.0, 2.5, 2.0), setup.mount)
+    sums = [hashlib.sha256(made.picture(view).tobytes()).hexdigest() for made in (renderer, other)]
+    other.close()
+    assert sums[0] == sums[1]
+
+
+def test_distorted_lens_is_refused(world):
+    from edgemap.geometry.intrinsics import Distortion
+    from edgemap.simulation.errors import SimulationError
+    from edgemap.simulation.renderer import Renderer
+
+    bent = replace(INTRINSICS, distortion=Distortion("brown_conrady", (0.1,)))
+    with pytest.raises(SimulationError, match="distortion"):
+        Renderer(world[1], bent)
