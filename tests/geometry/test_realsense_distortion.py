@@ -1,11 +1,13 @@
 """geometry's distortion models against librealsense's own projection, an independent implementation."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from edgemap.geometry.intrinsics import Distortion, Intrinsics
 
-rs = pytest.importorskip("pyrealsense2")
+rs: Any = pytest.importorskip("pyrealsense2")
 
 COEFFICIENTS = (-0.055, 0.064, 0.0009, -0.0006, -0.021)
 PIXELS = [(u, v) for u in range(20, 640, 75) for v in range(20, 480, 55)]

@@ -5,9 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pyrealsense2 as rs
+import pyrealsense2
+
+rs: Any = pyrealsense2  # its type stubs lack most of it
 
 FX, FY, CX, CY = 615.2, 615.4, 321.1, 239.7
 
@@ -16,12 +19,12 @@ def record_realsense(
     path: Path,
     pictures: Sequence[np.ndarray],
     stamps_s: Sequence[float],
-    model: rs.distortion = rs.distortion.inverse_brown_conrady,
+    model: Any = rs.distortion.inverse_brown_conrady,
     coefficients: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0),
-    stream_format: rs.format = rs.format.rgb8,
+    stream_format: Any = rs.format.rgb8,
     lens: tuple[float, float, float, float] = (FX, FY, CX, CY),
     fps: int = 30,
-    stream: rs.stream = rs.stream.color,
+    stream: Any = rs.stream.color,
 ) -> Path:
     """Write a `.db3`: pictures in the stream's own format, (H, W, C) uint8, at the stamps in seconds."""
     height, width = pictures[0].shape[:2]

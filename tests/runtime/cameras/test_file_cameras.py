@@ -1,5 +1,7 @@
 """Videos, folders and drives as cameras: every frame, in order, and one line for what is broken."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import subprocess
 import sys
 
@@ -21,7 +23,7 @@ MOUNT = Mount.from_degrees(0.6, 11.5)
 
 
 def write_video(path, count=20, fps=10.0):
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), fps, (64, 48))
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), fps, (64, 48))
     for i in range(count):
         writer.write(np.full((48, 64, 3), 10 * i, np.uint8))
     writer.release()
@@ -55,7 +57,7 @@ def test_a_video_gives_every_frame_with_its_time(tmp_path):
 
 def test_a_cut_off_video_delivers_what_is_good_and_then_says_so(tmp_path):
     whole = tmp_path / "v.avi"
-    writer = cv2.VideoWriter(str(whole), cv2.VideoWriter_fourcc(*"MJPG"), 10.0, (64, 48))
+    writer = cv2.VideoWriter(str(whole), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
     random = np.random.default_rng(0)
     for _ in range(40):
         writer.write(random.integers(0, 256, (48, 64, 3), dtype=np.uint8))

@@ -1,5 +1,7 @@
 """The newest-frame mailbox with a source that a test drives."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import queue
 import time
 

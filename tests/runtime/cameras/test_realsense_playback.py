@@ -1,9 +1,12 @@
 """RealSense through librealsense's own recorder and playback: nothing is faked but the lens in front."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import os
 import subprocess
 import sys
 import textwrap
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,7 @@ import pytest
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.errors import CameraError
 
-rs = pytest.importorskip("pyrealsense2")
+rs: Any = pytest.importorskip("pyrealsense2")
 
 from support.record_realsense import record_realsense  # noqa: E402
 

@@ -1,5 +1,7 @@
 """camera.yaml: what it says comes back, and what cannot be is named."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import pytest
 
 from edgemap.geometry.intrinsics import Distortion, Intrinsics
@@ -8,7 +10,8 @@ from edgemap.runtime.drives.camera_yaml import read_camera_yaml, write_camera_ya
 from edgemap.runtime.errors import CameraError
 
 TEXT = """{width: 640, height: 480, fx: 587.0, fy: 587.0, cx: 319.5, cy: 239.5,
- distortion: {model: none, coefficients: []}, fps: 10.0, world_up: z, mount: {height_m: 0.60, pitch_deg: 11.5, roll_deg: 0.0, forward_m: 0.15, left_m: 0.0}}"""
+ distortion: {model: none, coefficients: []},
+ fps: 10.0, world_up: z, mount: {height_m: 0.60, pitch_deg: 11.5, roll_deg: 0.0, forward_m: 0.15, left_m: 0.0}}"""
 
 
 def test_the_documented_file_is_read(tmp_path):

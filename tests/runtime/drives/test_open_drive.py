@@ -1,5 +1,7 @@
 """Every layout read from files that the tests write, and one line for each thing that is wrong with them."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import math
 
 import cv2

@@ -1,5 +1,7 @@
 """3-D poses to planar base poses, against numbers worked out by hand and real recordings."""
 
+# pyright: reportOptionalMemberAccess=false
+
 import math
 
 import numpy as np
