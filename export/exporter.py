@@ -82,7 +82,13 @@ def export_backbone(
     kinds = [checkpoint.kind for checkpoint in checkpoints]
     if len(set(kinds)) != len(kinds):
         raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
+    if heads and feature is not None:
+        raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
     is_onnx = backbone.endswith(".onnx") or backbone == "yolox-nano"
+    if is_onnx and (size is not None or random_seed is not None):
+        raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, an ONNX file is fixed")
+    if weights is not None and (random_seed is not None or backbone.endswith(".onnx")):
+        raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
     wanted = [checkpoint.feature for checkpoint in checkpoints] or [feature or ("stride32" if is_onnx else "head")]
     if is_onnx:
         part = _adopted(backbone, weights, wanted, sources)

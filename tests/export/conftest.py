@@ -109,9 +109,10 @@ def cache(tmp_path, monkeypatch) -> Path:
 
 
 class Handler(http.server.BaseHTTPRequestHandler):
-    """Serves `server.files`; knows Range and If-Range; `server.cut` bytes end a reply early; `server.asked` logs."""
+    """Serves `server.files`; knows Range and If-Range; `server.cut` bytes end a reply early."""
 
     protocol_version = "HTTP/1.0"
+    server: "FileServer"  # type: ignore[assignment]
 
     def do_GET(self):
         server = self.server
@@ -145,17 +146,27 @@ class Handler(http.server.BaseHTTPRequestHandler):
         pass
 
 
+class FileServer(http.server.ThreadingHTTPServer):
+    """A local web server. files: path to bytes; slow: paths that get no answer; asked: what was asked for."""
+
+    daemon_threads = True
+
+    def __init__(self):
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.files: dict[str, bytes] = {}
+        self.asked: list[tuple[str, str | None, str | None]] = []
+        self.slow: set[str] = set()
+        self.cut: int | None = None
+        self.tag, self.ranges, self.release = '"v1"', True, threading.Event()
+
+    def url(self, path: str) -> str:
+        return f"http://127.0.0.1:{self.server_address[1]}{path}"
+
+
 @pytest.fixture
 def server():
-    """A local web server whose `files` map paths to bytes; `url(path)` is where they are."""
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    server.files, server.asked, server.slow = {}, [], set()
-    server.cut, server.tag, server.ranges = None, '"v1"', True
-    server.release = threading.Event()
-    server.url = lambda path: f"http://127.0.0.1:{server.server_address[1]}{path}"
-    thread = threading.Thread(target=partial(server.serve_forever, poll_interval=0.01), daemon=True)
-    thread.start()
+    server = FileServer()
+    threading.Thread(target=partial(server.serve_forever, poll_interval=0.01), daemon=True).start()
     yield server
     server.release.set()
     server.shutdown()

@@ -27,9 +27,10 @@ def little_yolox(path, classes=3, size=64, opset=11, rows=None, batch=1):
             numpy_helper.from_array(read, f"h{stride}"),
             numpy_helper.from_array(np.array([batch, 5 + classes, cells], np.int64), f"s{stride}"),
         ]
-        strides = {"strides": [step, step], "kernel_shape": [step, step]}
         nodes += [
-            helper.make_node("Conv", [source, f"w{stride}"], [f"c{stride}"], **strides),
+            helper.make_node(
+                "Conv", [source, f"w{stride}"], [f"c{stride}"], strides=[step, step], kernel_shape=[step, step]
+            ),
             helper.make_node("Relu", [f"c{stride}"], [f"feature{stride}"]),
             helper.make_node("Conv", [f"feature{stride}", f"h{stride}"], [f"p{stride}"]),
             helper.make_node("Reshape", [f"p{stride}", f"s{stride}"], [f"r{stride}"]),
@@ -79,7 +80,8 @@ def test_the_adopted_bundle_gives_the_same_bits_and_the_tapped_tensor(tmp_path):
     assert manifest.parity["backbone.onnx"].max_abs_difference == 0.0
     picture = np.random.default_rng(1).integers(0, 256, (1, 3, 64, 64)).astype(np.float32)
     found = load_bundle(out).backbone.run({"images": picture})
-    theirs = ort.InferenceSession(path, providers=["CPUExecutionProvider"]).run(None, {"images": picture})[0]
+    session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
+    theirs = np.asarray(session.run(None, {"images": picture})[0])
     np.testing.assert_array_equal(found["output"], theirs)
     # the tapped tensor is the one that its name says: its own 1x1 head gives the rows of stride 16
     weight = next(numpy_helper.to_array(w) for w in onnx.load(path).graph.initializer if w.name == "h16")

@@ -39,7 +39,8 @@ def test_cell_equals_an_independent_step():
     x, h, c = rng.standard_normal((3, 5, 4)), rng.standard_normal((2, 5, 4)), rng.standard_normal((2, 5, 4))
     with torch.no_grad():
         found = cell(*(torch.from_numpy(part)[None] for part in (x, h, c)))
-    expected = numpy_cell(cell.gates.weight.detach().numpy(), cell.gates.bias.detach().numpy(), x, h, c)
+    values = {name: tensor.numpy() for name, tensor in cell.state_dict().items()}
+    expected = numpy_cell(values["gates.weight"], values["gates.bias"], x, h, c)
     for ours, theirs in zip(found, expected, strict=True):
         np.testing.assert_allclose(ours[0].numpy(), theirs, atol=1e-12)
 
@@ -87,7 +88,7 @@ def test_random_head_follows_from_its_seed_and_stays_finite():
     a, b, other = random_head((1, 8, 6, 6), 4), random_head((1, 8, 6, 6), 4), random_head((1, 8, 6, 6), 5)
     assert all(torch.equal(x, y) for x, y in zip(a.parameters(), b.parameters(), strict=True))
     assert not torch.equal(a.dense.weight, other.dense.weight)
-    assert a.cells[0].gates.bias[64:128].unique().tolist() == [1.0]
+    assert a.state_dict()["cells.0.gates.bias"][64:128].unique().tolist() == [1.0]
     state = [torch.zeros(shape) for shape in a.state_shapes]
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():

@@ -57,16 +57,16 @@ def test_every_value_of_the_file_lands_in_its_place(tmp_path, small_cfg):
     header = np.array([0, 2, 5], "<i4").tobytes() + np.array([1 << 40], "<u8").tobytes()
     (tmp_path / "w").write_bytes(header + np.arange(SMALL_VALUES, dtype="<f4").tobytes())
     assert load_weights(network, tmp_path / "w").seen == 1 << 40
-    first, second = network.convolutions()[:2]
+    values = network.state_dict()
     # Darknet: biases, scales, means, variances, then weights (filters, channels, rows, columns)
-    assert first.norm.bias.tolist() == [0, 1, 2, 3]
-    assert first.norm.weight.tolist() == [4, 5, 6, 7]
-    assert first.norm.running_mean.tolist() == [8, 9, 10, 11]
-    assert first.norm.running_var.tolist() == [12, 13, 14, 15]
-    assert first.conv.weight[0, 0].tolist() == [[16, 17, 18], [19, 20, 21], [22, 23, 24]]
-    assert first.conv.weight[3, 2, 2, 2].item() == 123
-    assert second.conv.bias.tolist() == list(range(124, 132))
-    assert network.convolutions()[-1].conv.weight[6, 7].item() == SMALL_VALUES - 1
+    assert values["layers.0.norm.bias"].tolist() == [0, 1, 2, 3]
+    assert values["layers.0.norm.weight"].tolist() == [4, 5, 6, 7]
+    assert values["layers.0.norm.running_mean"].tolist() == [8, 9, 10, 11]
+    assert values["layers.0.norm.running_var"].tolist() == [12, 13, 14, 15]
+    assert values["layers.0.conv.weight"][0, 0].tolist() == [[16, 17, 18], [19, 20, 21], [22, 23, 24]]
+    assert values["layers.0.conv.weight"][3, 2, 2, 2].item() == 123
+    assert values["layers.2.conv.bias"].tolist() == list(range(124, 132))
+    assert values["layers.6.conv.weight"][6, 7].item() == SMALL_VALUES - 1
 
 
 @pytest.mark.parametrize(("version", "length"), [((0, 1, 0), 16), ((0, 2, 0), 20), ((1, 0, 0), 20)])
@@ -188,7 +188,9 @@ def test_yolov3_tiny_sees_the_dog(shared_data):
 
     network = Darknet.from_cfg(yolov3_tiny()).eval()
     load_weights(network, shared_data / "weights" / "yolov3-tiny.weights")
-    picture = cv2.resize(cv2.imread(str(shared_data / "pictures" / "dog.jpg"))[..., ::-1], (416, 416))
+    picture = cv2.imread(str(shared_data / "pictures" / "dog.jpg"))
+    assert picture is not None
+    picture = cv2.resize(picture[..., ::-1], (416, 416))
     with torch.no_grad():
         coarse, _ = network(torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].float() / 255.0)
     cells = coarse.reshape(3, 85, 169).permute(0, 2, 1).reshape(-1, 85)

@@ -3,6 +3,8 @@
 import io
 import json
 import shutil
+import subprocess
+import sys
 import tarfile
 from hashlib import sha256
 
@@ -255,3 +257,17 @@ def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_da
     with pytest.raises(Exception, match=r"needs torch and onnx: pip install 'edgemap\[export\]'"):
         pull.pull_known("yolox-nano")
     assert "neither a bundle's folder nor URL, nor a known model" in refusal(pull.pull_known, "nix")
+
+
+def test_a_robot_without_torch_and_onnx_pulls_a_finished_bundle(cache, small, server):
+    for path in small.iterdir():
+        server.files[f"/b/{path.name}"] = path.read_bytes()
+    script = (
+        "import sys; sys.modules |= dict.fromkeys(('torch', 'onnx', 'onnxscript'));"
+        "from edgemap.cli import main; main(['pull', sys.argv[1]])"
+    )
+    for source in (str(small), server.url("/b")):
+        done = subprocess.run([sys.executable, "-c", script, source], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (0, f"ready: {cache / 'bundles' / 'small'}\n"), done.stderr
+        load_bundle(cache / "bundles" / "small")
+        shutil.rmtree(cache / "bundles" / "small")
