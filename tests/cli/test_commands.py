@@ -86,6 +86,7 @@ def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictu
     result = edgemap("map", "show", out)
     assert "chair-1" in result.stdout
     picture = cv2.imread(str(out / "map.png"))
+    assert picture is not None
     assert picture.shape[1] > 2 * picture.shape[0]  # three panels
     assert edgemap("map", "show", out / "map.json", "--out", tmp_path / "only.svg").returncode == 0
     assert "<svg" in (tmp_path / "only.svg").read_text()

@@ -12,6 +12,7 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import CameraError, RunFolderError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop import run
@@ -26,12 +27,11 @@ FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 32.0, 32.0), Mount(1.0))
 SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
 
 
-class Memory:
+class Memory(CameraBase):
     """Frames from memory; raises `failure` in place of frame `fails_at`."""
 
-    name, live, intrinsics, mount, rate_hz, truth, size = "memory", False, None, None, 10.0, None, (64, 64)
-
     def __init__(self, count, fails_at=None, shape=(64, 64, 3)):
+        super().__init__("memory")
         self.frame_count, self.fails_at, self.shape, self.index = count, fails_at, shape, 0
 
     def read(self):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -25,6 +26,8 @@ from edgemap.runtime.bundle import (
     write_manifest,
 )
 
+Resize = Literal["stretch", "letterbox", "letterbox_topleft"]
+
 SIZE, STRIDE, ANCHOR = 64, 32, (20.0, 30.0)
 NAMES = ("chair", "person", "couch")
 
@@ -46,7 +49,7 @@ def head_with(boxes: list[tuple[str, float, float, float, float, float]], cells:
     return head
 
 
-def detector_spec(file: str = "backbone.onnx", resize: str = "stretch") -> Detector:
+def detector_spec(file: str = "backbone.onnx", resize: Resize = "stretch") -> Detector:
     shape = (1, 5 + len(NAMES), SIZE // STRIDE, SIZE // STRIDE)
     return Detector(
         file=file,
@@ -126,7 +129,7 @@ def write_painted(
     opset: int = 17,
     outputs: tuple[str, ...] = ("head",),
     metadata: str | None = None,
-    resize: str = "stretch",
+    resize: Resize = "stretch",
     odometry: bool | None = None,
 ) -> Path:
     """Write a whole bundle. odometry: None for none, else whether it says that it is trained."""
