@@ -144,6 +144,9 @@ def lens_and_mount(
         raise OptionError(
             f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
         )
+    if (lens.width, lens.height) != tuple(camera.size):
+        size = f"{camera.size[0]}x{camera.size[1]}"
+        raise OptionError(f"{camera.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
     if seat is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
     return lens, seat

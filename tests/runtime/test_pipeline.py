@@ -32,12 +32,13 @@ class Memory(CameraBase):
 
     def __init__(self, count, fails_at=None, shape=(64, 64, 3)):
         super().__init__("memory")
-        self.frame_count, self.fails_at, self.shape, self.index = count, fails_at, shape, 0
+        self.frame_count: int | None = count
+        self.count, self.fails_at, self.shape, self.index = count, fails_at, shape, 0
 
     def read(self):
         if self.index == self.fails_at:
             raise CameraError("memory: the cable came off")
-        if self.index >= self.frame_count:
+        if self.index >= self.count:
             return None
         self.index += 1
         return Frame(self.index - 1, (self.index - 1) / 10, np.zeros(self.shape, np.uint8))
