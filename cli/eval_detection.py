@@ -30,9 +30,9 @@ def command(
     from tqdm import tqdm
 
     from edgemap.evaluation.detection import ScoredPicture, average_precision
-    from edgemap.runtime.drives.labelled import labelled_pictures
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
+    from edgemap.runtime.drives.labelled import labelled_pictures
 
     loaded = find_bundle(bundle, threads)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
