@@ -20,7 +20,7 @@ class CameraBase:
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
         self.name = name
         self.live = False
-        self.size = (0, 0)
+        self.size: tuple[int, int] = (0, 0)
         self.intrinsics: Intrinsics | None = intrinsics
         self.mount: Mount | None = mount
         self.rate_hz: float | None = None
