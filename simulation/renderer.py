@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +73,7 @@ class Renderer:
     """Draws one lit scene through one camera. Raises SimulationError where OpenGL is missing, or for a lens with
     distortion, which this renderer does not bend."""
 
-    def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0, samples: int = 4) -> None:
+    def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0, oversampling: int = 2) -> None:
         if not intrinsics.distortion.is_identity:
             raise SimulationError(f"the renderer draws no lens distortion ({intrinsics.distortion.model})")
         self.intrinsics = intrinsics
@@ -80,15 +82,15 @@ class Renderer:
         self._context = _context(self._gl)
         size = (intrinsics.width, intrinsics.height)
         context = self._context
-        self._many = context.framebuffer(
-            [context.renderbuffer(size, 4, samples=samples)], context.depth_renderbuffer(size, samples=samples)
-        )
-        self._one = context.framebuffer([context.renderbuffer(size, 4)])
+        # Mesa's multisampling takes seconds for some views, so pictures are drawn larger and averaged.
+        large = (oversampling * intrinsics.width, oversampling * intrinsics.height)
+        self._fine = context.framebuffer([context.renderbuffer(large, 4)], context.depth_renderbuffer(large))
         self._exact = context.framebuffer([context.renderbuffer(size, 2, dtype="f4")], context.depth_renderbuffer(size))
         self._colour = context.program(shaders.VERTEX, shaders.COLOUR)
         self._identity = context.program(shaders.VERTEX, shaders.IDENTITY)
         self._textures: dict[int, Any] = {}
-        self._white = context.texture((1, 1), 4, b"\xff" * 4)
+        self._white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
+        self._unlit = self._light_map(np.zeros((3, 3, 3), dtype=np.float32))
         self._batches = self._build(scene)
         self._corners = np.stack([batch.corners for batch in self._batches])
         self._see_through = np.array([batch.material.opacity < 0.99 for batch in self._batches])
@@ -98,8 +100,10 @@ class Renderer:
         """The picture, (H, W, 3) uint8 BGR, anti-aliased."""
         with self._context:
             raw = self._draw_picture(view)
-        image = np.frombuffer(raw, dtype=np.uint8).reshape(self.intrinsics.height, self.intrinsics.width, 3)
-        return np.ascontiguousarray(image[::-1, :, ::-1])
+        columns, rows = self._fine.size
+        large = np.frombuffer(raw, dtype=np.uint8).reshape(rows, columns, 3)
+        size = (self.intrinsics.width, self.intrinsics.height)
+        return np.ascontiguousarray(cv2.resize(large, size, interpolation=cv2.INTER_AREA)[::-1, :, ::-1])
 
     def ids_and_depth(self, view: View) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Object ids (H, W), ROOM_ID for the room, and optical depth (H, W) in metres, both at pixel centres."""
@@ -141,21 +145,19 @@ class Renderer:
 
     def _draw_picture(self, view: View) -> bytes:
         in_view = self._aim(self._colour, view, self.intrinsics)
-        self._many.use()
-        self._many.clear(0.0, 0.0, 0.0, 1.0)
+        self._fine.use()
+        self._fine.clear(0.0, 0.0, 0.0, 1.0)
         self._context.enable_only(self._gl.DEPTH_TEST)
         for batch in in_view:
             if batch.material.opacity < 0.99:
                 self._context.enable(self._gl.BLEND)
             self._draw_colour(batch)
-        self._context.copy_framebuffer(self._one, self._many)
-        return self._one.read(components=3, alignment=1)
+        return self._fine.read(components=3, alignment=1)
 
     def _draw_colour(self, batch: _Batch) -> None:
         program, material = self._colour, batch.material
         self._texture(material).use(0)
-        if batch.light_map is not None:
-            batch.light_map.use(1)
+        (self._unlit if batch.light_map is None else batch.light_map).use(1)
         program["has_image"] = material.texture is not None
         program["has_map"] = batch.light_map is not None
         program["map_scale"] = batch.map_scale
@@ -187,10 +189,7 @@ class Renderer:
             part = surface.part()
             dark = np.zeros_like(part.positions)
             batch = self._batch(ROOM_ID, part.material, part.positions, part.normals, part.uv, dark, dark)
-            rows, columns = light_map.shape[:2]
-            texture = self._context.texture((columns, rows), 3, light_map.tobytes(), dtype="f4", alignment=1)
-            texture.repeat_x = texture.repeat_y = False
-            batch.light_map = texture
+            batch.light_map = self._light_map(light_map)
             batch.map_scale = (float(1.0 / part.uv[..., 0].max()), float(1.0 / part.uv[..., 1].max()))
             batches.append(batch)
         for lit in scene.parts:
@@ -220,12 +219,24 @@ class Renderer:
         if image is None:
             return self._white
         if id(image) not in self._textures:
-            texture = self._context.texture((image.shape[1], image.shape[0]), 4, image[::-1].tobytes())
-            texture.build_mipmaps()
-            texture.filter = (self._gl.LINEAR_MIPMAP_LINEAR, self._gl.LINEAR)
-            texture.anisotropy = 8.0
-            self._textures[id(image)] = texture
+            self._textures[id(image)] = self._uploaded(image)
         return self._textures[id(image)]
+
+    def _uploaded(self, image: NDArray[np.uint8]) -> Any:
+        """A texture with mipmaps, its sides powers of two: Mesa compiles every shader anew for each KIND of texture."""
+        size = tuple(1 << max(4, round(math.log2(side))) for side in image.shape[1::-1])
+        if size != image.shape[1::-1]:
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+        texture = self._context.texture(size, 4, image[::-1].tobytes())
+        texture.build_mipmaps()
+        texture.filter = (self._gl.LINEAR_MIPMAP_LINEAR, self._gl.LINEAR)
+        return texture
+
+    def _light_map(self, light: NDArray[np.float32]) -> Any:
+        rgba = np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
+        texture = self._context.texture((light.shape[1], light.shape[0]), 4, rgba.tobytes(), dtype="f4")
+        texture.repeat_x = texture.repeat_y = False
+        return texture
 
     def _set_light(self, scene: LitScene, exposure: float) -> None:
         self._colour["image"], self._colour["light_map"] = 0, 1
