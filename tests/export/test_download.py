@@ -262,10 +262,16 @@ def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_da
 def test_a_robot_without_torch_and_onnx_pulls_a_finished_bundle(cache, small, server):
     for path in small.iterdir():
         server.files[f"/b/{path.name}"] = path.read_bytes()
-    script = (
-        "import sys; sys.modules |= dict.fromkeys(('torch', 'onnx', 'onnxscript'));"
-        "from edgemap.cli import main; main(['pull', sys.argv[1]])"
-    )
+    script = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("torch", "onnx", "onnxscript"):
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, Absent())
+from edgemap.cli import main
+main(["pull", sys.argv[1]])
+"""
     for source in (str(small), server.url("/b")):
         done = subprocess.run([sys.executable, "-c", script, source], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (0, f"ready: {cache / 'bundles' / 'small'}\n"), done.stderr

@@ -7,7 +7,7 @@ import onnxruntime as ort
 import pytest
 import torch
 
-from edgemap.export import exporter, parity
+from edgemap.export import backbones, exporter, parity
 from edgemap.export.architectures import yolov3
 from edgemap.export.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.convlstm import PaperHead, random_head
@@ -102,7 +102,7 @@ def test_the_same_export_twice_gives_the_same_bytes(tmp_path, small, small_cfg, 
 
 def test_failed_parity_refuses_and_leaves_nothing(tmp_path, small_cfg, small_weights, monkeypatch):
     """One weight of the exported graph is off by a part: the proof must see it."""
-    true_export = exporter.backbone_to_onnx
+    true_export = backbones.backbone_to_onnx
 
     def wrong_export(network, detector):
         with torch.no_grad():
@@ -111,7 +111,7 @@ def test_failed_parity_refuses_and_leaves_nothing(tmp_path, small_cfg, small_wei
             network.convolutions()[2].conv.weight[0, 0, 0, 0] -= 0.5
         return model
 
-    monkeypatch.setattr(exporter, "backbone_to_onnx", wrong_export)
+    monkeypatch.setattr(backbones, "backbone_to_onnx", wrong_export)
     out = tmp_path / "out" / "small"
     with pytest.raises(ExportError, match=r"backbone.onnx: parity failed: head_stride8 differs by .* tolerance"):
         export_backbone(str(small_cfg), out, weights=small_weights)

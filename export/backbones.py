@@ -1,0 +1,172 @@
+"""Backbones ready to be bundled: a Darknet network or an adopted ONNX file, its contract and its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from onnx import ModelProto
+
+from edgemap.export import architectures, parity
+from edgemap.export.adopt import adopt
+from edgemap.export.coco import class_entries
+from edgemap.export.darknet import Darknet
+from edgemap.export.darknet_weights import load_weights, random_weights, value_count
+from edgemap.export.errors import ExportError
+from edgemap.export.obtain import obtain
+from edgemap.export.onnx_export import backbone_to_onnx
+from edgemap.export.sources import KNOWN
+from edgemap.runtime.bundle import Detector, FeatureSpec, HeadSpec, InputSpec, sha256_file
+from edgemap.runtime.session import Tensors
+
+DARKNET = {"yolov3": architectures.yolov3, "yolov3-tiny": architectures.yolov3_tiny}
+BACKBONES = (*DARKNET, "yolox-nano")
+DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
+
+
+@dataclass
+class Backbone:
+    """A detector ready to be bundled. features: export's word for a feature to the output's name."""
+
+    name: str
+    model: ModelProto
+    detector: Detector
+    features: dict[str, str]
+    reference: parity.Reference
+    exact: bool
+    measured: dict[str, Any]
+    licence: str
+    sources: tuple[str, ...]
+
+
+def darknet_backbone(
+    backbone: str,
+    weights: Path | None,
+    wanted: list[str],
+    size: tuple[int, int] | None,
+    random_seed: int | None,
+    sources: tuple[str, ...],
+) -> Backbone:
+    """A Darknet network by name or .cfg, with weights from a file, a seed, or (for a name) the known sources.
+
+    wanted: the features that heads read. Raises ExportError or DownloadError.
+    """
+    network, name = _darknet_network(backbone, size)
+    if random_seed is not None:
+        random_weights(network, random_seed)
+        about: dict[str, Any] = {"random_seed": random_seed}
+        name, sources = f"{name}-random", ("random weights",)
+    else:
+        if weights is None:
+            if name not in KNOWN or backbone not in DARKNET:
+                raise ExportError(f"{backbone}: --weights FILE is needed")
+            weights, sources = obtain(KNOWN[name])
+        header = load_weights(network, weights)
+        about = {"file": weights.name, "sha256": sha256_file(weights), "pictures_seen": header.seen}
+    about["float32_values"] = value_count(network)
+    detector, features = _darknet_detector(network, wanted)
+    names = list(dict.fromkeys(spec.name for spec in (*detector.heads, *detector.features)))
+    network.eval()
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        with torch.no_grad():
+            tensors = network(torch.from_numpy(picture) / 255.0)
+        return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
+
+    known = KNOWN.get(backbone)
+    return Backbone(
+        name=name,
+        model=backbone_to_onnx(network, detector),
+        detector=detector,
+        features=features,
+        reference=reference,
+        exact=False,
+        measured={"weights": about},
+        licence=known.licence if known else "not stated",
+        sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
+    )
+
+
+def _darknet_network(backbone: str, size: tuple[int, int] | None) -> tuple[Darknet, str]:
+    if backbone in DARKNET:
+        network = Darknet.from_cfg(DARKNET[backbone](), size)
+        network.name = backbone
+        return network, backbone
+    path = Path(backbone)
+    if path.suffix != ".cfg" and not path.is_file():
+        raise ExportError(f"backbone {backbone!r} is not one of {', '.join(BACKBONES)}, nor a .cfg or .onnx file")
+    return Darknet.from_cfg(path, size), path.stem
+
+
+def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[Detector, dict[str, str]]:
+    """The contract of a Darknet network; sets the network's outputs to heads, then features."""
+    names = {head.layer: f"head_stride{network.stride(head.layer)}" for head in network.heads}
+    if len(set(names.values())) != len(names):
+        names = {layer: f"{name}_layer{layer}" for layer, name in names.items()}
+    layers = {word: network.feature_layer(word) for word in wanted}
+    for layer in layers.values():
+        names.setdefault(layer, f"feature_layer{layer}")
+    network.outputs = tuple(names)
+    heads = tuple(
+        HeadSpec(
+            name=names[head.layer],
+            shape=(1, *head.shape),
+            strides=(network.stride(head.layer),),
+            anchors=head.anchors,
+            scale_xy=head.scale_xy,
+        )
+        for head in network.heads
+    )
+    features = tuple(
+        FeatureSpec(name=names[layer], shape=(1, *network.shapes[layer]), stride=network.stride(layer))
+        for layer in dict.fromkeys(layers.values())
+    )
+    detector = Detector(
+        file="backbone.onnx",
+        input=InputSpec(
+            name="image",
+            width=network.width,
+            height=network.height,
+            resize="letterbox",
+            colour="rgb",
+            scale=1.0,
+            pad=DARKNET_PAD,
+        ),
+        decode="yolov3",
+        heads=heads,
+        features=features,
+        classes=class_entries(network.heads[0].classes),
+    )
+    return detector, {word: names[layer] for word, layer in layers.items()}
+
+
+def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sources: tuple[str, ...]) -> Backbone:
+    """An ONNX detector by name or file, one feature tapped. Raises ExportError or DownloadError."""
+    known = KNOWN.get(backbone)
+    path, name = (Path(backbone), Path(backbone).stem) if known is None else (weights, backbone)
+    if path is None:
+        assert known is not None
+        path, sources = obtain(known)
+    if len(set(wanted)) != 1:
+        raise ExportError(f"{path}: heads that read different features ({', '.join(wanted)}) do not fit one ONNX file")
+    model, detector = adopt(path, wanted[0])
+    original = parity.open_network(path)
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        return original.run({detector.input.name: picture})
+
+    return Backbone(
+        name=name,
+        model=model,
+        detector=detector,
+        features={wanted[0]: detector.features[0].name},
+        reference=reference,
+        exact=True,
+        measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
+        licence=known.licence if known else "not stated",
+        sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
+    )
