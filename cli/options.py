@@ -115,7 +115,7 @@ def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
     if unknown := sorted(chosen - set(bundle.names)):
         raise OptionError(f"--classes {', '.join(unknown)}: the bundle knows {', '.join(sorted(bundle.names))}")
     if unmapped := sorted(chosen - bundle.mapped):
-        raise OptionError(f"--classes {', '.join(unmapped)}: people and animals are detected but never mapped")
+        raise OptionError(f"--classes {', '.join(unmapped)}: detected but never mapped (alive, carried, or on tables)")
     if not chosen:
         raise OptionError("--classes is empty")
     return chosen

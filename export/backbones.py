@@ -131,7 +131,7 @@ def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[Detector, di
             name="image",
             width=network.width,
             height=network.height,
-            resize="letterbox",
+            resize="letterbox" if network.letterbox else "stretch",
             colour="rgb",
             scale=1.0,
             pad=DARKNET_PAD,

@@ -1,24 +1,20 @@
-"""COCO's 80 detection classes, official spelling, in the order in which YOLO networks number them."""
+"""COCO's 80 classes as a bundle lists them: which of them can stand on a map of the floor."""
 
 from edgemap.runtime.bundle import ClassEntry
+from edgemap.runtime.drives.coco import COCO_NAMES
 
-_TEXT = """
-    person, bicycle, car, motorcycle, airplane, bus, train, truck, boat, traffic light, fire hydrant, stop sign,
-    parking meter, bench, bird, cat, dog, horse, sheep, cow, elephant, bear, zebra, giraffe, backpack, umbrella,
-    handbag, tie, suitcase, frisbee, skis, snowboard, sports ball, kite, baseball bat, baseball glove, skateboard,
-    surfboard, tennis racket, bottle, wine glass, cup, fork, knife, spoon, bowl, banana, apple, sandwich, orange,
-    broccoli, carrot, hot dog, pizza, donut, cake, chair, couch, potted plant, bed, dining table, toilet, tv,
-    laptop, mouse, remote, keyboard, cell phone, microwave, oven, toaster, sink, refrigerator, book, clock, vase,
-    scissors, teddy bear, hair drier, toothbrush
-"""
-NAMES = tuple(" ".join(name.split()) for name in _TEXT.split(","))
+# They walk away.
+LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
 
-# People and animals walk away: detected, never mapped.
-NEVER_MAPPED = frozenset(
-    {"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"}
+# They lie on tables, hang, fly, or are carried: a box's lower edge says nothing of the floor.
+NEVER_ON_THE_FLOOR = frozenset(
+    """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
+baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich
+orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
+scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
 )
 
-CLASSES = tuple(ClassEntry(name=name, mapped=name not in NEVER_MAPPED) for name in NAMES)
+CLASSES = tuple(ClassEntry(name=name, mapped=name not in LIVING | NEVER_ON_THE_FLOOR) for name in COCO_NAMES)
 
 
 def class_entries(count: int) -> tuple[ClassEntry, ...]:

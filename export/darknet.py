@@ -12,6 +12,7 @@ from edgemap.export.darknet_cfg import Section, parse_cfg, read_cfg
 from edgemap.export.darknet_layers import Shape, Yolo
 from edgemap.export.errors import ExportError
 
+FORK_KEYS = frozenset({"iou_loss", "cls_normalizer", "iou_normalizer", "scale_x_y", "nms_kind"})
 KNOWN = ("convolutional", "maxpool", "avgpool", "upsample", "route", "shortcut", "dropout", "yolo")
 WIDEST_NECK = 512  # channels; the paper's other feature matrix is 13x13x512 (section 4.5)
 
@@ -20,7 +21,8 @@ class Darknet(nn.Module):
     """A network read from a cfg.
 
     Takes (1, 3, height, width) float32 RGB in 0..1; gives the outputs of `outputs` (layer indices), by default the raw
-    logits (1, A*(5+C), H, W) of every yolo head, coarsest first. shapes: (C, H, W) after each layer.
+    logits (1, A*(5+C), H, W) of every yolo head, coarsest first. shapes: (C, H, W) after each layer. letterbox: whether
+    pictures keep their aspect; else they are stretched.
     """
 
     def __init__(self, sections: list[Section], size: tuple[int, int] | None = None) -> None:
@@ -29,6 +31,7 @@ class Darknet(nn.Module):
         self.name = net.file
         self.channels = net.integer("channels", 3, least=1)
         self.width, self.height = size or (net.integer("width", least=1), net.integer("height", least=1))
+        self.letterbox = _letterboxes(sections)
         self.shapes: list[Shape] = []
         self.heads: list[Yolo] = []
         self.layers = nn.ModuleList()
@@ -185,3 +188,10 @@ def fold_batch_norm(network: Darknet) -> None:
             layer.conv.weight.copy_(layer.conv.weight.double() * factor[:, None, None, None])
             layer.conv.bias = nn.Parameter(bias.float())
             layer.norm = None
+
+
+def _letterboxes(sections: list[Section]) -> bool:
+    """Darknet letterboxes; its fork of YOLOv4's authors, known by keys of its own, stretches unless letter_box=1."""
+    if "letter_box" in sections[0].options:
+        return sections[0].integer("letter_box") != 0
+    return not any(FORK_KEYS & set(section.options) for section in sections if section.kind == "yolo")

@@ -26,7 +26,8 @@ class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
 
 
 class ClassEntry(Strict):
-    """One class of the detector. mapped: false for people and pets, which are detected but never mapped."""
+    """One class of the detector. mapped: false for what is detected but never mapped: people and
+    pets, what is carried or lies on tables."""
 
     name: str
     mapped: bool = True

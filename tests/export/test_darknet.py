@@ -220,3 +220,11 @@ def test_parsing_keeps_the_first_of_two_equal_keys_and_drops_comments(tmp_path):
     assert "not text" in refusal(read_cfg, tmp_path / "binary")
     assert "has no closing bracket" in refusal(parse_cfg, "[net\n")
     assert "without any layer" in refusal(parse_cfg, "[net]\nwidth=8\n")
+
+
+def test_the_forks_cfgs_stretch_unless_they_say_otherwise():
+    plain = yolov3_tiny()
+    assert Darknet.from_cfg(plain).letterbox
+    fork = plain.replace("[yolo]", "[yolo]\niou_loss=ciou")
+    assert not Darknet.from_cfg(fork).letterbox
+    assert Darknet.from_cfg(fork.replace("[net]", "[net]\nletter_box=1")).letterbox

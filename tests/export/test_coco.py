@@ -1,0 +1,16 @@
+from edgemap.export.coco import CLASSES, LIVING, NEVER_ON_THE_FLOOR, class_entries
+from edgemap.runtime.drives.coco import COCO_NAMES
+
+
+def test_every_excluded_name_is_a_class():
+    assert set(COCO_NAMES) > LIVING | NEVER_ON_THE_FLOOR
+
+
+def test_furniture_is_mapped_and_people_pets_and_cups_are_not():
+    mapped = {entry.name for entry in CLASSES if entry.mapped}
+    assert {"chair", "couch", "potted plant", "bed", "dining table", "toilet", "tv", "refrigerator", "vase"} <= mapped
+    assert not {"person", "cat", "dog", "cup", "book"} & mapped
+
+
+def test_other_numbers_of_classes_are_numbered():
+    assert [entry.name for entry in class_entries(2)] == ["class 0", "class 1"]
