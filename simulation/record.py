@@ -13,12 +13,13 @@ import numpy as np
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
-from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.errors import SimulationError, require
 from edgemap.simulation.light import bake
-from edgemap.simulation.renderer import Renderer, View
+from edgemap.simulation.renderer import Renderer
 from edgemap.simulation.robot import wheel_odometry
 from edgemap.simulation.room import Room, furnish
 from edgemap.simulation.truth import object_records, picture_boxes
+from edgemap.simulation.view import View
 from edgemap.simulation.world import CameraSetup, build_scene, plan_drive
 
 EXPOSURE = 1.9
@@ -47,6 +48,8 @@ def record(
     the first pose. Raises SimulationError and MissingExtraError, one line each, where something is missing.
     """
     camera, folder = camera or CameraSetup(), Path(folder)
+    for module in ("moderngl", "embreex", "PIL"):
+        require(module)
     room = furnish(seed)
     poses = plan_drive(room, camera, frames, seed)
     renderer = Renderer(bake(build_scene(room, seed), seed), camera.intrinsics, EXPOSURE)

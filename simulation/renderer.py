@@ -12,48 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
-from edgemap.geometry.se2 import SE2
 from edgemap.simulation import shaders
 from edgemap.simulation.errors import SimulationError, require
 from edgemap.simulation.mesh import Array, Material
 from edgemap.simulation.scene import ROOM_ID, LitScene
-
-_NEAR_M, _FAR_M = 0.05, 40.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """Where the camera is in the room: rotation (3, 3) from optical to room axes, position (3,) in metres."""
-
-    rotation_room_optical: Array
-    position_room_m: Array
-
-    @classmethod
-    def of_base(cls, pose_room_base: SE2, mount: Mount) -> View:
-        """The view of a camera mounted on a base that stands in the room."""
-        turn = np.eye(3)
-        turn[:2, :2] = pose_room_base.rotation()
-        position = turn @ mount.position_base_m() + [pose_room_base.x_m, pose_room_base.y_m, 0.0]
-        return cls(turn @ mount.rotation_base_optical(), position)
-
-    def to_optical(self, points_room_m: Array) -> Array:
-        """Points of the room (N, 3) in the optical frame."""
-        return (points_room_m - self.position_room_m) @ self.rotation_room_optical
-
-
-def projection(intrinsics: Intrinsics) -> Array:
-    """OpenGL's clip matrix (4, 4) for optical points (x right, y down, z forward); pixel centres are integers.
-
-    Column u becomes 2 (u + 1/2) / width - 1, row v becomes 1 - 2 (v + 1/2) / height; w is the optical depth.
-    """
-    width, height = intrinsics.width, intrinsics.height
-    matrix = np.zeros((4, 4))
-    matrix[0, [0, 2]] = 2.0 * intrinsics.fx / width, 2.0 * (intrinsics.cx + 0.5) / width - 1.0
-    matrix[1, [1, 2]] = -2.0 * intrinsics.fy / height, 1.0 - 2.0 * (intrinsics.cy + 0.5) / height
-    matrix[2, 2:] = (_FAR_M + _NEAR_M) / (_FAR_M - _NEAR_M), -2.0 * _FAR_M * _NEAR_M / (_FAR_M - _NEAR_M)
-    matrix[3, 2] = 1.0
-    return matrix
+from edgemap.simulation.view import NEAR_M, View, projection
 
 
 @dataclass(slots=True)
@@ -103,7 +66,8 @@ class Renderer:
         columns, rows = self._fine.size
         large = np.frombuffer(raw, dtype=np.uint8).reshape(rows, columns, 3)
         size = (self.intrinsics.width, self.intrinsics.height)
-        return np.ascontiguousarray(cv2.resize(large, size, interpolation=cv2.INTER_AREA)[::-1, :, ::-1])
+        small = np.asarray(cv2.resize(large, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        return np.ascontiguousarray(small[::-1, :, ::-1])
 
     def ids_and_depth(self, view: View) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Object ids (H, W), ROOM_ID for the room, and optical depth (H, W) in metres, both at pixel centres."""
@@ -139,7 +103,7 @@ class Renderer:
         corners = self._corners @ clip_room[:, :3].T + clip_room[:, 3]
         sides, w = corners[..., :2], corners[..., 3:]
         outside = np.all(sides < -w, axis=1).any(axis=-1) | np.all(sides > w, axis=1).any(axis=-1)
-        outside |= np.all(w[..., 0] < _NEAR_M, axis=1)
+        outside |= np.all(w[..., 0] < NEAR_M, axis=1)
         order = np.lexsort((np.maximum(w[..., 0], 0.0).mean(axis=1), self._see_through))
         return [self._batches[i] for i in order if not outside[i]]
 

@@ -13,11 +13,11 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation import furniture
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.mesh import Array
-from edgemap.simulation.renderer import View
 from edgemap.simulation.robot import FreeSpace, Limits, drive_along, random_way
 from edgemap.simulation.room import Placed, Room
 from edgemap.simulation.scene import Scene, Solid
 from edgemap.simulation.shell import build_shell
+from edgemap.simulation.view import View
 
 # How well the camera sees a piece: not so near that the picture cuts it off, not so far that it is small.
 _NEAREST_M, _FARTHEST_M = 1.3, 4.5

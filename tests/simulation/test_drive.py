@@ -86,8 +86,8 @@ def test_wheels_drift_a_little_but_not_much():
 
 
 def test_boxes_hold_their_pixels(world, renderer):
-    from edgemap.simulation.renderer import View
     from edgemap.simulation.truth import picture_boxes
+    from edgemap.simulation.view import View
     from edgemap.simulation.world import CameraSetup
 
     room, _ = world
@@ -103,8 +103,8 @@ def test_boxes_hold_their_pixels(world, renderer):
 
 def test_visible_share_falls_when_the_border_cuts(world, renderer):
     """Turning away from the refrigerator lowers its visible share from nearly all to little."""
-    from edgemap.simulation.renderer import View
     from edgemap.simulation.truth import picture_boxes
+    from edgemap.simulation.view import View
     from edgemap.simulation.world import CameraSetup
 
     room, _ = world

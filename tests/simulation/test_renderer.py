@@ -47,7 +47,7 @@ def optical(points_room):
 
 
 def test_ids_stand_where_geometry_projects_them(markers):
-    from edgemap.simulation.renderer import View
+    from edgemap.simulation.view import View
 
     middles, renderer = markers
     ids, depth = renderer.ids_and_depth(View.of_base(POSE, MOUNT))
@@ -61,7 +61,7 @@ def test_ids_stand_where_geometry_projects_them(markers):
 
 
 def test_picture_and_ids_agree(markers):
-    from edgemap.simulation.renderer import View
+    from edgemap.simulation.view import View
 
     _, renderer = markers
     view = View.of_base(POSE, MOUNT)
@@ -72,7 +72,7 @@ def test_picture_and_ids_agree(markers):
 
 
 def test_silhouette_counts_what_the_picture_shows(markers):
-    from edgemap.simulation.renderer import View
+    from edgemap.simulation.view import View
 
     middles, renderer = markers
     view = View.of_base(POSE, MOUNT)
@@ -83,7 +83,7 @@ def test_silhouette_counts_what_the_picture_shows(markers):
 
 def test_floor_depth_is_that_of_the_ray(world, renderer):
     """Every floor pixel's depth is where its viewing ray meets z = 0, to the centimetre."""
-    from edgemap.simulation.renderer import View
+    from edgemap.simulation.view import View
     from edgemap.simulation.world import CameraSetup
 
     setup = CameraSetup()
@@ -109,8 +109,9 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
 
 def test_same_seed_same_picture(world, renderer):
     from edgemap.simulation.light import BakeSettings, bake
-    from edgemap.simulation.renderer import Renderer, View
+    from edgemap.simulation.renderer import Renderer
     from edgemap.simulation.room import furnish
+    from edgemap.simulation.view import View
     from edgemap.simulation.world import CameraSetup, build_scene
 
     room, _ = world
