@@ -42,7 +42,7 @@ bench: setup
 
 # Renders the demo drive anew (runtime/demo/); some minutes.
 demo: setup
-	$(BIN)/python -m edgemap.simulation --seed 7 --frames 200 -o runtime/demo
+	$(BIN)/python -m edgemap.simulation --seed 5 --frames 200 -o runtime/demo
 
 clean:
 	rm -rf $(VENV) .typing build dist *.egg-info

@@ -92,33 +92,30 @@ class FloorCamera:
 
 @dataclass(frozen=True, slots=True)
 class FloorNoise:
-    """Standard deviations of what a floor point depends on.
+    """How well the mount is known, as standard deviations; what they do is shared by all sightings of a drive."""
 
-    pixel_share: of a box's lower edge and centre, as a share of the picture's longer side: detectors see the picture
-    at their own size (0.007 is 3 px of 416).
-    pitch_rad, roll_rad, height_m: how well the mount is known; shared by all sightings of a drive.
-    """
-
-    pixel_share: float = 0.007
     pitch_rad: float = math.radians(0.5)
     roll_rad: float = math.radians(0.3)
     height_m: float = 0.01
 
 
-def floor_covariances(camera: FloorCamera, pixels: ArrayLike, noise: FloorNoise) -> tuple[Array, Array]:
+def floor_covariances(
+    camera: FloorCamera, pixels: ArrayLike, sigmas_px: ArrayLike, noise: FloorNoise
+) -> tuple[Array, Array]:
     """First-order covariances of floor points, base frame, m^2: from pixels, and from the mount; each (N, 2, 2).
 
-    Numeric central differences; NaN at or above the horizon. The second part is common to all sightings of a drive.
+    pixels, sigmas_px: (N, 2), place and standard deviation across and down. Numeric central differences; NaN at or
+    above the horizon. The second part is common to all sightings of a drive.
     """
     pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
 
     def column(plus: Array, minus: Array, step: float) -> Array:
         return (plus - minus) / (2.0 * step)
 
     wrt_u = column(camera.floor_points(pixels + [0.5, 0.0]), camera.floor_points(pixels - [0.5, 0.0]), 0.5)
     wrt_v = column(camera.floor_points(pixels + [0.0, 0.5]), camera.floor_points(pixels - [0.0, 0.5]), 0.5)
-    sigma_px = noise.pixel_share * max(camera.intrinsics.width, camera.intrinsics.height)
-    from_pixels = sigma_px**2 * (_outer(wrt_u) + _outer(wrt_v))
+    from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
 
     from_mount = np.zeros_like(from_pixels)
     for name, sigma, step in (

@@ -90,6 +90,23 @@ class PlacedSighting:
 
 
 @dataclass(frozen=True, slots=True)
+class BoxNoise:
+    """Standard deviations of a box against the object's footprint.
+
+    picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size).
+    across_share, down_share: of the lower edge's middle across, and of the lower edge down, as a share of the box's
+    width and height. cut_share: across, of the width, where the box is cut by the picture's side. footprint_m: of the
+    footprint's centre, whatever the picture says.
+    """
+
+    picture_share: float = 0.004
+    across_share: float = 0.06
+    down_share: float = 0.02
+    cut_share: float = 0.3
+    footprint_m: float = 0.10
+
+
+@dataclass(frozen=True, slots=True)
 class FloorRule:
     """When a box counts as an object on the floor, and how far it is believed.
 
@@ -102,6 +119,7 @@ class FloorRule:
     max_sigma_m: float = 0.75
     max_distance_m: float = 15.0
     noise: FloorNoise = field(default_factory=FloorNoise)
+    box: BoxNoise = field(default_factory=BoxNoise)
     mapped: Collection[str] | None = None
 
 
@@ -132,7 +150,8 @@ def sightings_of(
         return []
     feet = feet_px(detections)[standing]
     near = camera.floor_points(feet)
-    own, shared = floor_covariances(camera, feet, rule.noise)
+    own, shared = floor_covariances(camera, feet, _sigmas_px(detections.boxes[standing], camera, rule), rule.noise)
+    own += np.eye(2) * rule.box.footprint_m**2
     depth = camera.optical_depth_m(near)
     lens = camera.mount.position_base_m()[:2]
     sightings = []
@@ -156,6 +175,17 @@ def sightings_of(
             )
         )  # fmt: skip
     return sightings
+
+
+def _sigmas_px(boxes: Array, camera: FloorCamera, rule: FloorRule) -> Array:
+    """Standard deviations (N, 2) of the lower edges' middles, across and down, px."""
+    longer = max(camera.intrinsics.width, camera.intrinsics.height)
+    sizes = boxes[:, 2:] - boxes[:, :2]
+    cut = (boxes[:, 0] <= rule.border_px) | (boxes[:, 2] >= camera.intrinsics.width - rule.border_px)
+    shares = np.column_stack(
+        [np.where(cut, rule.box.cut_share, rule.box.across_share), np.full(len(boxes), rule.box.down_share)]
+    )
+    return np.hypot(rule.box.picture_share * longer, shares * sizes)
 
 
 def _is_carried(index: int, detections: Detections, labels: list[str]) -> bool:

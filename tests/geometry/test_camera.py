@@ -174,10 +174,10 @@ def test_horizon_row_with_distortion_parts_floor_from_sky():
 def test_floor_covariance_matches_sampling():
     rng = np.random.default_rng(2)
     mount = Mount.from_degrees(0.6, 11.5)
-    noise = FloorNoise(pixel_share=2.0 / 640, pitch_rad=math.radians(0.4), roll_rad=math.radians(0.2), height_m=0.01)
+    noise = FloorNoise(pitch_rad=math.radians(0.4), roll_rad=math.radians(0.2), height_m=0.01)
     pixel = np.array([420.0, 330.0])
-    own, shared = floor_covariances(FloorCamera(PLAIN, mount), [pixel], noise)
-    by_pixel = FloorCamera(PLAIN, mount).floor_points(pixel + rng.normal(0, 2.0, (20000, 2)))
+    own, shared = floor_covariances(FloorCamera(PLAIN, mount), [pixel], [(2.0, 1.5)], noise)
+    by_pixel = FloorCamera(PLAIN, mount).floor_points(pixel + rng.normal(0, (2.0, 1.5), (20000, 2)))
     np.testing.assert_allclose(own[0], np.cov(by_pixel.T), rtol=0.08, atol=2e-5)
     by_mount = np.array(
         [
