@@ -21,32 +21,41 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """gate: squared Mahalanobis distance, 9.21 holds 99 % of true pairs in the plane. max_distance_m: never
-    farther than this. merge_gate, merge_distance_m: the same for two objects. together_share: objects seen side by
-    side in more than this share of the rarer one's frames never merge. correlated: neighbouring frames repeat each
-    other's error, so this many sightings weigh as one. systematic_m: standard deviation of what no number of sightings
-    takes away (a box's lower edge is not the footprint). min_count: sightings before an object shows on the map."""
+    """When sightings and objects are the same thing.
+
+    gate: squared Mahalanobis distance, 9.21 holds 99 % of true pairs in the plane. max_distance_m: never farther than
+    this. merge_gate: the same for two objects, no farther apart than merge_distance_m or merge_extent_share of their
+    class's footprint, whichever is more. together_share: objects seen side by side in more than this share of the rarer
+    one's frames never merge. correlated: neighbouring frames repeat each other's error, so this many sightings weigh as
+    one. systematic_m, systematic_extent_share: standard deviation of what no number of sightings takes away (a box's
+    lower edge is not the footprint), at least, and as a share of the footprint's longer side. min_count,
+    min_confidence: what an object needs to show on the map.
+    """
 
     gate: float = 9.21
     max_distance_m: float = 1.5
     merge_gate: float = 5.99
     merge_distance_m: float = 0.6
+    merge_extent_share: float = 0.5
     together_share: float = 0.1
     correlated: float = 4.0
     systematic_m: float = 0.08
+    systematic_extent_share: float = 0.15
     min_count: int = 3
+    min_confidence: float = 0.6
 
 
 class Estimate:
     """A fused position: information-weighted mean of sightings, plus what they all share."""
 
-    __slots__ = ("first_pose", "first_pose_m2", "information", "shared_sum", "sums", "vector", "weight")
+    __slots__ = ("extent_m", "first_pose", "first_pose_m2", "information", "shared_sum", "sums", "vector", "weight")
 
     def __init__(self, placed: PlacedSighting) -> None:
         self.information, self.vector = np.zeros((2, 2)), np.zeros(2)
         self.shared_sum, self.weight = np.zeros((2, 2)), 0.0
         self.first_pose = placed.pose_covariance
         self.first_pose_m2 = placed.from_pose(placed.pose_covariance)
+        self.extent_m = placed.sighting.extent_m
         self.sums = SightingSums()
         self.add(placed)
 
@@ -82,7 +91,12 @@ class Estimate:
     def own_covariance(self, rule: AssociationRule) -> Array:
         """(2, 2) m^2 of what this object does not share with its neighbours."""
         correlated = min(rule.correlated, float(self.sums.count))
-        return _inverse(self.information) * correlated + np.eye(2) * rule.systematic_m**2
+        systematic_m = max(rule.systematic_m, rule.systematic_extent_share * self.extent_m)
+        return _inverse(self.information) * correlated + np.eye(2) * systematic_m**2
+
+    def shows(self, rule: AssociationRule) -> bool:
+        """Whether there is enough evidence to put it on the map."""
+        return self.sums.count >= rule.min_count and self.sums.confidence >= rule.min_confidence
 
     def covariance(self, rule: AssociationRule) -> Array:
         """(2, 2) m^2 in the map frame: own part, plus mount and first pose, which no number of sightings shrinks."""
@@ -115,12 +129,12 @@ class FloorMap:
         return ids
 
     def objects(self) -> list[MapObject]:
-        """Objects with enough sightings, ordered by id."""
+        """Objects with enough evidence, ordered by id."""
         found = [
             item.estimate.sums.as_object(item.id, label, item.estimate.position_m, item.estimate.covariance(self.rule))
             for label, items in self._objects.items()
             for item in items
-            if item.estimate.sums.count >= self.rule.min_count
+            if item.estimate.shows(self.rule)
         ]
         return sorted(found, key=lambda item: id_order(item.id))
 
@@ -194,7 +208,8 @@ class FloorMap:
 def may_merge(a: Estimate, b: Estimate, rule: AssociationRule) -> bool:
     """Whether two estimates lie close enough, in metres and under both covariances, to be one object."""
     difference = a.position_m - b.position_m
-    if difference @ difference > rule.merge_distance_m**2:
+    reach_m = max(rule.merge_distance_m, rule.merge_extent_share * min(a.extent_m, b.extent_m))
+    if difference @ difference > reach_m**2:
         return False
     spread = a.own_covariance(rule) + b.own_covariance(rule)
     return mahalanobis2(difference, spread) <= rule.merge_gate

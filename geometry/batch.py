@@ -21,7 +21,7 @@ def batch_objects(frames: list[list[PlacedSighting]], rule: AssociationRule | No
     for label in labels:
         members = [(number, placed) for number, frame in enumerate(frames) for placed in frame if placed.label == label]
         clusters = _agglomerate(members, rule)
-        shown = [cluster for cluster in clusters if cluster.sums.count >= rule.min_count]
+        shown = [cluster for cluster in clusters if cluster.shows(rule)]
         shown.sort(key=lambda cluster: cluster.sums.first_seen_s)
         for number, cluster in enumerate(shown, start=1):
             position, covariance = cluster.position_m, cluster.covariance(rule)

@@ -85,11 +85,16 @@ class SightingSums:
         self.first_seen_s = min(self.first_seen_s, other.first_seen_s)
         self.last_seen_s = max(self.last_seen_s, other.last_seen_s)
 
+    @property
+    def confidence(self) -> float:
+        """1 - product of (1 - score) over every fourth sighting."""
+        return -math.expm1(self.miss)
+
     def as_object(self, identity: str, label: str, position_m: Array, covariance_m2: Array) -> MapObject:
-        """The object that these sums describe. confidence: 1 - product of (1 - score) over every fourth sighting."""
+        """The object that these sums describe."""
         return MapObject(
             identity, label, position_m, covariance_m2, self.width_m / self.count, self.height_m / self.count,
-            self.count, -math.expm1(self.miss), self.first_seen_s, self.last_seen_s,
+            self.count, self.confidence, self.first_seen_s, self.last_seen_s,
         )  # fmt: skip
 
 

@@ -15,12 +15,15 @@ from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
 
-# Depth of the footprint along the line of sight, metres, for classes whose width tells little about it.
-FOOTPRINT_DEPTH_M = {
-    "chair": 0.50, "couch": 0.90, "potted plant": 0.40, "bed": 1.80, "dining table": 0.90, "toilet": 0.65,
-    "tv": 0.25, "refrigerator": 0.65, "oven": 0.60, "sink": 0.50, "bench": 0.50, "suitcase": 0.30, "backpack": 0.25,
-    "vase": 0.20, "bicycle": 0.60, "motorcycle": 0.80, "car": 1.80, "truck": 2.50, "bus": 2.60,
+# Usual footprint of a class, width and depth in metres; where none is known, the box's own width serves for both.
+FOOTPRINT_M = {
+    "chair": (0.50, 0.50), "couch": (2.00, 0.90), "potted plant": (0.40, 0.40), "bed": (1.60, 2.00),
+    "dining table": (1.40, 0.90), "toilet": (0.40, 0.65), "tv": (1.00, 0.25), "refrigerator": (0.65, 0.65),
+    "oven": (0.60, 0.60), "sink": (0.60, 0.50), "bench": (1.40, 0.50), "suitcase": (0.45, 0.30),
+    "backpack": (0.35, 0.25), "vase": (0.20, 0.20), "bicycle": (1.70, 0.50), "motorcycle": (2.00, 0.80),
+    "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
 }  # fmt: skip
+WIDEST_UNKNOWN_M = 1.0
 
 # What people put on furniture; on the floor only where no furniture is seen under it.
 TABLETOP_LABELS = frozenset(
@@ -37,7 +40,8 @@ class Sighting:
     """One object on the floor, seen in one frame.
 
     position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
-    shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4).
+    shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
+    longer side of its class's usual footprint.
     distance_m: horizontal, from the lens. detection: index into the frame's Detections.
     """
 
@@ -48,6 +52,7 @@ class Sighting:
     shared_m2: Array
     width_m: float
     height_m: float
+    extent_m: float
     distance_m: float
     detection: int
     frame: int = 0
@@ -95,15 +100,15 @@ class BoxNoise:
 
     picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size).
     across_share, down_share: of the lower edge's middle across, and of the lower edge down, as a share of the box's
-    width and height. cut_share: across, of the width, where the box is cut by the picture's side. footprint_m: of the
-    footprint's centre, whatever the picture says.
+    width and height. cut_share: across, of the width, where the box is cut by the picture's side. footprint_share: of
+    the footprint's centre, as a share of the footprint's longer side, whatever the picture says.
     """
 
     picture_share: float = 0.004
     across_share: float = 0.06
     down_share: float = 0.02
     cut_share: float = 0.3
-    footprint_m: float = 0.10
+    footprint_share: float = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +156,6 @@ def sightings_of(
     feet = feet_px(detections)[standing]
     near = camera.floor_points(feet)
     own, shared = floor_covariances(camera, feet, _sigmas_px(detections.boxes[standing], camera, rule), rule.noise)
-    own += np.eye(2) * rule.box.footprint_m**2
     depth = camera.optical_depth_m(near)
     lens = camera.mount.position_base_m()[:2]
     sightings = []
@@ -162,16 +166,19 @@ def sightings_of(
         height_m = float(depth[row] * (y1 - y0) / camera.intrinsics.fy)
         bearing = near[row] - lens
         reach = float(np.linalg.norm(bearing))
-        half_depth = FOOTPRINT_DEPTH_M.get(label, min(width_m, 1.0)) / 2.0
+        unknown = min(width_m, WIDEST_UNKNOWN_M)
+        footprint = FOOTPRINT_M.get(label, (unknown, unknown))
+        half_depth = footprint[1] / 2.0
         direction = bearing / max(reach, 1e-9)
-        along = np.outer(direction, direction) * (0.5 * half_depth) ** 2  # the footprint's depth is a guess
         sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[row] + shared[row])[-1]))
+        guessed = np.outer(direction, direction) * (0.5 * half_depth) ** 2  # depth is not seen
+        guessed += np.eye(2) * (rule.box.footprint_share * max(footprint)) ** 2
         if sigma_m > rule.max_sigma_m or reach > rule.max_distance_m:
             continue
         sightings.append(
             Sighting(
-                label, float(detections.scores[index]), near[row] + direction * half_depth, own[row] + along,
-                shared[row], width_m, height_m, reach, int(index), frame, stamp_s,
+                label, float(detections.scores[index]), near[row] + direction * half_depth, own[row] + guessed,
+                shared[row], width_m, height_m, max(footprint), reach, int(index), frame, stamp_s,
             )
         )  # fmt: skip
     return sightings
