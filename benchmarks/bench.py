@@ -18,6 +18,7 @@ from edgemap.runtime.pipeline import Pipeline
 
 RING = 64  # decoded frames kept, cycled forwards and backwards
 WARM_UP = 10  # steps before the clock starts
+REST_S = 0.02  # between rivals, so that no one's spinning threads slow the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +117,7 @@ def compare(
         )
         order = range(len(calls)) if rounds % 2 else reversed(range(len(calls)))
         for turn in order:
+            time.sleep(REST_S)
             before = time.perf_counter()
             calls[turn]()
             if rounds >= 2:

@@ -125,7 +125,11 @@ def _compare(where: str, kind: str, promised: dict[str, tuple[int, ...]], found:
 
 
 def session_options(threads: int) -> ort.SessionOptions:
-    """How every network here runs: `threads` compute threads, one operator at a time, quiet."""
+    """How every network here runs: `threads` compute threads, one operator at a time, quiet.
+
+    Idle threads spin (onnxruntime's default): measured on two cores with a step's other work between runs, YOLOX-Nano
+    takes 5.0 ms spinning and 6.7 ms not, YOLOv3-tiny 13 ms either way.
+    """
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
