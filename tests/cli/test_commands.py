@@ -85,10 +85,14 @@ def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictu
     edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out, "--clustering", "paper")
     result = edgemap("map", "show", out)
     assert "chair-1" in result.stdout
-    picture = cv2.imread(str(out / "map.png"))
-    assert picture is not None
-    assert picture.shape[1] > 2 * picture.shape[0]  # three panels
-    assert edgemap("map", "show", out / "map.json", "--out", tmp_path / "only.svg").returncode == 0
+    alone = tmp_path / "alone.json"
+    alone.write_bytes((out / "map.json").read_bytes())
+    edgemap("map", "show", alone, "--out", tmp_path / "only.png")
+    three, one = cv2.imread(str(out / "map.png")), cv2.imread(str(tmp_path / "only.png"))
+    assert three is not None
+    assert one is not None
+    assert three.shape[1] > 1.8 * one.shape[1]  # three panels beside one
+    assert edgemap("map", "show", alone, "--out", tmp_path / "only.svg").returncode == 0
     assert "<svg" in (tmp_path / "only.svg").read_text()
 
 
