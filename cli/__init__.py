@@ -59,9 +59,8 @@ def _run(words: str, rest: list[str]) -> None:
     from edgemap.geometry.errors import EdgemapError
 
     command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
-    markers = (tyro.conf.FlagCreatePairsOff, tyro.conf.PositionalMetavarFromFieldName)
     try:
-        tyro.cli(command, prog=f"edgemap {words}", args=rest, config=markers)
+        tyro.cli(command, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except EdgemapError as error:
         print(f"edgemap {words}: {error}", file=sys.stderr)
         sys.exit(1)
