@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ from edgemap.runtime.frame import Frame
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
 FALLBACK_RATE_HZ = 30.0
+LOG_SILENT = 0  # OpenCV's LOG_LEVEL_SILENT
 
 
 class VideoCamera(CameraBase):
@@ -107,9 +109,9 @@ def _open_quietly(path: Path) -> cv2.VideoCapture:
     # so OpenCV's and FFmpeg's are kept off the terminal.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     known = cv2.videoio_registry.getBackends()
-    logging = cv2.utils.logging
+    logging: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV before 4.10 keeps both functions at its top
     level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    logging.setLogLevel(LOG_SILENT)
     try:
         return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
     finally:
