@@ -15,6 +15,7 @@ from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.timing import percentiles
 
 RING = 64  # decoded frames kept, cycled forwards and backwards
 WARM_UP = 10  # steps before the clock starts
@@ -46,11 +47,6 @@ def read_ring(camera: Camera, first: Frame) -> Ring:
     if len(frames) < 2:
         raise CameraError(f"bench needs two frames or more, {camera.name} gave {len(frames)}")
     return Ring(frames, (time.perf_counter() - start) * 1e3 / (len(frames) - 1), camera.rate_hz or 10.0)
-
-
-def percentiles(values_ms: list[float]) -> dict[str, float]:
-    """p50, p95 and p99, ms."""
-    return {f"p{q}": round(float(np.percentile(values_ms, q)), 3) for q in (50, 95, 99)}
 
 
 def measure(pipeline: Pipeline, ring: Ring, seconds: float) -> dict[str, Any]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from time import perf_counter
+
+import numpy as np
 
 
 class Stopwatch:
@@ -22,3 +25,8 @@ class Stopwatch:
         now = perf_counter()
         self.laps_ms[stage] = (now - self._last) * 1e3
         self._last = now
+
+
+def percentiles(values_ms: Sequence[float]) -> dict[str, float]:
+    """p50, p95 and p99 of laps, ms, rounded to a microsecond; empty for none."""
+    return {f"p{q}": round(float(np.percentile(values_ms, q)), 3) for q in (50, 95, 99)} if len(values_ms) else {}

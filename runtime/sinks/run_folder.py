@@ -9,13 +9,13 @@ from time import perf_counter
 from typing import Any
 
 import cv2
-import numpy as np
 
 from edgemap.geometry.floor import FloorCamera
 from edgemap.geometry.floor_map import MapObject, save_map, write_atomically
 from edgemap.runtime.errors import RunFolderError
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import tum_line
 
 SAVE_EVERY = 20  # frames between two saved maps
@@ -102,11 +102,6 @@ class RunFolder:
             "faults": self._faults,
         }
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1) + "\n")
-
-
-def percentiles(values: list[float]) -> dict[str, float]:
-    """p50, p95 and p99 of some numbers, rounded to a thousandth."""
-    return {f"p{q}": round(float(np.percentile(values, q)), 3) for q in (50, 95, 99)} if values else {}
 
 
 def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from edgemap.evaluation.detection import EvaluationError, ScoredPicture, average_precision
+
+NAMES = ("chair", "couch")
+TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])
+
+
+def picture(boxes, labels, scores, true=TRUE, true_labels=(0, 0)):
+    return ScoredPicture(
+        100,
+        100,
+        true,
+        np.array(true_labels),
+        np.array(boxes, float).reshape(-1, 4),
+        np.array(labels, int),
+        np.array(scores),
+    )
+
+
+def test_perfect_boxes_score_one():
+    figures = average_precision([picture(TRUE, [0, 0], [0.9, 0.8])], NAMES)
+    assert (figures["ap"], figures["ap50"]) == (1.0, 1.0)
+    assert list(figures["per_class"]) == ["chair"]
+
+
+def test_one_of_two_found_is_half_the_recall():
+    """Precision 1 up to recall 0.5: 51 of COCO's 101 recall points."""
+    figures = average_precision([picture(TRUE[:1], [0], [0.9])], NAMES)
+    assert figures["ap50"] == pytest.approx(51 / 101, abs=1e-6)
+
+
+def test_a_false_box_ranked_first_halves_precision():
+    """Ranked first, one miss: precisions 1/2 and 2/3, interpolated to 2/3 over the whole curve."""
+    figures = average_precision([picture([[0, 0, 5, 5], *TRUE], [0, 0, 0], [0.99, 0.9, 0.8])], NAMES)
+    assert figures["ap50"] == pytest.approx(2 / 3, abs=1e-6)
+
+
+def test_a_box_of_iou_two_thirds_counts_up_to_that_threshold():
+    """Shifted by a fifth of its side: IoU 32/48 = 0.667, found at 0.50, 0.55, 0.60 and 0.65 only."""
+    shifted = [[18.0, 10.0, 58.0, 50.0]]
+    figures = average_precision([picture(shifted, [0], [0.9], TRUE[:1], (0,))], NAMES)
+    assert (figures["ap50"], figures["ap"]) == (pytest.approx(1.0), pytest.approx(0.4))
+
+
+def test_the_right_box_with_the_wrong_label_is_a_miss():
+    assert average_precision([picture(TRUE, [1, 1], [0.9, 0.8])], NAMES)["ap50"] == 0.0
+
+
+def test_nothing_found_is_zero_and_nothing_true_is_an_error():
+    assert average_precision([picture([], [], [])], NAMES)["ap"] == 0.0
+    with pytest.raises(EvaluationError, match="no true boxes in 1 pictures"):
+        average_precision([picture(TRUE, [0, 0], [0.9, 0.8], np.zeros((0, 4)), ())], NAMES)
