@@ -1,0 +1,67 @@
+"""README.md and models/README.md tell the truth: commands exist with their flags, links lead somewhere."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from edgemap.cli import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "models" / "README.md"]
+
+
+def shown_commands():
+    """Every `edgemap …` command line in code blocks and code spans, comments cut off."""
+    found = []
+    for page in PAGES:
+        text = page.read_text()
+        blocks = "\n".join(re.findall(r"```sh\n(.*?)```", text, re.S)) + "\n"
+        spans = re.findall(r"`((?:\.venv/bin/)?edgemap [^`\n]+)`", text)
+        for line in [*blocks.splitlines(), *spans]:
+            line = line.split(" #")[0].strip().removeprefix(".venv/bin/")
+            if line.startswith("edgemap ") and not line.startswith("edgemap COMMAND"):
+                found.append(line)
+    return sorted(set(found))
+
+
+def test_there_are_commands_to_check():
+    assert len(shown_commands()) >= 10
+
+
+@pytest.mark.parametrize("line", shown_commands())
+def test_every_shown_command_exists_with_its_flags(line):
+    words = shlex.split(line)[1:]
+    command = next((name for name in (" ".join(words[:2]), words[0]) if name in COMMANDS), None)
+    assert command, f"{line}: no such command"
+    help_text = subprocess.run(
+        [sys.executable, "-m", "edgemap.cli", *command.split(), "--help"], capture_output=True, text=True, check=True
+    ).stdout
+    for flag in (word.split("=")[0] for word in words if word.startswith("-")):
+        assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", help_text), f"{line}: {flag} is unknown"
+
+
+@pytest.mark.parametrize("target", ["setup", "run", "test", "lint", "bench", "demo"])
+def test_make_targets_exist(target):
+    result = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.parent.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+def test_no_package_registry_is_named():
+    """Hosts of package indexes are the user's own business: pip's configuration says which."""
+    files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    hosts = re.compile(r"(pypi|pythonhosted)[.]org|registry[.]npmjs", re.I)
+    for name in files:
+        path = ROOT / name
+        if path.suffix in {".py", ".md", ".txt", ".toml", ".yaml", ""} and path.is_file():
+            assert not hosts.search(path.read_text(errors="ignore")), name
