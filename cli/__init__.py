@@ -14,6 +14,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "pull": ("pull", "fetch a known model, or a finished bundle, into the cache"),
     "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
+    "eval map": ("eval_map", "mapped objects against the true ones: F1, errors, honesty"),
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }

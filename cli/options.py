@@ -32,6 +32,14 @@ BundleName = Annotated[
         metavar="NAME|DIR", help="The model: a bundle folder, or a name in the cache (pulled when it is not there)."
     ),
 ]
+OdometrySpec = Annotated[
+    str,
+    tyro.conf.arg(
+        metavar="SPEC",
+        help="Where the robot's motion comes from: planar (floor corners); truth (the drive's own poses); paper "
+        "(the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad); FILE.tum (poses of the base).",
+    ),
+]
 MountText = Annotated[
     str | None,
     tyro.conf.arg(

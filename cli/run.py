@@ -16,6 +16,7 @@ from edgemap.cli.options import (
     Confidence,
     IntrinsicsText,
     MountText,
+    OdometrySpec,
     Threads,
     choose_classes,
     find_bundle,
@@ -26,15 +27,6 @@ if TYPE_CHECKING:
     from edgemap.geometry.floor_map import MapObject
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.pipeline import StepResult
-
-OdometrySpec = Annotated[
-    str,
-    tyro.conf.arg(
-        metavar="SPEC",
-        help="Where the robot's motion comes from: planar (floor corners); truth (the drive's own poses); paper "
-        "(the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad); FILE.tum (poses of the base).",
-    ),
-]
 
 
 def command(

@@ -24,6 +24,7 @@ FOOTPRINT_M = {
     "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
 }  # fmt: skip
 WIDEST_UNKNOWN_M = 1.0
+DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 
 # What people put on furniture; on the floor only where no furniture is seen under it.
 TABLETOP_LABELS = frozenset(
@@ -181,7 +182,33 @@ def sightings_of(
                 shared[row], width_m, height_m, max(footprint), reach, int(index), frame, stamp_s,
             )
         )  # fmt: skip
-    return sightings
+    return _without_doubles(sightings, detections.boxes)
+
+
+def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
+    """Drop a box that lies mostly inside a stronger one of its label and stands where that one stands.
+
+    Suppression by IoU keeps a box round a part of an object beside the box round all of it.
+    """
+    kept: list[Sighting] = []
+    for sighting in sorted(sightings, key=lambda s: -s.score):
+        for other in kept:
+            near_m = 0.5 * sighting.extent_m
+            if (
+                other.label == sighting.label
+                and np.linalg.norm(other.position_base_m - sighting.position_base_m) < near_m
+                and _overlap_of_smaller(boxes[other.detection], boxes[sighting.detection]) > DOUBLE_OVERLAP
+            ):
+                break
+        else:
+            kept.append(sighting)
+    return kept
+
+
+def _overlap_of_smaller(a: Array, b: Array) -> float:
+    """Intersection of two boxes as a share of the smaller one."""
+    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
+    return float(np.prod(np.maximum(sides, 0.0)) / min(np.prod(a[2:] - a[:2]), np.prod(b[2:] - b[:2])))
 
 
 def _sigmas_px(boxes: Array, camera: FloorCamera, rule: FloorRule) -> Array:

@@ -29,10 +29,18 @@ class SeenAt:
 
 
 def plot_map(
-    path: Path, objects: Sequence[MapObject], sightings: Sequence[SeenAt] = (), way: Trajectory | None = None
+    path: Path,
+    objects: Sequence[MapObject],
+    sightings: Sequence[SeenAt] = (),
+    way: Trajectory | None = None,
+    truth: Sequence[tuple[str, float, float]] = (),
 ) -> Path:
-    """Draw the three panels, or the centres alone where no sightings are known; the path."""
-    colours = label_colours([item.label for item in objects] + [seen.label for seen in sightings])
+    """Draw the three panels, or the centres alone where no sightings are known; the path.
+
+    truth: label, x and y in metres of what really stands there, drawn as hollow squares over the centres.
+    """
+    labels = [item.label for item in objects] + [seen.label for seen in sightings] + [label for label, _, _ in truth]
+    colours = label_colours(labels)
     panels = 3 if sightings else 1
     width, height = _panel_size(objects, sightings, way)
     figure, grid = plt.subplots(
@@ -47,6 +55,8 @@ def plot_map(
         _clusters(axes[1], sightings, objects, colours)
         floor_axes(axes[1], f"(b) {len(objects)} clusters", "map")
     _centres(axes[-1], objects, colours)
+    for label, x_m, y_m in truth:
+        axes[-1].plot(y_m, x_m, "s", markersize=11, fillstyle="none", color=colours[label], zorder=3)
     floor_axes(axes[-1], ("(c) " if sightings else "") + "centres with 95 % ellipses", "map")
     handles = [Line2D([], [], marker="o", linestyle="", color=colour, label=label) for label, colour in colours.items()]
     if handles:

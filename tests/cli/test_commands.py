@@ -39,7 +39,9 @@ def test_help_imports_nothing_heavy(module):
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
-@pytest.mark.parametrize("words", ["run", "detect", "bench", "pull", "export", "eval detection", "map show", "doctor"])
+@pytest.mark.parametrize(
+    "words", ["run", "detect", "bench", "pull", "export", "eval detection", "eval map", "map show", "doctor"]
+)
 def test_every_command_explains_itself_without_its_heavy_imports(words):
     code = (
         f"import sys\nfrom edgemap.cli import main\ntry: main({[*words.split(), '--help']!r})\n"
@@ -247,3 +249,28 @@ def test_an_unknown_bundle_is_one_line(edgemap, tmp_path):
 
     line = one_line(edgemap("run", "--bundle", "nonsense", env={**os.environ, "EDGEMAP_CACHE": str(tmp_path)}))
     assert "nonsense" in line
+
+
+def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):
+    """The painted chair stands where geometry puts it: found; a couch that nobody sees is missed."""
+    poses = "".join(f"{index / 10:.1f} 0 0 0 0 0 0 1\n" for index in range(12))
+    (pictures / "images").mkdir()
+    for path in pictures.glob("*.png"):
+        path.rename(pictures / "images" / path.name)
+    (pictures / "poses.tum").write_text(poses)
+    footprint = [[5.0, -1.1], [5.5, -1.1], [5.5, -0.6], [5.0, -0.6]]
+    common = {"on_floor": True, "footprint_m": footprint, "width_m": 0.5, "depth_m": 0.5, "height_m": 0.9}
+    chair = {"id": 1, "label": "chair", "x_m": 5.25, "y_m": -0.84, "visible_frames": 12}
+    couch = {"id": 2, "label": "couch", "x_m": 1.0, "y_m": 2.0, "visible_frames": 12}
+    (pictures / "objects.json").write_text(json.dumps({"objects": [chair | common, couch | common]}))
+    flags = ("--bundle", painted_bundle, "--odometry", "planar", "--json")
+    result = edgemap("eval", "map", "--data", f"drive:{pictures}", *flags)
+    assert result.returncode == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert (document["objects_true"], document["path_m"]) == (2, 0.0)
+    for name in ("true", "estimated"):
+        assert (document[name]["precision"], document[name]["recall"]) == (1.0, 0.5)
+        assert document[name]["median_error_m"] < 0.1
+    assert {"p90_error_m", "covered95", "f1", "per_class"} <= set(document["true"])
+    (pictures / "objects.json").unlink()
+    assert "needs true poses" in one_line(edgemap("eval", "map", "--data", f"drive:{pictures}", *flags))

@@ -92,3 +92,14 @@ def test_yaw_error_moves_far_objects_sideways():
     spread = placed.from_pose(placed.pose_covariance)
     assert spread[1, 1] == pytest.approx((5.45 * 0.01) ** 2)
     assert spread[0, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_box_round_a_part_of_an_object_is_dropped():
+    whole, part = ("chair", 270, 100, 370, 400), ("chair", 300, 250, 365, 396)
+    (kept,) = sightings_of(seen(whole, part), CAMERA, FloorRule())
+    assert kept.detection == 0
+
+
+def test_a_chair_behind_another_is_kept_although_its_box_lies_inside():
+    near, far = ("chair", 250, 100, 390, 400), ("chair", 300, 150, 365, 340)
+    assert len(sightings_of(seen(near, far), CAMERA, FloorRule())) == 2

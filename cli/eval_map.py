@@ -1,0 +1,152 @@
+"""`edgemap eval map`: how true the map is, with true poses and with estimated ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from edgemap.cli.options import (
+    DEFAULT_BUNDLE,
+    BundleName,
+    Confidence,
+    Json,
+    OdometrySpec,
+    OptionError,
+    Threads,
+    find_bundle,
+)
+
+if TYPE_CHECKING:
+    from edgemap.evaluation.objects import TrueObject
+    from edgemap.runtime.drives import Drive
+
+SEEN_SHARE, SEEN_SIDE_PX = 0.30, 24.0  # what counts as having been seen in a frame
+
+
+def command(
+    data: Annotated[
+        str, tyro.conf.arg(metavar="demo|KIND:DIR", help="A drive with poses and objects.json: demo, or drive:DIR.")
+    ] = "demo",
+    bundle: BundleName = DEFAULT_BUNDLE,
+    odometry: OdometrySpec = "planar",
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
+    confidence: Confidence = 0.3,
+    clustering: Annotated[
+        Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
+    ] = "default",
+    threads: Threads = None,
+    plot: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare maps with what really stands there: once with the drive's true poses, once with the odometry's.
+
+    Objects are matched by class, one to one, within 0.5 m, in the start-pose frame, without alignment. True objects
+    seen in fewer than 10 frames (30 % visible, 24 px) do not count; a mapped object that is not on the floor is wrong.
+    covered95 is the share of true positions inside the mapped 95 % ellipse.
+    """
+    from itertools import pairwise
+    from math import degrees
+
+    from edgemap.evaluation.objects import score_map
+    from edgemap.runtime.cameras.open import DEMO
+    from edgemap.runtime.drives import open_drive
+
+    loaded = find_bundle(bundle, threads)
+    drive = open_drive(f"drive:{DEMO}" if data == "demo" else data)
+    if not drive.objects or drive.truth is None or drive.mount is None:
+        raise OptionError(f"{data}: eval map needs true poses, a mount and objects.json")
+    truth = true_objects(drive, frames)
+    count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
+    way = drive.truth.poses[:count]
+    path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(way))
+    document: dict[str, Any] = {
+        "data": data,
+        "bundle": loaded.manifest.name,
+        "odometry": odometry,
+        "clustering": clustering,
+        "frames": count,
+        "path_m": round(path_m, 3),
+        "objects_true": sum(item.on_floor and item.frames >= 10 for item in truth),
+        "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
+    }
+    for name, spec in (("true", "truth"), ("estimated", odometry)):
+        pipeline = _drive(loaded, "demo" if data == "demo" else data, spec, clustering, confidence, count)
+        document[name] = score_map(pipeline.objects(), truth)
+        if plot:
+            from edgemap.plots.floor_map import plot_map
+
+            places = [(item.label, item.x_m, item.y_m) for item in truth if item.on_floor and item.frames >= 10]
+            plot_map(plot / f"{name}.png", pipeline.objects(), way=drive.truth, truth=places)
+    if json:
+        import json as json_module
+
+        print(json_module.dumps(document, indent=1))
+        return
+    room = f"{count} frames, {path_m:.1f} m, {document['objects_true']} objects on the floor"
+    print(f"{document['bundle']} on {data}: {room}")
+    for name in ("true", "estimated"):
+        figures = document[name]
+        poses = "true poses" if name == "true" else f"{odometry} poses"
+        print(f"  {poses:<14} {_line(figures)}")
+        for label, own in figures["per_class"].items():
+            print(f"    {label:<14} {_line(own)}")
+
+
+def _drive(loaded: Any, spec: str, odometry: str, clustering: str, confidence: float, frames: int) -> Any:
+    """Run a pipeline over the drive, without a run folder."""
+    from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.paper_map import PaperMap
+    from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.loop import run
+    from edgemap.runtime.odometry import open_odometry
+    from edgemap.runtime.pipeline import Pipeline
+
+    with open_camera(spec) as source:
+        assert source.intrinsics is not None
+        assert source.mount is not None
+        floor = FloorCamera(source.intrinsics, source.mount)
+        motion = open_odometry(odometry, loaded, source, floor)
+        object_map = FloorMap() if clustering == "default" else PaperMap()
+        pipeline = Pipeline(loaded, floor, motion, object_map, confidence=confidence)
+        run(source, pipeline, [], frames)
+    return pipeline
+
+
+def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
+    """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
+    from collections import Counter
+
+    from edgemap.evaluation.objects import TrueObject
+
+    seen: Counter[str] = Counter()
+    for boxes in drive.boxes[:frames]:
+        if boxes.visible is None:
+            continue
+        sides = (boxes.boxes[:, 2:] - boxes.boxes[:, :2]).max(axis=1, initial=0.0)
+        good = (sides >= SEEN_SIDE_PX) & (boxes.visible >= SEEN_SHARE)
+        seen.update(identity for identity, counts in zip(boxes.ids, good, strict=True) if counts)
+    return [
+        TrueObject(
+            item["label"],
+            item["x_m"],
+            item["y_m"],
+            item["on_floor"],
+            seen[str(item["id"])] if drive.boxes else int(item.get("visible_frames") or 0),
+        )
+        for item in drive.objects
+    ]
+
+
+def _line(figures: dict[str, Any]) -> str:
+    def number(key: str, unit: str = "") -> str:
+        return "   –" if figures[key] is None else f"{figures[key]:.2f}{unit}"
+
+    return (
+        f"F1 {number('f1')}  precision {number('precision')}  recall {number('recall')}  median error "
+        f"{number('median_error_m', ' m')}  p90 {number('p90_error_m', ' m')}  covered95 {number('covered95')}"
+    )

@@ -1,0 +1,103 @@
+"""How true a map is: objects matched one to one with what really stands there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from edgemap.geometry.floor_map import MapObject
+
+CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
+
+
+@dataclass(frozen=True, slots=True)
+class TrueObject:
+    """What stands in the room. x_m, y_m: centre of the footprint, start-pose frame. frames: in how many it was seen."""
+
+    label: str
+    x_m: float
+    y_m: float
+    on_floor: bool
+    frames: int
+
+
+def score_map(
+    objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float = 0.5, least_frames: int = 10
+) -> dict[str, Any]:
+    """Match by class, one to one, within the radius, no alignment: the most pairs, then the least distance.
+
+    True objects seen in fewer frames are ignored: neither hit nor miss. A mapped object that is not on the floor is a
+    false positive. Gives precision, recall, f1, median_error_m, p90_error_m, covered95 (share of true positions inside
+    the 95 % ellipse), counts, and the same per class; figures without data are null.
+    """
+    labels = sorted({item.label for item in objects} | {item.label for item in truth})
+    matches = {label: _match(label, objects, truth, radius_m, least_frames) for label in labels}
+    figures = _figures(list(matches.values()))
+    figures["per_class"] = {label: _figures([match]) for label, match in matches.items() if match.counts}
+    return figures
+
+
+@dataclass(frozen=True, slots=True)
+class _Match:
+    """Errors and coverage of the pairs found; mapped and true: how many count."""
+
+    errors_m: list[float]
+    covered: list[bool]
+    mapped: int
+    true: int
+
+    @property
+    def counts(self) -> bool:
+        return self.mapped > 0 or self.true > 0
+
+
+def _match(
+    label: str, objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float, least_frames: int
+) -> _Match:
+    mapped = [item for item in objects if item.label == label]
+    standing = [item for item in truth if item.label == label and item.on_floor]
+    scored = [item for item in standing if item.frames >= least_frames]
+    pairs = _pairs(mapped, scored, radius_m)
+    left = [item for row, item in enumerate(mapped) if row not in {row for row, _ in pairs}]
+    ignored = _pairs(left, [item for item in standing if item.frames < least_frames], radius_m)
+    errors, covered = [], []
+    for row, column in pairs:
+        difference = mapped[row].position_m - [scored[column].x_m, scored[column].y_m]
+        errors.append(float(np.linalg.norm(difference)))
+        covered.append(bool(difference @ np.linalg.inv(mapped[row].covariance_m2) @ difference <= CHI2_95))
+    return _Match(errors, covered, len(mapped) - len(ignored), len(scored))
+
+
+def _pairs(mapped: list[MapObject], true: list[TrueObject], radius_m: float) -> list[tuple[int, int]]:
+    if not mapped or not true:
+        return []
+    places = np.array([[item.x_m, item.y_m] for item in true])
+    distance = np.array([np.linalg.norm(places - item.position_m, axis=1) for item in mapped])
+    cost = np.where(distance <= radius_m, distance, 1e3)
+    rows, columns = linear_sum_assignment(cost)
+    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= radius_m]
+
+
+def _figures(matches: list[_Match]) -> dict[str, Any]:
+    errors = [error for match in matches for error in match.errors_m]
+    covered = [inside for match in matches for inside in match.covered]
+    mapped, true = sum(match.mapped for match in matches), sum(match.true for match in matches)
+    return {
+        "precision": _share(len(errors), mapped),
+        "recall": _share(len(errors), true),
+        "f1": _share(2 * len(errors), mapped + true),
+        "median_error_m": round(float(np.median(errors)), 4) if errors else None,
+        "p90_error_m": round(float(np.percentile(errors, 90)), 4) if errors else None,
+        "covered95": _share(sum(covered), len(covered)),
+        "objects_mapped": mapped,
+        "objects_true": true,
+        "objects_found": len(errors),
+    }
+
+
+def _share(part: int, whole: int) -> float | None:
+    return round(part / whole, 4) if whole else None

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from edgemap.evaluation.objects import TrueObject, score_map
+from edgemap.geometry.floor_map import MapObject
+
+
+def mapped(label, x, y, sigma=0.1):
+    return MapObject(f"{label}-1", label, np.array([x, y]), np.eye(2) * sigma**2, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
+
+
+def true(label, x, y, on_floor=True, frames=50):
+    return TrueObject(label, x, y, on_floor, frames)
+
+
+def test_by_hand():
+    """Two chairs found (0.1 m and 0.3 m off), one missed, one couch invented; the second outside its ellipse."""
+    objects = [mapped("chair", 1.1, 0), mapped("chair", 2.3, 0), mapped("couch", 5, 5)]
+    truth = [true("chair", 1, 0), true("chair", 2, 0), true("chair", 9, 9)]
+    figures = score_map(objects, truth)
+    assert figures["precision"] == pytest.approx(2 / 3, abs=1e-4)
+    assert figures["recall"] == pytest.approx(2 / 3, abs=1e-4)
+    assert figures["median_error_m"] == pytest.approx(0.2)
+    assert figures["covered95"] == 0.5
+    assert figures["per_class"]["couch"]["precision"] == 0.0
+    assert figures["per_class"]["couch"]["recall"] is None
+
+
+def test_one_object_serves_one_truth_only():
+    figures = score_map([mapped("chair", 1, 0), mapped("chair", 1.1, 0)], [true("chair", 1, 0)])
+    assert (figures["precision"], figures["recall"]) == (0.5, 1.0)
+
+
+def test_the_most_pairs_win_over_the_nearest():
+    """Greedy would take the 0.1 m pair and leave the other object without a partner."""
+    objects = [mapped("chair", 0.4, 0), mapped("chair", 0.0, 0)]
+    truth = [true("chair", 0.5, 0), true("chair", 0.85, 0)]
+    assert score_map(objects, truth)["objects_found"] == 2
+
+
+def test_too_far_or_another_class_is_no_match():
+    assert score_map([mapped("chair", 0, 0.51)], [true("chair", 0, 0)])["f1"] == 0.0
+    assert score_map([mapped("couch", 0, 0)], [true("chair", 0, 0)])["f1"] == 0.0
+
+
+def test_what_was_hardly_seen_is_neither_hit_nor_miss():
+    figures = score_map([mapped("chair", 0, 0)], [true("chair", 0, 0, frames=9), true("chair", 5, 5, frames=3)])
+    assert (figures["objects_mapped"], figures["objects_true"], figures["f1"]) == (0, 0, None)
+
+
+def test_what_is_not_on_the_floor_is_a_false_positive():
+    figures = score_map([mapped("tv", 0, 0)], [true("tv", 0, 0, on_floor=False)])
+    assert (figures["precision"], figures["objects_true"]) == (0.0, 0)
