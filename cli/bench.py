@@ -14,6 +14,7 @@ from edgemap.cli.options import (
     IntrinsicsText,
     Json,
     MountText,
+    OptionError,
     Threads,
     find_bundle,
     lens_and_mount,
@@ -52,6 +53,8 @@ def command(
     from edgemap.runtime.odometry.planar import PlanarOdometry
     from edgemap.runtime.pipeline import Pipeline
 
+    if not 0.0 < seconds < 1e6:
+        raise OptionError(f"--seconds {seconds}: must be a positive number")
     loaded = find_bundle(bundle, threads)
     with open_camera(camera) as source:
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount, camera_file))

@@ -17,6 +17,7 @@ from edgemap.cli.options import (
     MountText,
     Threads,
     find_bundle,
+    in_unit,
     read_intrinsics,
     read_mount,
 )
@@ -53,6 +54,7 @@ def command(
         from edgemap.cli.options import OptionError
 
         raise OptionError("no pictures given")
+    in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
     rule = FloorRule()  # people and pets too: only maps leave them out

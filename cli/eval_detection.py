@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, Threads, find_bundle
+from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, Threads, at_least, find_bundle, in_unit
 
 
 def command(
@@ -34,6 +34,8 @@ def command(
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.drives.labelled import labelled_pictures
 
+    at_least(1, frames=frames)
+    in_unit(confidence=confidence, nms=nms)
     loaded = find_bundle(bundle, threads)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
     number = {name: index for index, name in enumerate(loaded.names)}

@@ -15,7 +15,9 @@ from edgemap.cli.options import (
     OdometrySpec,
     OptionError,
     Threads,
+    at_least,
     find_bundle,
+    in_unit,
 )
 
 if TYPE_CHECKING:
@@ -55,6 +57,8 @@ def command(
     from edgemap.runtime.cameras.open import DEMO
     from edgemap.runtime.drives import open_drive
 
+    at_least(1, frames=frames)
+    in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
     drive = open_drive(f"drive:{DEMO}" if data == "demo" else data)
     if not drive.objects or drive.truth is None or drive.mount is None:

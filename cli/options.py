@@ -85,6 +85,20 @@ def numbers(text: str, option: str, names: str) -> list[float]:
     return values
 
 
+def at_least(least: int, **values: int | None) -> None:
+    """Refuse whole numbers below `least`; keywords are option names, None passes. Raises OptionError."""
+    for name, value in values.items():
+        if value is not None and value < least:
+            raise OptionError(f"--{name} {value}: must be {least} or more")
+
+
+def in_unit(**values: float) -> None:
+    """Refuse numbers that are not above 0 and at most 1; keywords are option names. Raises OptionError."""
+    for name, value in values.items():
+        if not 0.0 < value <= 1.0:
+            raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
+
+
 def read_mount(text: str | None) -> Mount | None:
     """`--mount HEIGHT_M,PITCH_DEG`."""
     from edgemap.geometry.mount import Mount
@@ -104,6 +118,7 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
 
 def find_bundle(name: str, threads: int | None) -> Bundle:
     """Load a bundle by folder or name; a known name that is not in the cache is pulled first."""
+    at_least(1, threads=threads)
     from edgemap.runtime.session import default_threads, load_bundle
     from edgemap.runtime.store import bundle_folder
 

@@ -18,8 +18,10 @@ from edgemap.cli.options import (
     MountText,
     OdometrySpec,
     Threads,
+    at_least,
     choose_classes,
     find_bundle,
+    in_unit,
     lens_and_mount,
 )
 
@@ -71,6 +73,8 @@ def command(
     from edgemap.runtime.sinks.progress import Progress
     from edgemap.runtime.sinks.run_folder import RunFolder
 
+    at_least(1, frames=frames)
+    in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
     mapped = choose_classes(classes, loaded)
     with open_camera(camera, realtime=realtime) as source:
