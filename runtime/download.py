@@ -146,7 +146,7 @@ def _receive(
 ) -> int:
     with (
         part.open("ab" if have else "wb") as stream,
-        tqdm(total=total, initial=have, unit="B", unit_scale=True, desc=title, disable=True if title is None else None) as bar,
+        tqdm(total=total, initial=have, unit="B", unit_scale=True, desc=title, disable=title is None) as bar,
     ):
         done = have
         while True:
