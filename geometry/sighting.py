@@ -142,9 +142,9 @@ def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> ND
 
 
 def feet_px(detections: Detections) -> Array:
-    """Middle of each box's lower edge, (N, 2) px."""
+    """Middle of each box's lower edge as the lens counts pixels, from their centres, (N, 2) px."""
     boxes = detections.boxes
-    return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2.0, boxes[:, 3]])
+    return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2.0, boxes[:, 3]]) - 0.5
 
 
 def sightings_of(

@@ -22,7 +22,7 @@ _SMALLEST_PX = 40
 def picture_boxes(renderer: Renderer, view: View, room: Room) -> list[dict[str, Any]]:
     """Labelled objects in view: `id`, `label`, `box` around the visible pixels, `visible` share 0..1.
 
-    A box is (x0, y0, x1, y1) with pixel k covering k - 0.5 to k + 0.5, cut by the picture's border. The share is of
+    A box is (x0, y0, x1, y1) with pixel k covering k to k + 1, cut by the picture's border. The share is of
     the object's whole silhouette, so both what hides it and the border lower it.
     """
     ids, _ = renderer.ids_and_depth(view)
@@ -33,7 +33,7 @@ def picture_boxes(renderer: Renderer, view: View, room: Room) -> list[dict[str, 
             continue
         pixels = int(counts[item.id])
         rows, columns = extents[item.id - 1]
-        box = [columns.start - 0.5, rows.start - 0.5, columns.stop - 0.5, rows.stop - 0.5]
+        box = [columns.start, rows.start, columns.stop, rows.stop]
         whole = max(renderer.silhouette_px(view, item.id), float(pixels))
         records.append({"id": item.id, "label": item.label, "box": box, "visible": round(pixels / whole, 3)})
     return records

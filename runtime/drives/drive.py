@@ -16,7 +16,7 @@ from edgemap.runtime.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class LabelledBoxes:
-    """True boxes of one picture: xyxy in px, shape (N, 4); class names beside them, length N.
+    """True boxes of one picture: xyxy in px from the outer edge of the first one, (N, 4); class names, length N.
 
     visible: share of each box that is not hidden, 0..1, shape (N,); None where unknown.
     ids: which object of `objects.json` each box shows; empty where unknown.

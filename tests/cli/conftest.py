@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support import painted
 
-CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 32.0, cy: 32.0, fps: 10.0,
+CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5, fps: 10.0,
  distortion: {model: none, coefficients: []}, world_up: z,
  mount: {height_m: 1.0, pitch_deg: 0.0, roll_deg: 0.0, forward_m: 0.0, left_m: 0.0}}
 """

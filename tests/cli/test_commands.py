@@ -108,7 +108,7 @@ def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_pa
 
 def test_no_mount_is_refused_with_how_to_measure_one(edgemap, painted_bundle, pictures):
     (pictures / "camera.yaml").unlink()
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,32,32")
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,31.5,31.5")
     line = one_line(result)
     assert "measure the lens's height above the floor" in line
     assert "--mount HEIGHT_M,PITCH_DEG" in line
@@ -168,7 +168,7 @@ def test_a_video_that_ends_early_keeps_the_map(edgemap, painted_bundle, tmp_path
     write_video(tmp_path / "whole.avi")
     data = (tmp_path / "whole.avi").read_bytes()
     (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
-    flags = ("--bundle", painted_bundle, "--mount", "1,0", "--intrinsics", "50,50,32,32", "--out")
+    flags = ("--bundle", painted_bundle, "--mount", "1,0", "--intrinsics", "50,50,31.5,31.5", "--out")
     assert edgemap("run", "--camera", tmp_path / "whole.avi", *flags, tmp_path / "a").returncode == 0
     line = one_line(edgemap("run", "--camera", tmp_path / "cut.avi", *flags, tmp_path / "b"))
     assert "40" in line
@@ -204,7 +204,7 @@ def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):
     chair = first["detections"][0]
     assert (chair["label"], chair["on_floor"]) == ("chair", True)
     assert chair["distance_m"] == pytest.approx(np.hypot(5.0, 0.8), abs=0.01)
-    assert first["horizon_row_px"] == pytest.approx(32.0)
+    assert first["horizon_row_px"] == pytest.approx(31.5)
 
 
 def test_detect_draws_figure_4(edgemap, painted_bundle, pictures, tmp_path):

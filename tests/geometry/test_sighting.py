@@ -11,7 +11,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.geometry.sighting import FloorRule, on_floor, sightings_of
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator")
-CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
+CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
 
 
 def seen(*boxes):
@@ -103,3 +103,12 @@ def test_a_box_round_a_part_of_an_object_is_dropped():
 def test_a_chair_behind_another_is_kept_although_its_box_lies_inside():
     near, far = ("chair", 250, 100, 390, 400), ("chair", 300, 150, 365, 340)
     assert len(sightings_of(seen(near, far), CAMERA, FloorRule())) == 2
+
+
+def test_a_box_drawn_round_projected_points_leads_back_to_them():
+    """The lens counts from pixel centres, boxes from pixel edges: a foot projected to pixel v is the box edge v + 0.5."""
+    foot = np.array([[6.0, 0.4]])
+    column, row = CAMERA.project(foot)[0] + 0.5
+    (chair,) = sightings_of(seen(("chair", column - 20, row - 80, column + 20, row)), CAMERA, FloorRule())
+    bearing = foot[0] - [0.2, 0.0]
+    assert chair.position_base_m == pytest.approx(foot[0] + 0.25 * bearing / np.linalg.norm(bearing), abs=1e-6)

@@ -22,7 +22,7 @@ from edgemap.runtime.session import load_bundle
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
-FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 32.0, 32.0), Mount(1.0))
+FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 # Lower edge at row 42: 10 px below the horizon, hence 5 m ahead; the person is never mapped.
 SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
 

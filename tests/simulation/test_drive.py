@@ -97,7 +97,7 @@ def test_boxes_hold_their_pixels(world, renderer):
     assert records
     for record in records:
         rows, columns = np.nonzero(ids == record["id"])
-        assert record["box"] == [columns.min() - 0.5, rows.min() - 0.5, columns.max() + 0.5, rows.max() + 0.5]
+        assert record["box"] == [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
         assert 0.0 < record["visible"] <= 1.0
 
 
