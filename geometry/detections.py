@@ -13,8 +13,8 @@ class Detections:
     """Boxes of one picture, best score first.
 
     boxes: (N, 4) float64, x0 y0 x1 y1 in px of the camera's picture, counted from the outer edge of its first pixel
-    as detectors and COCO do (the lens counts from that pixel's centre: half a pixel less). scores: (N,) in 0..1. class_ids: (N,) int,
-    indices into `names`. Raises ValueError where the shapes disagree.
+    as detectors and COCO do (the lens counts from that pixel's centre: half a pixel less). scores: (N,) in 0..1.
+    class_ids: (N,) int, indices into `names`. Raises ValueError where the shapes disagree.
     """
 
     boxes: NDArray[np.float64]

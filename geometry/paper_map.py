@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,16 @@ from edgemap.geometry.sighting import PlacedSighting
 from edgemap.geometry.single_linkage import SingleLinkage
 
 Array = NDArray[np.float64]
-Cell = tuple[int, int]
+Root = tuple[int, int]
+
+
+class _Cluster:
+    """What is known of one cluster beside its place. number: of its id, None until it is given one."""
+
+    def __init__(self) -> None:
+        self.sums = SightingSums()
+        self.covariance_sum = np.zeros((2, 2))
+        self.number: int | None = None
 
 
 class PaperMap:
@@ -23,51 +34,47 @@ class PaperMap:
     def __init__(self, threshold_m: float = 1.0) -> None:
         self._threshold_m = threshold_m
         self._linkage: dict[str, SingleLinkage] = {}
-        self._sums: dict[tuple[str, Cell], SightingSums] = {}
-        self._covariance: dict[tuple[str, Cell], Array] = {}
-        self._number: dict[tuple[str, Cell], int] = {}
-        self._issued: dict[str, int] = {}
+        self._clusters: dict[str, dict[Root, _Cluster]] = {}
+        self._issued: Counter[str] = Counter()
         self.merged: dict[str, str] = {}
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Take in one frame's sightings; the id of each one's object."""
         return [self._add(placed) for placed in sightings]
 
-    def _add(self, placed: PlacedSighting) -> str:
-        label = placed.label
-        linkage = self._linkage.setdefault(label, SingleLinkage(self._threshold_m))
-        x_m, y_m = placed.position_map_m
-        cell = linkage.add(float(x_m), float(y_m))
-        key = (label, cell)
-        if key not in self._sums:
-            self._sums[key] = SightingSums()
-            self._covariance[key] = np.zeros((2, 2))
-        self._sums[key].add(placed)
-        self._covariance[key] += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
-        return f"{label}-{self._number_of(label, linkage, cell)}"
-
-    def _number_of(self, label: str, linkage: SingleLinkage, cell: Cell) -> int:
-        """The cluster's number: the smallest that any of its cells was given, a new one where none was."""
-        root = linkage.cluster_of(cell)
-        own = [n for (of, key), n in self._number.items() if of == label and linkage.cluster_of(key) == root]
-        if not own:
-            self._issued[label] = self._issued.get(label, 0) + 1
-            own = [self._issued[label]]
-        self._number[label, cell] = kept = min(own)
-        for number in set(own) - {kept}:
-            self.merged[f"{label}-{number}"] = f"{label}-{kept}"
-        return kept
-
     def objects(self) -> list[MapObject]:
         """One object per cluster, at the mean of its sightings."""
         found = []
         for label, linkage in self._linkage.items():
             for root, (position, count) in linkage.centres().items():
-                sums, covariance = SightingSums(), np.zeros((2, 2))
-                cells = [key for of, key in self._sums if of == label and linkage.cluster_of(key) == root]
-                for cell in cells:
-                    sums.join(self._sums[label, cell])
-                    covariance += self._covariance[label, cell] / count
-                number = self._number_of(label, linkage, cells[0])
-                found.append(sums.as_object(f"{label}-{number}", label, position, covariance))
+                cluster = self._clusters[label][root]
+                identity = f"{label}-{cluster.number}"
+                found.append(cluster.sums.as_object(identity, label, position, cluster.covariance_sum / count))
         return sorted(found, key=lambda item: id_order(item.id))
+
+    def _add(self, placed: PlacedSighting) -> str:
+        label = placed.label
+        linkage = self._linkage.setdefault(label, SingleLinkage(self._threshold_m))
+        clusters = self._clusters.setdefault(label, {})
+        x_m, y_m = placed.position_map_m
+        root = linkage.add(float(x_m), float(y_m))
+        for kept, gone in linkage.joined:
+            self._join(label, clusters, kept, gone)
+        cluster = clusters.setdefault(root, _Cluster())
+        cluster.sums.add(placed)
+        cluster.covariance_sum += placed.covariance_m2 + placed.shared_m2 + placed.from_pose(placed.pose_covariance)
+        if cluster.number is None:
+            self._issued[label] += 1
+            cluster.number = self._issued[label]
+        return f"{label}-{cluster.number}"
+
+    def _join(self, label: str, clusters: dict[Root, _Cluster], kept: Root, gone: Root) -> None:
+        """One cluster takes in another; the older number stays. Either may be the new point's own, still empty."""
+        into, other = clusters.setdefault(kept, _Cluster()), clusters.pop(gone, _Cluster())
+        into.sums.join(other.sums)
+        into.covariance_sum += other.covariance_sum
+        numbers = sorted(number for number in (into.number, other.number) if number is not None)
+        into.number = numbers[0] if numbers else None
+        if len(numbers) == 2:
+            old, new = (f"{label}-{number}" for number in (numbers[1], numbers[0]))
+            self.merged = {key: new if value == old else value for key, value in self.merged.items()} | {old: new}

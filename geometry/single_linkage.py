@@ -21,17 +21,15 @@ _QUANTUM_M = 1e-9  # sums are integers of this unit, hence the same in any order
 
 @dataclass(slots=True)
 class _Cell:
-    """Points within one square: those that can still join something new, and sums over all that ever fell here."""
+    """Points within one square that can still join something new."""
 
     kept: list[tuple[float, float]] = field(default_factory=list)
-    count: int = 0
-    sum_x: int = 0
-    sum_y: int = 0
 
 
 class SingleLinkage:
     """Connected components of points at most `threshold_m` apart, updated point by point.
 
+    joined: what the last point brought together, as (cluster that stays, cluster that is no more), in order.
     Raises ValueError for a threshold that is not positive.
     """
 
@@ -42,25 +40,31 @@ class SingleLinkage:
         self._side = threshold_m / math.sqrt(2.0) * (1.0 - 1e-12)
         self._cells: dict[tuple[int, int], _Cell] = {}
         self._parent: dict[tuple[int, int], tuple[int, int]] = {}
+        self._totals: dict[tuple[int, int], list[int]] = {}
+        self.joined: list[tuple[tuple[int, int], tuple[int, int]]] = []
 
     def add(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Add a point; the key of its cell, to be asked later for its cluster with `cluster_of`."""
+        """Add a point; the cluster that it belongs to now."""
+        self.joined = []
         key = (math.floor(x_m / self._side), math.floor(y_m / self._side))
         cell = self._cells.get(key)
         if cell is None:
             cell = self._cells[key] = _Cell()
             self._parent[key] = key
-        cell.count += 1
-        cell.sum_x += round(x_m / _QUANTUM_M)
-        cell.sum_y += round(y_m / _QUANTUM_M)
+            self._totals[key] = [0, 0, 0]
         if not _covered((x_m, y_m), cell.kept, self.threshold_m):
             self._join_neighbours(key, x_m, y_m)
             cell.kept.append((x_m, y_m))
             cell.kept = _without_covered(cell.kept, self.threshold_m)
-        return key
+        root = self.cluster_of(key)
+        total = self._totals[root]
+        total[0] += round(x_m / _QUANTUM_M)
+        total[1] += round(y_m / _QUANTUM_M)
+        total[2] += 1
+        return root
 
     def cluster_of(self, key: tuple[int, int]) -> tuple[int, int]:
-        """The cluster that a cell belongs to now: the same key for all cells of one cluster."""
+        """The cluster that a cell, or a cluster that is no more, belongs to now."""
         while self._parent[key] != key:
             self._parent[key] = self._parent[self._parent[key]]
             key = self._parent[key]
@@ -68,15 +72,9 @@ class SingleLinkage:
 
     def centres(self) -> dict[tuple[int, int], tuple[Array, int]]:
         """Mean position (2,) in metres and number of points of each cluster, independent of the points' order."""
-        sums: dict[tuple[int, int], list[int]] = {}
-        for key, cell in self._cells.items():
-            total = sums.setdefault(self.cluster_of(key), [0, 0, 0])
-            total[0] += cell.sum_x
-            total[1] += cell.sum_y
-            total[2] += cell.count
         return {
             root: (np.array([x / count * _QUANTUM_M, y / count * _QUANTUM_M]), count)
-            for root, (x, y, count) in sums.items()
+            for root, (x, y, count) in self._totals.items()
         }
 
     @property
@@ -99,6 +97,9 @@ class SingleLinkage:
         if root_a != root_b:
             low, high = min(root_a, root_b), max(root_a, root_b)
             self._parent[high] = low
+            gone = self._totals.pop(high)
+            self._totals[low] = [a + b for a, b in zip(self._totals[low], gone, strict=True)]
+            self.joined.append((low, high))
 
 
 def _covered(point: tuple[float, float], others: list[tuple[float, float]], radius: float) -> bool:

@@ -157,3 +157,23 @@ def test_pose_uncertainty_at_first_sight_stays_in_the_covariance(placed):
         chairs.update([replace(placed("chair", 2.0, 0.0, frame), pose_covariance=pose)])
     (chair,) = chairs.objects()
     assert chair.covariance_m2[0, 0] > 0.2**2
+
+
+def test_weak_objects_that_are_not_seen_again_are_forgotten(placed):
+    chairs = FloorMap()
+    for frame in range(2000):  # a false box somewhere else in every frame, and one chair that is really there
+        real = [placed("chair", 0.0, 0.0, frame)] if frame < 50 else []
+        chairs.update([placed("chair", 5.0 + 3.0 * frame, 0.0, frame, score=0.35), *real])
+    assert sum(len(kind.objects) for kind in chairs._classes.values()) <= 2 * chairs.rule.forget_after + 1
+    assert [item.label for item in chairs.objects()] == ["chair"]
+
+
+def test_paper_ids_follow_clusters_that_grow_together(placed):
+    chairs = PaperMap()
+    chairs.update([placed("chair", 0.0, 0.0, 0)])
+    assert chairs.update([placed("chair", 1.8, 0.0, 1)]) == ["chair-2"]
+    assert chairs.update([placed("chair", 0.9, 0.0, 2)]) == ["chair-1"]
+    (one,) = chairs.objects()
+    assert (one.id, one.count, chairs.merged) == ("chair-1", 3, {"chair-2": "chair-1"})
+    assert one.position_m == pytest.approx([0.9, 0.0])
+    assert (one.first_seen_s, one.last_seen_s) == (0.0, pytest.approx(0.2))

@@ -106,7 +106,7 @@ def test_a_chair_behind_another_is_kept_although_its_box_lies_inside():
 
 
 def test_a_box_drawn_round_projected_points_leads_back_to_them():
-    """The lens counts from pixel centres, boxes from pixel edges: a foot projected to pixel v is the box edge v + 0.5."""
+    """The lens counts from pixel centres, boxes from pixel edges: a foot at pixel v is the box edge v + 0.5."""
     foot = np.array([[6.0, 0.4]])
     column, row = CAMERA.project(foot)[0] + 0.5
     (chair,) = sightings_of(seen(("chair", column - 20, row - 80, column + 20, row)), CAMERA, FloorRule())
