@@ -55,16 +55,21 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(words: str, rest: list[str]) -> None:
-    import tyro
-
-    from edgemap.geometry.errors import EdgemapError
-
-    command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
     try:
+        import tyro
+
+        from edgemap.geometry.errors import EdgemapError
+    except KeyboardInterrupt:
+        sys.exit(130)
+    try:
+        command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
         tyro.cli(command, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except EdgemapError as error:
         print(f"edgemap {words}: {error}", file=sys.stderr)
         sys.exit(1)
+    except KeyboardInterrupt:
+        print(f"edgemap {words}: interrupted", file=sys.stderr)
+        sys.exit(130)
     except BrokenPipeError:  # `edgemap ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

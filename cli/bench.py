@@ -18,6 +18,7 @@ from edgemap.cli.options import (
     Threads,
     find_bundle,
     lens_and_mount,
+    open_described,
 )
 
 
@@ -47,7 +48,6 @@ def command(
     from edgemap.benchmarks.bench import compare, measure, read_ring
     from edgemap.geometry.association import FloorMap
     from edgemap.geometry.floor import FloorCamera
-    from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.odometry.planar import PlanarOdometry
@@ -56,8 +56,8 @@ def command(
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
     loaded = find_bundle(bundle, threads)
-    with open_camera(camera) as source:
-        floor = FloorCamera(*lens_and_mount(source, intrinsics, mount, camera_file))
+    with open_described(camera, camera_file) as source:
+        floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
         pipeline = Pipeline(loaded, floor, PlanarOdometry(floor), FloorMap())
         first = source.read()
         if first is None:

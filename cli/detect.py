@@ -112,7 +112,7 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
     if camera_file is not None:
         described = read_camera_yaml(camera_file)
         lens, seat = described.intrinsics, described.mount
-    seat = read_mount(mount) or seat
+    seat = read_mount(mount, seat)
     lens = read_intrinsics(intrinsics, width, height) or lens
     if seat is None:
         return None, False

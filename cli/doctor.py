@@ -148,7 +148,13 @@ def _bundle(name: str) -> Finding:
     try:
         folder = bundle_folder(name)
         if not folder.exists():
-            return Finding("bundle", "missing", f"{name} is not in the cache", f"edgemap pull {name}")
+            from edgemap.cli.pull import known
+
+            if known(name):
+                return Finding("bundle", "missing", f"{name} is not in the cache", f"edgemap pull {name}")
+            return Finding(
+                "bundle", "broken", f"{name} is neither a bundle folder nor a known model", "edgemap pull --help"
+            )
         loaded = load_bundle(folder)
     except EdgemapError as error:
         return Finding("bundle", "broken", str(error), f"edgemap pull {name}")
@@ -169,12 +175,11 @@ def _camera(
 ) -> Iterator[Finding]:
     from math import degrees
 
-    from edgemap.cli.options import lens_and_mount
+    from edgemap.cli.options import lens_and_mount, open_described
     from edgemap.geometry.floor import FloorCamera
-    from edgemap.runtime.cameras import open_camera
 
     try:
-        with open_camera(spec) as source:
+        with open_described(spec, camera_file) as source:
             frame = source.read()
             if frame is None:
                 yield Finding("camera", "broken", f"{spec}: no frames")
@@ -183,7 +188,7 @@ def _camera(
             width, height = source.size
             yield Finding("camera", "ok", f"{spec}: {width}x{height}, {rate}")
             try:
-                floor = FloorCamera(*lens_and_mount(source, intrinsics, mount, camera_file))
+                floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
             except EdgemapError as error:
                 remedy = "" if HOW_TO_MEASURE in str(error) else HOW_TO_MEASURE
                 yield Finding("mount", "broken", str(error), remedy)

@@ -9,6 +9,7 @@ import tyro
 
 if TYPE_CHECKING:
     from edgemap.plots.floor_map import SeenAt
+    from edgemap.runtime.trajectory import Trajectory
 
 
 def command(
@@ -28,7 +29,6 @@ def command(
     """
     from edgemap.geometry.floor_map import load_map
     from edgemap.plots.floor_map import plot_map
-    from edgemap.runtime.trajectory import read_tum
 
     if not maps or (out is not None and len(maps) > 1):
         from edgemap.cli.options import OptionError
@@ -38,8 +38,7 @@ def command(
         objects = load_map(path)
         folder = path if path.is_dir() else path.parent
         is_run = (folder / "sightings.jsonl").is_file()
-        trajectory = folder / "trajectory.tum"
-        way = read_tum(trajectory) if is_run and trajectory.stat().st_size else None
+        way = _way(folder) if is_run else None
         seen = _read_sightings(folder) if is_run else []
         picture = plot_map(out or (folder / f"{'map' if path.is_dir() else path.stem}.png"), objects, seen, way)
         for item in objects:
@@ -47,6 +46,19 @@ def command(
             x_m, y_m = item.position_m
             print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_m:.2f} m  seen {item.count} times")
         print(f"{len(objects)} objects; drawn in {picture}")
+
+
+def _way(folder: Path) -> Trajectory | None:
+    """The run's trajectory; None where it is missing, empty or damaged, which is said."""
+    from edgemap.runtime.errors import OdometryError
+    from edgemap.runtime.trajectory import parse_tum
+
+    path = folder / "trajectory.tum"
+    try:
+        return parse_tum(_without_torn_end(path), str(path))
+    except OdometryError as error:
+        print(f"(the way is not drawn: {error})")
+        return None
 
 
 def _read_sightings(folder: Path) -> list[SeenAt]:
@@ -57,9 +69,12 @@ def _read_sightings(folder: Path) -> list[SeenAt]:
     from edgemap.plots.floor_map import SeenAt
 
     path = folder / "sightings.jsonl"
-    merged = json.loads((folder / "run.json").read_text()).get("merged", {})
+    try:
+        merged = json.loads((folder / "run.json").read_text()).get("merged", {})
+    except (OSError, ValueError):
+        merged = {}
     found = []
-    for number, line in enumerate(path.read_text().splitlines(), start=1):
+    for number, line in enumerate(_without_torn_end(path).splitlines(), start=1):
         try:
             record = json.loads(line)
             x_m, y_m = record["map_m"]
@@ -69,3 +84,14 @@ def _read_sightings(folder: Path) -> list[SeenAt]:
         except (ValueError, KeyError, TypeError):
             raise MapError(f"{path}:{number}: damaged line") from None
     return found
+
+
+def _without_torn_end(path: Path) -> str:
+    """A file's whole lines: what a power cut left of the last one does not count. Raises MapError."""
+    from edgemap.geometry.errors import MapError
+
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise MapError(f"{path}: cannot be read ({error})") from None
+    return text[: text.rfind("\n") + 1]

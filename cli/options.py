@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from edgemap.runtime.session import Bundle
 
 DEFAULT_BUNDLE = "yolov3-tiny"
+HIGHEST_M = 100.0
+MOST_THREADS = 64
 
 CameraSpec = Annotated[
     str,
@@ -45,14 +47,15 @@ MountText = Annotated[
     tyro.conf.arg(
         metavar="HEIGHT_M,PITCH_DEG",
         help="How the camera sits: height of the lens above the floor in metres, and pitch in degrees, positive "
-        "looking DOWN. Overrides the camera file's.",
+        "looking DOWN. Goes before the camera file's; roll and lever arm stay as they are known.",
     ),
 ]
 IntrinsicsText = Annotated[
     str | None,
     tyro.conf.arg(
         metavar="FX,FY,CX,CY",
-        help="Focal lengths and principal point in pixels of the delivered picture; overrides what the source says.",
+        help="Focal lengths and principal point in pixels of the delivered picture, no distortion; goes before what "
+        "the source and the camera file say.",
     ),
 ]
 CameraFile = Annotated[
@@ -99,11 +102,20 @@ def in_unit(**values: float) -> None:
             raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
 
 
-def read_mount(text: str | None) -> Mount | None:
-    """`--mount HEIGHT_M,PITCH_DEG`."""
+def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
+    """`--mount HEIGHT_M,PITCH_DEG` over what is known already: roll and lever arm stay as they are."""
+    from dataclasses import replace
+
     from edgemap.geometry.mount import Mount
 
-    return None if text is None else Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
+    if text is None:
+        return known
+    given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
+    if given.height_m > HIGHEST_M:
+        raise OptionError(
+            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected at most {HIGHEST_M:g} m"
+        )
+    return given if known is None else replace(known, height_m=given.height_m, pitch_rad=given.pitch_rad)
 
 
 def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | None:
@@ -119,6 +131,8 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
 def find_bundle(name: str, threads: int | None) -> Bundle:
     """Load a bundle by folder or name; a known name that is not in the cache is pulled first."""
     at_least(1, threads=threads)
+    if threads is not None and threads > MOST_THREADS:
+        raise OptionError(f"--threads {threads}: at most {MOST_THREADS}")
     from edgemap.runtime.session import default_threads, load_bundle
     from edgemap.runtime.store import bundle_folder
 
@@ -151,18 +165,21 @@ HOW_TO_MEASURE = (
 )
 
 
-def lens_and_mount(
-    camera: Camera, intrinsics: str | None, mount: str | None, camera_file: Path | None
-) -> tuple[Intrinsics, Mount]:
-    """What the run goes by: flags before the camera file before what the source itself says. Raises OptionError."""
+def open_described(spec: str, camera_file: Path | None, realtime: bool = False) -> Camera:
+    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size."""
+    from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
 
-    lens, seat = camera.intrinsics, camera.mount
-    if camera_file is not None:
-        described = read_camera_yaml(camera_file)
-        lens, seat = described.intrinsics, described.mount or seat
-    lens = read_intrinsics(intrinsics, *camera.size) or lens
-    seat = read_mount(mount) or seat
+    if camera_file is None:
+        return open_camera(spec, realtime=realtime)
+    described = read_camera_yaml(camera_file)
+    return open_camera(spec, realtime=realtime, intrinsics=described.intrinsics, mount=described.mount)
+
+
+def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
+    """What the run goes by: flags before what camera file and source say. Raises OptionError."""
+    lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
+    seat = read_mount(mount, camera.mount)
     if lens is None:
         raise OptionError(
             f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"

@@ -23,6 +23,7 @@ from edgemap.cli.options import (
     find_bundle,
     in_unit,
     lens_and_mount,
+    open_described,
 )
 
 if TYPE_CHECKING:
@@ -63,10 +64,11 @@ def command(
     by which to check the mount.
     """
     from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.geometry.floor import FloorCamera
     from edgemap.geometry.paper_map import PaperMap
     from edgemap.geometry.sighting import FloorRule
-    from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
@@ -77,8 +79,8 @@ def command(
     in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
     mapped = choose_classes(classes, loaded)
-    with open_camera(camera, realtime=realtime) as source:
-        lens, seat = lens_and_mount(source, intrinsics, mount, camera_file)
+    with open_described(camera, camera_file, realtime) as source:
+        lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
         object_map = FloorMap() if clustering == "default" else PaperMap()
@@ -89,8 +91,11 @@ def command(
         with stop_on_signals() as stop:
             try:
                 done = run(source, pipeline, sinks, frames, stop)
-            finally:
-                print(f"map of {len(latest.objects)} objects saved in {folder}/")
+            except EdgemapError as error:
+                if latest.result is None or isinstance(error, (MapError, RunFolderError)):
+                    raise
+                raise type(error)(f"{error}; the map so far ({len(latest.objects)} objects) is in {folder}/") from None
+        print(f"map of {len(latest.objects)} objects saved in {folder}/")
         _summary(done, latest, stop.is_set())
         print(f"see it:  edgemap map show {folder}")
 

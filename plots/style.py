@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.errors import MissingExtraError
 
 try:
@@ -18,6 +19,11 @@ except ImportError:
     raise MissingExtraError("drawing needs matplotlib: pip install 'edgemap[plot]'") from None
 
 __all__ = ["Axes", "Figure", "floor_axes", "label_colours", "plt", "save"]
+
+
+class PlotError(EdgemapError):
+    """A figure that cannot be written."""
+
 
 INK, PAPER, GRID = "#22272e", "#ffffff", "#e6e8eb"
 
@@ -44,8 +50,14 @@ def floor_axes(axes: Axes, title: str, frame: str) -> None:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure, PNG or SVG by the path's ending, making its folder; the path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130, facecolor=PAPER, bbox_inches="tight")
-    plt.close(figure)
+    """Write a figure, PNG or SVG by the path's ending, making its folder; the path. Raises PlotError."""
+    if path.suffix.lower() not in (".png", ".svg"):
+        raise PlotError(f"{path}: pictures are .png or .svg")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=130, facecolor=PAPER, bbox_inches="tight")
+    except OSError as error:
+        raise PlotError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        plt.close(figure)
     return path

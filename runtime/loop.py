@@ -42,9 +42,20 @@ def run(
             sink.fault(str(error))
         raise
     finally:
-        for sink in sinks:
-            sink.close()
+        _close_all(sinks)
     return done
+
+
+def _close_all(sinks: Sequence[Sink]) -> None:
+    """Close every sink, then raise the first failure: one that fails does not keep the others from saving."""
+    failure: Exception | None = None
+    for sink in sinks:
+        try:
+            sink.close()
+        except Exception as error:  # raised again below
+            failure = failure or error
+    if failure is not None:
+        raise failure
 
 
 @contextmanager

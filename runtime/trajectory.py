@@ -46,14 +46,19 @@ class Trajectory:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read planar poses from a TUM file: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment.
-
-    Raises OdometryError with the line number for a line that is not eight finite numbers.
-    """
+    """Read planar poses from a TUM file. Raises OdometryError as `parse_tum` does."""
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise OdometryError(f"{path}: cannot be read ({error})") from None
+    return parse_tum(text, str(path))
+
+
+def parse_tum(text: str, path: str) -> Trajectory:
+    """Planar poses from TUM text: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment. path: for messages.
+
+    Raises OdometryError with the line number for a line that is not eight finite numbers.
+    """
     stamps, poses = [], []
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, TextIO
 
 import cv2
 
@@ -57,10 +58,10 @@ class RunFolder:
             cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
         self._objects, self._merged = objects, result.merged
-        self._trajectory.write(tum_line(result.frame.stamp_s, result.pose_map_base))
+        self._append(self._trajectory, tum_line(result.frame.stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
-            self._sightings.write(json.dumps(sighting_record(result, placed.sighting.detection, placed, identity)))
-            self._sightings.write("\n")
+            record = sighting_record(result, placed.sighting.detection, placed, identity)
+            self._append(self._sightings, json.dumps(record, allow_nan=False) + "\n")
         for stage, lap_ms in result.laps_ms.items():
             self._laps.setdefault(stage, deque(maxlen=10_000)).append(lap_ms)
         if result.motion.fault:
@@ -75,19 +76,35 @@ class RunFolder:
             self._faults.append(f"frame {self._frames}: {text}")
 
     def close(self) -> None:
-        """Save the map and the record for good."""
+        """Save the map and the record for good. Raises MapError or RunFolderError where the disk does not take them."""
         if self._closed:
             return
         self._closed = True
-        self._save()
-        self._trajectory.close()
-        self._sightings.close()
-        self._write_record(finished=True)
+        try:
+            self._save()
+        finally:
+            with suppress(OSError):
+                self._trajectory.close()
+            with suppress(OSError):
+                self._sightings.close()
+            self._write_record(finished=True)
+
+    def _append(self, stream: TextIO, text: str) -> None:
+        try:
+            stream.write(text)
+        except OSError as error:
+            raise RunFolderError(f"{stream.name}: cannot be written ({error.strerror})") from None
 
     def _save(self) -> None:
-        self._trajectory.flush()
-        self._sightings.flush()
+        """The map first: it is what the run is for."""
         save_map(self.folder / "map.json", self._objects)
+        for stream in (self._trajectory, self._sightings):
+            try:
+                stream.flush()
+            except OSError as error:
+                raise RunFolderError(f"{stream.name}: cannot be written ({error.strerror})") from None
+        if not self._closed:
+            self._write_record(finished=False)
 
     def _write_record(self, finished: bool) -> None:
         seconds = perf_counter() - self._started
@@ -101,7 +118,7 @@ class RunFolder:
             "fault_count": self._fault_count,
             "faults": self._faults,
         }
-        write_atomically(self.folder / "run.json", json.dumps(record, indent=1) + "\n")
+        write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
 
 
 def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:

@@ -278,3 +278,53 @@ def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):
     assert {"p90_error_m", "covered95", "f1", "per_class"} <= set(document["true"])
     (pictures / "objects.json").unlink()
     assert "needs true poses" in one_line(edgemap("eval", "map", "--data", f"drive:{pictures}", *flags))
+
+
+def test_mount_flag_keeps_roll_and_lever_arm(edgemap, painted_bundle, pictures, tmp_path):
+    text = (pictures / "camera.yaml").read_text().replace("forward_m: 0.0", "forward_m: 0.15")
+    (pictures / "camera.yaml").write_text(text.replace("roll_deg: 0.0", "roll_deg: 1.5"))
+    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--mount", "0.9,3", "--out", tmp_path / "run")
+    assert edgemap(*run).returncode == 0
+    mount = json.loads((tmp_path / "run" / "run.json").read_text())["mount"]
+    assert mount == {"height_m": 0.9, "pitch_deg": 3.0, "roll_deg": 1.5, "forward_m": 0.15, "left_m": 0.0}
+
+
+def test_ctrl_c_before_the_first_frame_is_no_traceback(painted_bundle, tmp_path):
+    command = [sys.executable, "-m", "edgemap.cli", "bench", "--bundle", str(painted_bundle), "--seconds", "60"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "Traceback" not in stderr
+
+
+def test_a_map_is_drawn_from_what_a_power_cut_left(edgemap, painted_bundle, pictures, tmp_path):
+    out = tmp_path / "run"
+    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
+    for name in ("sightings.jsonl", "trajectory.tum"):
+        text = (out / name).read_text()
+        (out / name).write_text(text[: len(text) - 15])
+    (out / "run.json").unlink()
+    result = edgemap("map", "show", out)
+    assert result.returncode == 0, result.stderr
+    assert "chair-1" in result.stdout
+
+
+@pytest.mark.parametrize(("name", "text"), [("map.foo", ".png or .svg"), ("file/map.png", "cannot be written")])
+def test_a_picture_that_cannot_be_written_is_one_line(edgemap, painted_bundle, pictures, tmp_path, name, text):
+    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    (tmp_path / "file").write_text("in the way")
+    assert text in one_line(edgemap("map", "show", tmp_path / "run", "--out", tmp_path / name))
+
+
+def test_doctor_knows_that_an_unknown_bundle_will_not_run(edgemap, pictures):
+    result = edgemap("doctor", "--camera", pictures, "--bundle", "nope")
+    assert result.returncode == 1
+    assert "neither a bundle folder nor a known model" in result.stdout
+
+
+def test_a_failing_picture_says_where_the_map_is(edgemap, painted_bundle, pictures, tmp_path):
+    (pictures / "8.png").write_bytes(b"not a picture")
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in one_line(result)

@@ -152,3 +152,20 @@ def test_the_same_frames_give_the_same_map_byte_for_byte(bundle, tmp_path):
         run(Memory(30), pipeline(bundle), [RunFolder(tmp_path / name, FLOOR, {})])
     assert (tmp_path / "a" / "map.json").read_bytes() == (tmp_path / "b" / "map.json").read_bytes()
     assert (tmp_path / "a" / "sightings.jsonl").read_bytes() == (tmp_path / "b" / "sightings.jsonl").read_bytes()
+
+
+def test_one_sink_that_fails_to_close_does_not_keep_the_others_from_saving(bundle, tmp_path):
+    class Full:
+        def write(self, result, objects):
+            pass
+
+        def fault(self, text):
+            pass
+
+        def close(self):
+            raise RunFolderError("disk full")
+
+    with pytest.raises(RunFolderError, match="disk full"):
+        run(Memory(5), pipeline(bundle), [Full(), RunFolder(tmp_path / "run", FLOOR, {})])
+    assert load_map(tmp_path / "run")[0].count == 5
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
