@@ -7,6 +7,7 @@ that turn out to be one (close, and never seen side by side) merge, and the olde
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -200,23 +201,11 @@ class FloorMap:
         return [renamed.get(item.id, item.id) for item in seen]
 
     def _match(self, sightings: list[PlacedSighting], kind: _Class) -> list[int | None]:
-        """For each sighting the object it belongs to, or None: least total squared Mahalanobis distance, one to one."""
-        near = [kind.near(placed.position_map_m, self.rule.max_distance_m) for placed in sightings]
-        rows = sorted({row for some in near for row in some})
-        if not rows:
-            return [None] * len(sightings)
-        column = {row: number for number, row in enumerate(rows)}
-        cost = np.full((len(sightings), len(rows) + len(sightings)), 1e6)
-        for i, placed in enumerate(sightings):
-            cost[i, len(rows) + i] = self.rule.gate
-            for row in near[i]:
-                estimate = kind.objects[row].estimate
-                spread = estimate.sighting_covariance(placed) + estimate.own_covariance(self.rule)
-                distance = mahalanobis2(placed.position_map_m - estimate.position_m, spread)
-                if distance <= self.rule.gate:
-                    cost[i, column[row]] = distance
-        _, columns = linear_sum_assignment(cost)
-        return [rows[number] if number < len(rows) else None for number in columns]
+        """For each sighting the row of the object it belongs to, or None."""
+        near = {row for placed in sightings for row in kind.near(placed.position_map_m, self.rule.max_distance_m)}
+        rows = sorted(near)
+        matches = assign(sightings, [kind.objects[row].estimate for row in rows], self.rule)
+        return [None if match is None else rows[match] for match in matches]
 
     def _merge(self, kind: _Class, seen: list[_Object]) -> dict[str, str]:
         """Join every object seen now with others of its label that are the same thing; old id to new id."""
@@ -259,6 +248,27 @@ class FloorMap:
                     for item in kind.objects
                 ]
             )
+
+
+def assign(
+    sightings: Sequence[PlacedSighting], estimates: Sequence[Estimate], rule: AssociationRule
+) -> list[int | None]:
+    """For each sighting of one frame the estimate it fits, or None: least total squared Mahalanobis distance, one to
+    one, within the gate and the greatest distance."""
+    if not estimates:
+        return [None] * len(sightings)
+    cost = np.full((len(sightings), len(estimates) + len(sightings)), 1e6)
+    for i, placed in enumerate(sightings):
+        cost[i, len(estimates) + i] = rule.gate
+        for j, estimate in enumerate(estimates):
+            difference = placed.position_map_m - estimate.position_m
+            if difference @ difference <= rule.max_distance_m**2:
+                spread = estimate.sighting_covariance(placed) + estimate.own_covariance(rule)
+                distance = mahalanobis2(difference, spread)
+                if distance <= rule.gate:
+                    cost[i, j] = distance
+    _, columns = linear_sum_assignment(cost)
+    return [int(column) if column < len(estimates) else None for column in columns]
 
 
 def may_merge(a: Estimate, b: Estimate, rule: AssociationRule) -> bool:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import heapq
 
-from edgemap.geometry.association import AssociationRule, Estimate, mahalanobis2
+from edgemap.geometry.association import AssociationRule, Estimate, assign, mahalanobis2, may_merge
 from edgemap.geometry.floor_map import MapObject
 from edgemap.geometry.sighting import PlacedSighting
+
+ROUNDS = 20  # of reassignment; it settles in a few
 
 
 def batch_objects(frames: list[list[PlacedSighting]], rule: AssociationRule | None = None) -> list[MapObject]:
     """Agglomerate all sightings of a drive: the pair of clusters with the least squared Mahalanobis distance joins
-    first, until none lies within the gate; clusters that hold boxes of one frame never join.
+    first, until none lies within the gate; clusters that hold boxes of one frame never join. Then, as in k-means, every
+    frame's sightings go to the clusters that they fit best, one to one, and clusters that lie close and were never seen
+    side by side join, until nothing changes.
 
     frames: sightings frame by frame. Ids count the clusters of each label by first sighting. O(n^2 log n).
     """
@@ -20,7 +24,7 @@ def batch_objects(frames: list[list[PlacedSighting]], rule: AssociationRule | No
     labels = dict.fromkeys(placed.label for frame in frames for placed in frame)
     for label in labels:
         members = [(number, placed) for number, frame in enumerate(frames) for placed in frame if placed.label == label]
-        clusters = _agglomerate(members, rule)
+        clusters = _reassigned(_agglomerate(members, rule), members, rule)
         shown = [cluster for cluster in clusters if cluster.shows(rule)]
         shown.sort(key=lambda cluster: cluster.sums.first_seen_s)
         for number, cluster in enumerate(shown, start=1):
@@ -61,3 +65,47 @@ def _agglomerate(members: list[tuple[int, PlacedSighting]], rule: AssociationRul
             offer(next_key, other)
         next_key += 1
     return list(clusters.values())
+
+
+def _reassigned(
+    clusters: list[Estimate], members: list[tuple[int, PlacedSighting]], rule: AssociationRule
+) -> list[Estimate]:
+    frames: dict[int, list[PlacedSighting]] = {}
+    for number, placed in members:
+        frames.setdefault(number, []).append(placed)
+    before: list[int | None] = []
+    for _ in range(ROUNDS):
+        centres = [cluster for cluster in clusters if cluster.sums.count >= rule.min_count]
+        rows: list[int | None] = []
+        fused: dict[int, Estimate] = {}
+        seen: dict[int, set[int]] = {}
+        for number, frame in frames.items():
+            matches = assign(frame, centres, rule)
+            rows += matches
+            for placed, row in zip(frame, matches, strict=True):
+                if row is None:
+                    continue
+                seen.setdefault(row, set()).add(number)
+                if row in fused:
+                    fused[row].add(placed)
+                else:
+                    fused[row] = Estimate(placed)
+        clusters = _merged(fused, seen, rule)
+        if rows == before:
+            break
+        before = rows
+    return clusters
+
+
+def _merged(clusters: dict[int, Estimate], frames: dict[int, set[int]], rule: AssociationRule) -> list[Estimate]:
+    """Join what lies close and was never seen side by side, as the online map does."""
+    kept: dict[int, Estimate] = {}
+    for row in sorted(clusters):
+        for other in kept:
+            if not frames[row] & frames[other] and may_merge(clusters[row], kept[other], rule):
+                kept[other].join(clusters[row])
+                frames[other] |= frames[row]
+                break
+        else:
+            kept[row] = clusters[row]
+    return list(kept.values())

@@ -86,3 +86,33 @@ def test_a_realsense_recording_gives_the_boxes_of_the_picture_folder(edgemap, re
     assert record["intrinsics"]["fx"] == pytest.approx(FX, abs=1e-3)
     assert record["intrinsics"]["cy"] == pytest.approx(CY, abs=1e-3)
     np.testing.assert_allclose(read_tum(tmp_path / "played" / "trajectory.tum").stamps_s, stamps, atol=1e-4)
+
+
+def test_the_online_map_of_the_demo_is_that_of_its_batch_version(real_bundles):
+    """On real detections of a rendered drive: the same objects, centres within 0.10 m (paired one to one by label)."""
+    from scipy.optimize import linear_sum_assignment
+
+    from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.batch import batch_objects
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.odometry import open_odometry
+    from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.session import load_bundle
+
+    bundle = load_bundle(real_bundles / "yolox-nano")
+    with open_camera("demo") as camera:
+        assert camera.intrinsics is not None
+        assert camera.mount is not None
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        pipeline = Pipeline(bundle, floor, open_odometry("truth", bundle, camera, floor), FloorMap())
+        frames = []
+        while (frame := camera.read()) is not None:
+            frames.append(pipeline.step(frame).sightings)
+    online, batch = pipeline.objects(), batch_objects(frames)
+    assert len(online) == len(batch)
+    distance = np.array(
+        [[np.linalg.norm(a.position_m - b.position_m) if a.label == b.label else 99.0 for b in batch] for a in online]
+    )
+    rows, columns = linear_sum_assignment(distance)
+    assert distance[rows, columns].max() < 0.10
