@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -21,6 +22,11 @@ from edgemap.cli.options import (
     read_intrinsics,
     read_mount,
 )
+
+if TYPE_CHECKING:
+    from edgemap.geometry.detections import Detections
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.sighting import FloorRule, Sighting
 
 
 def command(
@@ -46,60 +52,77 @@ def command(
     Distances are horizontal, in metres from the lens; positions are in the base frame, x forward and y left. Without
     --intrinsics or a camera file the lens is taken for one of 60 degrees across, and the output says so.
     """
-    from edgemap.geometry.sighting import FloorRule, sightings_of
+    from edgemap.cli.options import OptionError
+    from edgemap.geometry.sighting import sightings_of
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
+    from edgemap.runtime.drives.pictures import read_picture
 
     if not images:
-        from edgemap.cli.options import OptionError
-
         raise OptionError("no pictures given")
     in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
-    rule = FloorRule()  # people and pets too: only maps leave them out
     documents = []
-    for path in images:
-        from edgemap.runtime.drives.pictures import read_picture
+    try:
+        for path in images:
+            picture = read_picture(path)
+            detections = detector(picture)
+            camera, guessed = _floor_camera(picture.shape[1], picture.shape[0], mount, intrinsics, camera_file)
+            sightings = sightings_of(detections, camera, _every_floor_box()) if camera else []
+            document = {"image": str(path), "width": picture.shape[1], "height": picture.shape[0]}
+            document |= _found(detections, sightings, camera, guessed)
+            if plot:
+                if camera is None:
+                    raise OptionError("--plot draws distances, which need --mount HEIGHT_M,PITCH_DEG or --camera-file")
+                from edgemap.plots.frame import plot_frame
 
-        picture = read_picture(path)
-        detections = detector(picture)
-        camera, guessed = _floor_camera(picture.shape[1], picture.shape[0], mount, intrinsics, camera_file)
-        sightings = sightings_of(detections, camera, rule) if camera else []
-        placed = {sighting.detection: sighting for sighting in sightings}
-        document = {"image": str(path), "width": picture.shape[1], "height": picture.shape[0], "detections": []}
+                document["plot"] = str(plot_frame(plot / f"{path.stem}.png", picture, detections, sightings, camera))
+            documents.append(document)
+            if not json:
+                _tell(document)
+    finally:  # a picture that cannot be read does not lose those before it
+        if json:
+            import json as json_module
+
+            print(json_module.dumps(documents, indent=1, allow_nan=False))
+
+
+def _every_floor_box() -> FloorRule:
+    """People and pets too, and however far: only maps are choosy."""
+    from edgemap.geometry.sighting import FloorRule
+
+    return FloorRule(max_sigma_m=inf, max_distance_m=inf)
+
+
+def _found(
+    detections: Detections, sightings: list[Sighting], camera: FloorCamera | None, guessed: bool
+) -> dict[str, Any]:
+    """The boxes of one picture as JSON, with places where a mount is known. sigma_m: one standard deviation."""
+    from edgemap.geometry.sighting import on_floor
+
+    document: dict[str, Any] = {"detections": []}
+    standing = on_floor(detections, camera, _every_floor_box()) if camera else []
+    placed = {sighting.detection: sighting for sighting in sightings}
+    if camera:
+        document["horizon_row_px"] = round(camera.horizon_row(), 2)
+        document["lens_guessed"] = guessed
+    for index, (label, score) in enumerate(zip(detections.labels, detections.scores, strict=True)):
+        entry: dict[str, Any] = {
+            "label": label,
+            "score": round(float(score), 6),
+            "box": [round(float(v), 3) for v in detections.boxes[index]],
+        }
         if camera:
-            document["horizon_row_px"] = round(camera.horizon_row(), 2)
-            document["lens_guessed"] = guessed
-        for index, (label, score) in enumerate(zip(detections.labels, detections.scores, strict=True)):
-            entry = {
-                "label": label,
-                "score": round(float(score), 6),
-                "box": [round(float(v), 3) for v in detections.boxes[index]],
-            }
-            if camera:
-                sighting = placed.get(index)
-                entry["on_floor"] = sighting is not None
-                if sighting:
-                    entry["distance_m"] = round(sighting.distance_m, 4)
-                    entry["x_m"], entry["y_m"] = (round(float(v), 4) for v in sighting.position_base_m)
-                    entry["width_m"], entry["height_m"] = round(sighting.width_m, 4), round(sighting.height_m, 4)
-            document["detections"].append(entry)
-        documents.append(document)
-        if plot:
-            from edgemap.cli.options import OptionError
-
-            if camera is None:
-                raise OptionError("--plot draws distances, which need --mount HEIGHT_M,PITCH_DEG or --camera-file")
-            from edgemap.plots.frame import plot_frame
-
-            document["plot"] = str(plot_frame(plot / f"{path.stem}.png", picture, detections, sightings, camera))
-        if not json:
-            _tell(document)
-    if json:
-        import json as json_module
-
-        print(json_module.dumps(documents, indent=1))
+            entry["on_floor"] = bool(standing[index])
+        if sighting := placed.get(index):
+            variance_m2 = float((sighting.covariance_m2 + sighting.shared_m2).trace()) / 2.0
+            entry["distance_m"] = round(sighting.distance_m, 4)
+            entry["x_m"], entry["y_m"] = (round(float(v), 4) for v in sighting.position_base_m)
+            entry["sigma_m"] = round(variance_m2**0.5, 4)
+            entry["width_m"], entry["height_m"] = round(sighting.width_m, 4), round(sighting.height_m, 4)
+        document["detections"].append(entry)
+    return document
 
 
 def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | None, camera_file: Path | None):
@@ -133,10 +156,11 @@ def _tell(document: dict) -> None:
         print("  (lens unknown: 60 degrees across assumed, distances are rough; pass --intrinsics)")
     for entry in document["detections"]:
         where = ""
-        if "on_floor" in entry:
-            where = "not on the floor"
-            if entry["on_floor"]:
-                where = f"{entry['distance_m']:.2f} m away, x {entry['x_m']:.2f} y {entry['y_m']:.2f} m"
+        if "distance_m" in entry:
+            where = f"{entry['distance_m']:.2f} m away, x {entry['x_m']:.2f} y {entry['y_m']:.2f} m"
+            where += f" +- {entry['sigma_m']:.2f}"
+        elif "on_floor" in entry:
+            where = "part of another box" if entry["on_floor"] else "not on the floor"
         box = ", ".join(f"{v:.0f}" for v in entry["box"])
         print(f"  {entry['label']:<16} {entry['score']:.3f}  box {box:<24} {where}")
     if "plot" in document:

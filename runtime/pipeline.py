@@ -102,7 +102,8 @@ class Pipeline:
         expected = self.camera.intrinsics
         if (width, height) != (expected.width, expected.height):
             raise CameraError(
-                f"frame {frame.index} is {width}x{height} px, the intrinsics are for {expected.width}x{expected.height}"
+                f"frame {frame.index} {frame.name} is {width}x{height} px, "
+                f"the intrinsics are for {expected.width}x{expected.height}"
             )
         self._watch.start()
         return self._watch.lap

@@ -1,4 +1,4 @@
-"""Loads a bundle: sums, contract and graph are checked file by file, then onnxruntime gets the bytes."""
+"""Loads a bundle: every file's sum, contract and graph are checked before a network runs."""
 
 from __future__ import annotations
 

@@ -84,8 +84,8 @@ def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):
 
 
 def test_a_frame_of_another_size_is_named(bundle):
-    with pytest.raises(CameraError, match="frame 0 is 32x64 px, the intrinsics are for 64x64"):
-        pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 32, 3), np.uint8)))
+    with pytest.raises(CameraError, match=r"frame 0 x\.png is 32x64 px, the intrinsics are for 64x64"):
+        pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 32, 3), np.uint8), "x.png"))
 
 
 def test_the_run_folder_holds_the_contract(bundle, tmp_path):
