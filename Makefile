@@ -11,7 +11,8 @@ SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-f
 setup: system $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt scripts/system-packages
-	$(PYTHON) -m venv --help >/dev/null 2>&1 || { echo "needs Python's venv: apt-get install python3-venv"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || scripts/system-packages python3-venv
+	@$(PYTHON) -c 'import ensurepip, venv' || { echo "needs Python's venv: apt-get install python3-venv"; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer"; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch

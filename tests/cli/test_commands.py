@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -292,7 +293,10 @@ def test_mount_flag_keeps_roll_and_lever_arm(edgemap, painted_bundle, pictures, 
 def test_ctrl_c_before_the_first_frame_is_no_traceback(painted_bundle, tmp_path):
     command = [sys.executable, "-m", "edgemap.cli", "bench", "--bundle", str(painted_bundle), "--seconds", "60"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
-    time.sleep(1.5)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and "onnxruntime" not in Path(f"/proc/{process.pid}/maps").read_text():
+        time.sleep(0.05)
+    time.sleep(0.7)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 130
