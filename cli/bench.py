@@ -46,7 +46,7 @@ def command(
     import psutil
 
     from edgemap.benchmarks.bench import compare, measure, read_ring
-    from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.floor import FloorCamera
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.errors import CameraError

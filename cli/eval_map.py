@@ -102,7 +102,7 @@ def command(
 
 def _drive(loaded: Any, spec: str, odometry: str, clustering: str, confidence: float, frames: int) -> Any:
     """Run a pipeline over the drive, without a run folder."""
-    from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.floor import FloorCamera
     from edgemap.geometry.paper_map import PaperMap
     from edgemap.runtime.cameras import open_camera

@@ -63,7 +63,7 @@ def command(
     map.json, trajectory.tum, sightings.jsonl, run.json, and mount.jpg: the first picture with horizon and metre grid,
     by which to check the mount.
     """
-    from edgemap.geometry.association import FloorMap
+    from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.geometry.floor import FloorCamera
     from edgemap.geometry.paper_map import PaperMap

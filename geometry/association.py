@@ -1,20 +1,15 @@
-"""The default clustering: each sighting goes to the object that it fits best, under both covariances.
-
-Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. Objects
-that turn out to be one (close, and never seen side by side) merge, and the older id stays.
-"""
+"""When a sighting belongs to an object and two objects are one: fused estimates, distances under both covariances."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.floor_map import MapObject, SightingSums, id_order
+from edgemap.geometry.floor_map import SightingSums
 from edgemap.geometry.sighting import PlacedSighting
 
 Array = NDArray[np.float64]
@@ -104,150 +99,6 @@ class Estimate:
     def covariance(self, rule: AssociationRule) -> Array:
         """(2, 2) m^2 in the map frame: own part, plus mount and first pose, which no number of sightings shrinks."""
         return self.own_covariance(rule) + self.shared_sum / self.weight + self.first_pose_m2
-
-
-@dataclass(slots=True)
-class _Object:
-    """together: ids of objects seen beside it in one frame. updated: number of the last frame that saw it."""
-
-    id: str
-    estimate: Estimate
-    updated: int
-    together: set[str] = field(default_factory=set)
-    shown: MapObject | None = None
-
-
-class _Class:
-    """The objects of one label, with their positions side by side so that few of them need a closer look."""
-
-    def __init__(self) -> None:
-        self.objects: list[_Object] = []
-        self._positions_m = np.zeros((0, 2))
-
-    def near(self, position_m: Array, reach_m: float) -> list[int]:
-        """Rows of the objects within reach of a position (2,)."""
-        offsets = self._positions_m - position_m
-        return np.flatnonzero((offsets**2).sum(axis=1) <= reach_m**2).tolist()
-
-    def append(self, item: _Object) -> None:
-        """Add an object."""
-        self.objects.append(item)
-        self._positions_m = np.vstack([self._positions_m, item.estimate.position_m])
-
-    def moved(self, row: int) -> None:
-        """Take note that an object's estimate has changed."""
-        self._positions_m[row] = self.objects[row].estimate.position_m
-        self.objects[row].shown = None
-
-    def keep(self, wanted: list[bool]) -> None:
-        """Drop the objects that are not wanted."""
-        if not all(wanted):
-            self.objects = [item for item, stays in zip(self.objects, wanted, strict=True) if stays]
-            self._positions_m = self._positions_m[np.array(wanted, dtype=bool)]
-
-
-class FloorMap:
-    """Objects by association, fed frame by frame; deterministic ids such as `chair-3` in order of appearance."""
-
-    def __init__(self, rule: AssociationRule | None = None) -> None:
-        self.rule = rule or AssociationRule()
-        self._classes: dict[str, _Class] = {}
-        self._issued: Counter[str] = Counter()
-        self._frames = 0
-        self.merged: dict[str, str] = {}
-
-    def update(self, sightings: list[PlacedSighting]) -> list[str]:
-        """Take in all sightings of one frame; the id of each one's object."""
-        self._frames += 1
-        ids = [""] * len(sightings)
-        for label in dict.fromkeys(placed.label for placed in sightings):
-            rows = [row for row, placed in enumerate(sightings) if placed.label == label]
-            for row, identity in zip(rows, self._update_label(label, [sightings[r] for r in rows]), strict=True):
-                ids[row] = identity
-        if self._frames % self.rule.forget_after == 0:
-            self._forget()
-        return ids
-
-    def objects(self) -> list[MapObject]:
-        """Objects with enough evidence, ordered by id."""
-        found = []
-        for label, kind in self._classes.items():
-            for item in kind.objects:
-                if item.shown is None and item.estimate.shows(self.rule):
-                    estimate = item.estimate
-                    covariance = estimate.covariance(self.rule)
-                    item.shown = estimate.sums.as_object(item.id, label, estimate.position_m, covariance)
-                if item.shown is not None:
-                    found.append(item.shown)
-        return sorted(found, key=lambda item: id_order(item.id))
-
-    def _update_label(self, label: str, sightings: list[PlacedSighting]) -> list[str]:
-        kind = self._classes.setdefault(label, _Class())
-        seen: list[_Object] = []
-        for placed, row in zip(sightings, self._match(sightings, kind), strict=True):
-            if row is None:
-                self._issued[label] += 1
-                item = _Object(f"{label}-{self._issued[label]}", Estimate(placed), self._frames)
-                kind.append(item)
-            else:
-                item = kind.objects[row]
-                item.estimate.add(placed)
-                item.updated = self._frames
-                kind.moved(row)
-            seen.append(item)
-        for item in seen:
-            item.together.update(other.id for other in seen if other is not item)
-        renamed = self._merge(kind, seen)
-        return [renamed.get(item.id, item.id) for item in seen]
-
-    def _match(self, sightings: list[PlacedSighting], kind: _Class) -> list[int | None]:
-        """For each sighting the row of the object it belongs to, or None."""
-        near = {row for placed in sightings for row in kind.near(placed.position_map_m, self.rule.max_distance_m)}
-        rows = sorted(near)
-        matches = assign(sightings, [kind.objects[row].estimate for row in rows], self.rule)
-        return [None if match is None else rows[match] for match in matches]
-
-    def _merge(self, kind: _Class, seen: list[_Object]) -> dict[str, str]:
-        """Join every object seen now with others of its label that are the same thing; old id to new id."""
-        renamed: dict[str, str] = {}
-        gone: set[str] = set()
-        for item in seen:
-            reach_m = max(self.rule.merge_distance_m, self.rule.merge_extent_share * item.estimate.extent_m)
-            for row in kind.near(item.estimate.position_m, reach_m):
-                other = kind.objects[row]
-                if other is item or item.id in gone or other.id in gone or not self._same(item, other):
-                    continue
-                older, younger = sorted((item, other), key=lambda o: id_order(o.id))
-                older.estimate.join(younger.estimate)
-                older.together |= younger.together
-                older.updated = max(older.updated, younger.updated)
-                gone.add(younger.id)
-                renamed[younger.id] = older.id
-                kind.moved(kind.objects.index(older))
-        if renamed:
-            kind.keep([item.id not in gone for item in kind.objects])
-            for old, new in list(renamed.items()):
-                while new in renamed:
-                    new = renamed[new]
-                renamed[old] = new
-            self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
-            for item in kind.objects:
-                item.together = {renamed.get(identity, identity) for identity in item.together} - {item.id}
-        return renamed
-
-    def _same(self, a: _Object, b: _Object) -> bool:
-        beside = b.id in a.together or a.id in b.together
-        return not beside and may_merge(a.estimate, b.estimate, self.rule)
-
-    def _forget(self) -> None:
-        """Drop what never gathered enough evidence and has not been seen for long, so that a long drive stays quick."""
-        for kind in self._classes.values():
-            kind.keep(
-                [
-                    item.estimate.shows(self.rule) or self._frames - item.updated < self.rule.forget_after
-                    for item in kind.objects
-                ]
-            )
 
 
 def assign(

@@ -92,8 +92,8 @@ def test_the_online_map_of_the_demo_is_that_of_its_batch_version(real_bundles):
     """On real detections of a rendered drive: the same objects, centres within 0.10 m (paired one to one by label)."""
     from scipy.optimize import linear_sum_assignment
 
-    from edgemap.geometry.association import FloorMap
     from edgemap.geometry.batch import batch_objects
+    from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.floor import FloorCamera
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.odometry import open_odometry

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.association import FloorMap
 from edgemap.geometry.batch import batch_objects
+from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.paper_map import PaperMap
 from edgemap.geometry.single_linkage import SingleLinkage, single_linkage
 

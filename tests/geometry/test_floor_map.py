@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from edgemap.geometry.association import FloorMap
+from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.floor_map import load_map, map_document, save_map
 

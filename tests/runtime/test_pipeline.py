@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from support import painted
 
-from edgemap.geometry.association import FloorMap
+from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.floor import FloorCamera
 from edgemap.geometry.floor_map import load_map
 from edgemap.geometry.intrinsics import Intrinsics
