@@ -18,6 +18,7 @@ from edgemap.cli.options import (
     at_least,
     find_bundle,
     in_unit,
+    new_map,
 )
 
 if TYPE_CHECKING:
@@ -102,9 +103,7 @@ def command(
 
 def _drive(loaded: Any, spec: str, odometry: str, clustering: str, confidence: float, frames: int) -> Any:
     """Run a pipeline over the drive, without a run folder."""
-    from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.paper_map import PaperMap
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.loop import run
     from edgemap.runtime.odometry import open_odometry
@@ -115,8 +114,7 @@ def _drive(loaded: Any, spec: str, odometry: str, clustering: str, confidence: f
         assert source.mount is not None
         floor = FloorCamera(source.intrinsics, source.mount)
         motion = open_odometry(odometry, loaded, source, floor)
-        object_map = FloorMap() if clustering == "default" else PaperMap()
-        pipeline = Pipeline(loaded, floor, motion, object_map, confidence=confidence)
+        pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence)
         run(source, pipeline, [], frames)
     return pipeline
 

@@ -11,6 +11,7 @@ import tyro
 from edgemap.geometry.errors import EdgemapError
 
 if TYPE_CHECKING:
+    from edgemap.geometry.floor_map import ObjectMap
     from edgemap.geometry.intrinsics import Intrinsics
     from edgemap.geometry.mount import Mount
     from edgemap.runtime.cameras.protocol import Camera
@@ -142,6 +143,14 @@ def find_bundle(name: str, threads: int | None) -> Bundle:
 
         folder = pull_known(name)
     return load_bundle(folder, threads or default_threads())
+
+
+def new_map(clustering: str) -> ObjectMap:
+    """An empty map of the kind that `--clustering` names."""
+    from edgemap.geometry.default_map import FloorMap
+    from edgemap.geometry.paper_map import PaperMap
+
+    return PaperMap() if clustering == "paper" else FloorMap()
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:

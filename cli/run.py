@@ -23,6 +23,7 @@ from edgemap.cli.options import (
     find_bundle,
     in_unit,
     lens_and_mount,
+    new_map,
     open_described,
 )
 
@@ -63,10 +64,8 @@ def command(
     map.json, trajectory.tum, sightings.jsonl, run.json, and mount.jpg: the first picture with horizon and metre grid,
     by which to check the mount.
     """
-    from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.paper_map import PaperMap
     from edgemap.geometry.sighting import FloorRule
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
@@ -83,8 +82,9 @@ def command(
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
-        object_map = FloorMap() if clustering == "default" else PaperMap()
-        pipeline = Pipeline(loaded, floor, motion, object_map, rule=FloorRule(mapped=mapped), confidence=confidence)
+        pipeline = Pipeline(
+            loaded, floor, motion, new_map(clustering), rule=FloorRule(mapped=mapped), confidence=confidence
+        )
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
         sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest := _Latest()]

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.floor_map import MapObject
-
-CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
+from edgemap.geometry.floor_map import CHI2_95, MapObject
 
 
 @dataclass(frozen=True, slots=True)

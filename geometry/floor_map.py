@@ -19,6 +19,7 @@ from edgemap.geometry.sighting import PlacedSighting
 Array = NDArray[np.float64]
 
 FORMAT = "edgemap.map/1"
+CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
 
 
 @dataclass(frozen=True, slots=True, eq=False)

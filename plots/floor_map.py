@@ -11,11 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.floor_map import CHI2_95, MapObject
 from edgemap.plots.style import INK, Axes, floor_axes, label_colours, plt, save
 from edgemap.runtime.trajectory import Trajectory
-
-CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
 
 
 @dataclass(frozen=True, slots=True)
