@@ -160,7 +160,7 @@ def _tell(document: dict) -> None:
             where = f"{entry['distance_m']:.2f} m away, x {entry['x_m']:.2f} y {entry['y_m']:.2f} m"
             where += f" +- {entry['sigma_m']:.2f}"
         elif "on_floor" in entry:
-            where = "part of another box" if entry["on_floor"] else "not on the floor"
+            where = "part of another box, or at the horizon" if entry["on_floor"] else "not on the floor"
         box = ", ".join(f"{v:.0f}" for v in entry["box"])
         print(f"  {entry['label']:<16} {entry['score']:.3f}  box {box:<24} {where}")
     if "plot" in document:

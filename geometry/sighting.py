@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.paper import size_m
 from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
@@ -159,12 +160,14 @@ def sightings_of(
     own, shared = floor_covariances(camera, feet, _sigmas_px(detections.boxes[standing], camera, rule), rule.noise)
     depth = camera.optical_depth_m(near)
     lens = camera.mount.position_base_m()[:2]
-    sightings = []
+    labels, sightings = detections.labels, []
     for row, index in enumerate(standing):
-        label = detections.labels[index]
+        label = labels[index]
         x0, y0, x1, y1 = detections.boxes[index]
-        width_m = float(depth[row] * (x1 - x0) / camera.intrinsics.fx)
-        height_m = float(depth[row] * (y1 - y0) / camera.intrinsics.fy)
+        width_m = size_m(float(depth[row]), x1 - x0, camera.intrinsics.fx)
+        height_m = size_m(float(depth[row]), y1 - y0, camera.intrinsics.fy)
+        if not np.isfinite(own[row]).all():  # half a pixel from the horizon
+            continue
         bearing = near[row] - lens
         reach = float(np.linalg.norm(bearing))
         unknown = min(width_m, WIDEST_UNKNOWN_M)

@@ -112,3 +112,8 @@ def test_a_box_drawn_round_projected_points_leads_back_to_them():
     (chair,) = sightings_of(seen(("chair", column - 20, row - 80, column + 20, row)), CAMERA, FloorRule())
     bearing = foot[0] - [0.2, 0.0]
     assert chair.position_base_m == pytest.approx(foot[0] + 0.25 * bearing / np.linalg.norm(bearing), abs=1e-6)
+
+
+def test_a_box_that_ends_at_the_horizon_has_no_place_however_far_is_allowed():
+    at_horizon = seen(("chair", 300, 100, 340, 240.3))
+    assert sightings_of(at_horizon, CAMERA, FloorRule(max_sigma_m=math.inf, max_distance_m=math.inf)) == []
