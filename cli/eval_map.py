@@ -18,14 +18,15 @@ from edgemap.cli.options import (
     at_least,
     find_bundle,
     in_unit,
+    lens_and_mount,
     new_map,
 )
 
 if TYPE_CHECKING:
     from edgemap.evaluation.objects import TrueObject
+    from edgemap.geometry.floor_map import MapObject
     from edgemap.runtime.drives import Drive
-
-SEEN_SHARE, SEEN_SIDE_PX = 0.30, 24.0  # what counts as having been seen in a frame
+    from edgemap.runtime.session import Bundle
 
 
 def command(
@@ -54,7 +55,7 @@ def command(
     from itertools import pairwise
     from math import degrees
 
-    from edgemap.evaluation.objects import score_map
+    from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.cameras.open import DEMO
     from edgemap.runtime.drives import open_drive
 
@@ -65,6 +66,7 @@ def command(
     if not drive.objects or drive.truth is None or drive.mount is None:
         raise OptionError(f"{data}: eval map needs true poses, a mount and objects.json")
     truth = true_objects(drive, frames)
+    wanted = scored(truth)
     count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
     way = drive.truth.poses[:count]
     path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(way))
@@ -75,17 +77,17 @@ def command(
         "clustering": clustering,
         "frames": count,
         "path_m": round(path_m, 3),
-        "objects_true": sum(item.on_floor and item.frames >= 10 for item in truth),
+        "objects_true": len(wanted),
         "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
     }
     for name, spec in (("true", "truth"), ("estimated", odometry)):
-        pipeline = _drive(loaded, "demo" if data == "demo" else data, spec, clustering, confidence, count)
-        document[name] = score_map(pipeline.objects(), truth)
+        objects = _map_of(drive, loaded, spec, clustering, confidence, count)
+        document[name] = score_map(objects, truth)
         if plot:
             from edgemap.plots.floor_map import plot_map
 
-            places = [(item.label, item.x_m, item.y_m) for item in truth if item.on_floor and item.frames >= 10]
-            plot_map(plot / f"{name}.png", pipeline.objects(), way=drive.truth, truth=places)
+            places = [(item.label, item.x_m, item.y_m) for item in wanted]
+            plot_map(plot / f"{name}.png", objects, way=drive.truth, truth=places)
     if json:
         import json as json_module
 
@@ -101,22 +103,22 @@ def command(
             print(f"    {label:<14} {_line(own)}")
 
 
-def _drive(loaded: Any, spec: str, odometry: str, clustering: str, confidence: float, frames: int) -> Any:
-    """Run a pipeline over the drive, without a run folder."""
+def _map_of(
+    drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float, frames: int
+) -> list[MapObject]:
+    """The map that a pipeline makes of the drive's first frames, without a run folder."""
     from edgemap.geometry.floor import FloorCamera
-    from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.cameras.drive_camera import drive_camera
     from edgemap.runtime.loop import run
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
 
-    with open_camera(spec) as source:
-        assert source.intrinsics is not None
-        assert source.mount is not None
-        floor = FloorCamera(source.intrinsics, source.mount)
+    with drive_camera(drive, str(drive.folder)) as source:
+        floor = FloorCamera(*lens_and_mount(source, None, None))
         motion = open_odometry(odometry, loaded, source, floor)
         pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence)
         run(source, pipeline, [], frames)
-    return pipeline
+    return pipeline.objects()
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
@@ -127,11 +129,7 @@ def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
 
     seen: Counter[str] = Counter()
     for boxes in drive.boxes[:frames]:
-        if boxes.visible is None:
-            continue
-        sides = (boxes.boxes[:, 2:] - boxes.boxes[:, :2]).max(axis=1, initial=0.0)
-        good = (sides >= SEEN_SIDE_PX) & (boxes.visible >= SEEN_SHARE)
-        seen.update(identity for identity, counts in zip(boxes.ids, good, strict=True) if counts)
+        seen.update(boxes.seen_ids())
     return [
         TrueObject(
             item["label"],

@@ -11,6 +11,8 @@ from scipy.optimize import linear_sum_assignment
 
 from edgemap.geometry.floor_map import CHI2_95, MapObject
 
+LEAST_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
+
 
 @dataclass(frozen=True, slots=True)
 class TrueObject:
@@ -23,8 +25,13 @@ class TrueObject:
     frames: int
 
 
+def scored(truth: Sequence[TrueObject], least_frames: int = LEAST_FRAMES) -> list[TrueObject]:
+    """Those that a map must hold: on the floor, and seen often enough."""
+    return [item for item in truth if item.on_floor and item.frames >= least_frames]
+
+
 def score_map(
-    objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float = 0.5, least_frames: int = 10
+    objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float = 0.5, least_frames: int = LEAST_FRAMES
 ) -> dict[str, Any]:
     """Match by class, one to one, within the radius, no alignment: the most pairs, then the least distance.
 
@@ -58,16 +65,16 @@ def _match(
 ) -> _Match:
     mapped = [item for item in objects if item.label == label]
     standing = [item for item in truth if item.label == label and item.on_floor]
-    scored = [item for item in standing if item.frames >= least_frames]
-    pairs = _pairs(mapped, scored, radius_m)
+    wanted = scored(standing, least_frames)
+    pairs = _pairs(mapped, wanted, radius_m)
     left = [item for row, item in enumerate(mapped) if row not in {row for row, _ in pairs}]
     ignored = _pairs(left, [item for item in standing if item.frames < least_frames], radius_m)
     errors, covered = [], []
     for row, column in pairs:
-        difference = mapped[row].position_m - [scored[column].x_m, scored[column].y_m]
+        difference = mapped[row].position_m - [wanted[column].x_m, wanted[column].y_m]
         errors.append(float(np.linalg.norm(difference)))
         covered.append(bool(difference @ np.linalg.inv(mapped[row].covariance_m2) @ difference <= CHI2_95))
-    return _Match(errors, covered, len(mapped) - len(ignored), len(scored))
+    return _Match(errors, covered, len(mapped) - len(ignored), len(wanted))
 
 
 def _pairs(mapped: list[MapObject], true: list[TrueObject], radius_m: float) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.errors import GeometryError
-from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.mount import Mount
 
 Array = NDArray[np.float64]
@@ -76,9 +76,7 @@ class FloorCamera:
         z = self.rays_base(np.column_stack([np.full_like(rows, column), rows]))[:, 2]
         below = np.flatnonzero(z < 0)
         if len(below) == 0 or below[0] == 0:
-            undistorted = replace(
-                self, intrinsics=replace(self.intrinsics, distortion=type(self.intrinsics.distortion)())
-            )
+            undistorted = replace(self, intrinsics=replace(self.intrinsics, distortion=Distortion()))
             return undistorted.horizon_row(column)
         first = below[0]
         return float(rows[first - 1] + (rows[first] - rows[first - 1]) * z[first - 1] / (z[first - 1] - z[first]))

@@ -96,11 +96,6 @@ def outdoors(rng: np.random.Generator, width_px: int = 256, height_px: int = 256
     return _finished(green * mix + sky * (1.0 - mix))
 
 
-def plain(colour: ArrayLike, size_px: int = 4) -> Texture:
-    """One even colour."""
-    return _finished(np.broadcast_to(np.asarray(colour, dtype=np.float64), (size_px, size_px, 3)))
-
-
 def _finished(image: Array) -> Texture:
     rgba = np.full((*image.shape[:2], 4), 255, dtype=np.uint8)
     rgba[..., :3] = np.clip(image, 0.0, 255.0).astype(np.uint8)

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
 from edgemap.simulation.renderer import Renderer
 from edgemap.simulation.room import Room
 from edgemap.simulation.view import View
 
-# An object counts as seen in a picture when its box has this side and this share of it is visible.
-SEEN_SIDE_PX, SEEN_SHARE = 24.0, 0.30
 _SMALLEST_PX = 40
 
 

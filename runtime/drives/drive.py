@@ -13,6 +13,9 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.runtime.trajectory import Trajectory
 
+# A picture counts as having seen an object when this share of it is visible and its box's longer side is this long.
+SEEN_SHARE, SEEN_SIDE_PX = 0.30, 24.0
+
 
 @dataclass(frozen=True, slots=True)
 class LabelledBoxes:
@@ -26,6 +29,13 @@ class LabelledBoxes:
     labels: tuple[str, ...]
     visible: NDArray[np.float64] | None = None
     ids: tuple[str, ...] = ()
+
+    def seen_ids(self) -> set[str]:
+        """Objects that this picture counts as having seen; a visibility that is not known counts as whole."""
+        visible = np.ones(len(self.boxes)) if self.visible is None else self.visible
+        sides_px = (self.boxes[:, 2:] - self.boxes[:, :2]).max(axis=1, initial=0.0)
+        seen = (visible >= SEEN_SHARE) & (sides_px >= SEEN_SIDE_PX)
+        return {identity for identity, counts in zip(self.ids, seen, strict=False) if counts}
 
 
 @dataclass(frozen=True, slots=True)

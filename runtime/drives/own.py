@@ -27,7 +27,6 @@ from edgemap.runtime.drives.truth_json import ObjectRecord, read_boxes, read_obj
 from edgemap.runtime.errors import CameraError
 
 VIDEO_NAME = "video.mp4"
-SEEN_SHARE, SEEN_SIDE_PX = 0.3, 24.0  # a frame counts as having seen an object from here on
 
 
 def read_own(folder: Path) -> Drive:
@@ -89,16 +88,5 @@ def _rate(stamps: np.ndarray) -> float:
 def _with_visibility(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
     entry = asdict(record)
     if record.visible_frames is None and boxes:
-        entry["visible_frames"] = sum(_sees(frame, str(record.id)) for frame in boxes)
+        entry["visible_frames"] = sum(str(record.id) in frame.seen_ids() for frame in boxes)
     return entry
-
-
-def _sees(frame: LabelledBoxes, object_id: str) -> bool:
-    for box_id, box, visible in zip(frame.ids, frame.boxes, _visible(frame), strict=False):
-        if box_id == object_id and visible >= SEEN_SHARE and max(box[2] - box[0], box[3] - box[1]) >= SEEN_SIDE_PX:
-            return True
-    return False
-
-
-def _visible(frame: LabelledBoxes) -> np.ndarray:
-    return frame.visible if frame.visible is not None else np.ones(len(frame.boxes))
