@@ -17,7 +17,7 @@ def main() -> int:
     parser.add_argument("--images", action="store_true", help="lossless pictures in images/ instead of video.mp4")
     parser.add_argument("-o", "--out", type=Path, required=True, help="folder of the drive")
     options = parser.parse_args()
-    from edgemap.simulation.credits import credits_text
+    from edgemap.simulation.apartment.credits import credits_text
     from edgemap.simulation.record import record
 
     try:
@@ -26,8 +26,8 @@ def main() -> int:
         print(f"edgemap.simulation: {error}", file=sys.stderr)
         return 1
     command = f"python -m edgemap.simulation --seed {options.seed} --frames {options.frames} -o DIR"
-    (options.out / "README.md").write_text(credits_text(made.room, command))
-    print(f"{options.out}: {options.frames} pictures, {len(made.room.furniture)} pieces of furniture")
+    (options.out / "README.md").write_text(credits_text(made.apartment, command))
+    print(f"{options.out}: {options.frames} pictures, {len(made.apartment.furniture)} pieces of furniture")
     return 0
 
 

@@ -13,13 +13,13 @@ import numpy as np
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
+from edgemap.simulation.apartment.apartment import Apartment, furnish
 from edgemap.simulation.errors import SimulationError, require
-from edgemap.simulation.light import bake
-from edgemap.simulation.renderer import Renderer
-from edgemap.simulation.robot import wheel_odometry
-from edgemap.simulation.room import Room, furnish
+from edgemap.simulation.render.light import bake
+from edgemap.simulation.render.renderer import Renderer
+from edgemap.simulation.render.view import View
+from edgemap.simulation.robot.drive import wheel_odometry
 from edgemap.simulation.truth import object_records, picture_boxes
-from edgemap.simulation.view import View
 from edgemap.simulation.world import CameraSetup, build_scene, plan_drive
 
 EXPOSURE = 1.9
@@ -29,7 +29,7 @@ EXPOSURE = 1.9
 class Recording:
     """What was recorded: the room, the base's poses in it, and the boxes of every picture."""
 
-    room: Room
+    apartment: Apartment
     poses_room_base: list[SE2]
     boxes: list[list[dict[str, Any]]]
 
@@ -50,16 +50,16 @@ def record(
     camera, folder = camera or CameraSetup(), Path(folder)
     for module in ("moderngl", "embreex", "PIL"):
         require(module)
-    room = furnish(seed)
-    poses = plan_drive(room, camera, frames, seed)
-    renderer = Renderer(bake(build_scene(room, seed), seed), camera.intrinsics, EXPOSURE)
+    apartment = furnish(seed)
+    poses = plan_drive(apartment, camera, frames, seed)
+    renderer = Renderer(bake(build_scene(apartment, seed), seed), camera.intrinsics, EXPOSURE)
     folder.mkdir(parents=True, exist_ok=True)
     save, close = _video(folder, camera) if video else _images(folder)
     boxes = []
     for index, pose in enumerate(poses):
         view = View.of_base(pose, camera.mount)
         save(index, renderer.picture(view))
-        boxes.append(picture_boxes(renderer, view, room))
+        boxes.append(picture_boxes(renderer, view, apartment))
         progress(index)
     close()
     renderer.close()
@@ -67,9 +67,9 @@ def record(
     truth = Trajectory(stamps, tuple(poses)).from_start()
     believed = wheel_odometry(poses, np.random.default_rng([seed, 3]))
     wheel = [(stamp, pose.x_m, pose.y_m, pose.yaw_rad) for stamp, pose in zip(stamps, believed, strict=True)]
-    objects = object_records(room, poses[0], boxes)
+    objects = object_records(apartment, poses[0], boxes)
     write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel)
-    return Recording(room, poses, boxes)
+    return Recording(apartment, poses, boxes)
 
 
 _Sink = tuple[Callable[[int, np.ndarray], None], Callable[[], None]]

@@ -11,14 +11,14 @@ from scipy.ndimage import find_objects
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
-from edgemap.simulation.renderer import Renderer
-from edgemap.simulation.room import Room
-from edgemap.simulation.view import View
+from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.render.renderer import Renderer
+from edgemap.simulation.render.view import View
 
 _SMALLEST_PX = 40
 
 
-def picture_boxes(renderer: Renderer, view: View, room: Room) -> list[dict[str, Any]]:
+def picture_boxes(renderer: Renderer, view: View, apartment: Apartment) -> list[dict[str, Any]]:
     """Labelled objects in view: `id`, `label`, `box` around the visible pixels, `visible` share 0..1.
 
     A box is (x0, y0, x1, y1) with pixel k covering k to k + 1, cut by the picture's border. The share is of
@@ -27,7 +27,7 @@ def picture_boxes(renderer: Renderer, view: View, room: Room) -> list[dict[str, 
     ids, _ = renderer.ids_and_depth(view)
     extents, counts = find_objects(ids), np.bincount(ids.ravel())
     records = []
-    for item in room.furniture:
+    for item in apartment.furniture:
         if not item.label or item.id >= len(counts) or counts[item.id] < _SMALLEST_PX:
             continue
         pixels = int(counts[item.id])
@@ -44,17 +44,19 @@ def is_seen(record: dict[str, Any]) -> bool:
     return max(x1 - x0, y1 - y0) >= SEEN_SIDE_PX and record["visible"] >= SEEN_SHARE
 
 
-def object_records(room: Room, pose_room_map: SE2, boxes: Sequence[Sequence[dict[str, Any]]]) -> list[dict[str, Any]]:
+def object_records(
+    apartment: Apartment, pose_home_map: SE2, boxes: Sequence[Sequence[dict[str, Any]]]
+) -> list[dict[str, Any]]:
     """One record per labelled object, in the map frame: position of the footprint's centre, footprint, size in metres,
     and in how many pictures it counts as seen."""
-    pose_map_room = pose_room_map.inverse()
+    pose_map_home = pose_home_map.inverse()
     seen = [record["id"] for frame in boxes for record in frame if is_seen(record)]
     records = []
-    for item in room.furniture:
+    for item in apartment.furniture:
         if not item.label:
             continue
-        centre = pose_map_room.apply([item.pose_room_object.x_m, item.pose_room_object.y_m])
-        footprint = pose_map_room.apply(item.footprint_room_m())
+        centre = pose_map_home.apply([item.pose_home_object.x_m, item.pose_home_object.y_m])
+        footprint = pose_map_home.apply(item.footprint_home_m())
         records.append(
             {
                 "id": item.id,

@@ -7,7 +7,7 @@ from edgemap.geometry.errors import EdgemapError
 
 @pytest.fixture(scope="session")
 def furniture_catalogue():
-    from edgemap.simulation import furniture
+    from edgemap.simulation.apartment import furniture
 
     try:
         return furniture.catalogue()
@@ -17,22 +17,22 @@ def furniture_catalogue():
 
 @pytest.fixture(scope="session")
 def world(furniture_catalogue):
-    """(room, lit scene) of seed 5 with coarse light."""
+    """(apartment, lit scene) of seed 5 with coarse light."""
     pytest.importorskip("embreex")
     pytest.importorskip("PIL")
-    from edgemap.simulation.light import BakeSettings, bake
-    from edgemap.simulation.room import furnish
+    from edgemap.simulation.apartment.apartment import furnish
+    from edgemap.simulation.render.light import BakeSettings, bake
     from edgemap.simulation.world import build_scene
 
-    room = furnish(5)
+    apartment = furnish(5)
     settings = BakeSettings(texel_m=0.1, vertex_spacing_m=0.3, lamp_samples=2, hemisphere_samples=4, bounces=1)
-    return room, bake(build_scene(room, 5), 5, settings)
+    return apartment, bake(build_scene(apartment, 5), 5, settings)
 
 
 @pytest.fixture(scope="session")
 def renderer(world):
     pytest.importorskip("moderngl")
-    from edgemap.simulation.renderer import Renderer
+    from edgemap.simulation.render.renderer import Renderer
     from edgemap.simulation.world import CameraSetup
 
     try:

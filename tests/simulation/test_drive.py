@@ -6,32 +6,32 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.robot import FreeSpace, Limits, drive_along, wheel_odometry
+from edgemap.simulation.robot.drive import FreeSpace, Limits, drive_along, wheel_odometry
 
 
 def distance_to_footprint(item, points):
     """Distance (N,) from points to an oriented rectangle, by hand."""
-    local = np.abs(item.pose_room_object.inverse().apply(points))
+    local = np.abs(item.pose_home_object.inverse().apply(points))
     beyond = np.maximum(local - [item.model.depth_m / 2, item.model.width_m / 2], 0.0)
     return np.linalg.norm(beyond, axis=1)
 
 
 @pytest.fixture(scope="module")
 def drive(furniture_catalogue):
-    from edgemap.simulation.room import furnish
+    from edgemap.simulation.apartment.apartment import furnish
     from edgemap.simulation.world import CameraSetup, plan_drive
 
-    room = furnish(5)
-    return room, plan_drive(room, CameraSetup(), 120, 5)
+    apartment = furnish(5)
+    return apartment, plan_drive(apartment, CameraSetup(), 120, 5)
 
 
 def test_drive_never_touches_anything(drive):
-    room, poses = drive
+    apartment, poses = drive
     points = np.array([[pose.x_m, pose.y_m] for pose in poses])
     radius = Limits().radius_m
     assert points.min() > radius
-    assert (points < [room.shell.width_m - radius, room.shell.depth_m - radius]).all()
-    for item in room.furniture:
+    assert (points < [apartment.shell.width_m - radius, apartment.shell.depth_m - radius]).all()
+    for item in apartment.furniture:
         if item.on_floor:
             assert distance_to_footprint(item, points).min() > radius, item
 
@@ -51,8 +51,8 @@ def test_drive_is_smooth_and_starts_and_ends_at_rest(drive):
 def test_drive_of_a_seed_is_always_the_same(drive):
     from edgemap.simulation.world import CameraSetup, plan_drive
 
-    room, poses = drive
-    assert plan_drive(room, CameraSetup(), 120, 5) == poses
+    apartment, poses = drive
+    assert plan_drive(apartment, CameraSetup(), 120, 5) == poses
 
 
 def test_straight_way_takes_the_time_of_its_trapezium():
@@ -67,12 +67,12 @@ def test_straight_way_takes_the_time_of_its_trapezium():
 
 
 def test_free_space_measures_distance_to_walls_and_furniture(drive):
-    room, _ = drive
-    free = FreeSpace(room)
+    apartment, _ = drive
+    free = FreeSpace(apartment)
     rng = np.random.default_rng(0)
-    points = rng.uniform([0.1, 0.1], [room.shell.width_m - 0.1, room.shell.depth_m - 0.1], (400, 2))
-    walls = np.minimum(points, [room.shell.width_m, room.shell.depth_m] - points).min(axis=1)
-    pieces = [distance_to_footprint(item, points) for item in room.furniture if item.on_floor]
+    points = rng.uniform([0.1, 0.1], [apartment.shell.width_m - 0.1, apartment.shell.depth_m - 0.1], (400, 2))
+    walls = np.minimum(points, [apartment.shell.width_m, apartment.shell.depth_m] - points).min(axis=1)
+    pieces = [distance_to_footprint(item, points) for item in apartment.furniture if item.on_floor]
     expected = np.minimum(walls, np.min(pieces, axis=0))
     assert np.abs(free.clearance_m(points) - expected).max() < 0.05
 
@@ -86,14 +86,14 @@ def test_wheels_drift_a_little_but_not_much():
 
 
 def test_boxes_hold_their_pixels(world, renderer):
+    from edgemap.simulation.render.view import View
     from edgemap.simulation.truth import picture_boxes
-    from edgemap.simulation.view import View
     from edgemap.simulation.world import CameraSetup
 
-    room, _ = world
-    view = View.of_base(SE2(room.shell.width_m / 2, room.shell.depth_m / 2, -0.5), CameraSetup().mount)
+    apartment, _ = world
+    view = View.of_base(SE2(apartment.shell.width_m / 2, apartment.shell.depth_m / 2, -0.5), CameraSetup().mount)
     ids, _ = renderer.ids_and_depth(view)
-    records = picture_boxes(renderer, view, room)
+    records = picture_boxes(renderer, view, apartment)
     assert records
     for record in records:
         rows, columns = np.nonzero(ids == record["id"])
@@ -103,17 +103,17 @@ def test_boxes_hold_their_pixels(world, renderer):
 
 def test_visible_share_falls_when_the_border_cuts(world, renderer):
     """Turning away from the refrigerator lowers its visible share from nearly all to little."""
+    from edgemap.simulation.render.view import View
     from edgemap.simulation.truth import picture_boxes
-    from edgemap.simulation.view import View
     from edgemap.simulation.world import CameraSetup
 
-    room, _ = world
+    apartment, _ = world
     setup = CameraSetup()
-    chair = next(item for item in room.furniture if item.label == "couch")
-    spot = chair.pose_room_object @ SE2(2.6, 0.0, np.pi)
+    chair = next(item for item in apartment.furniture if item.label == "couch")
+    spot = chair.pose_home_object @ SE2(2.6, 0.0, np.pi)
     shares = []
     for turn in (0.0, 0.35, 0.55):
-        records = picture_boxes(renderer, View.of_base(spot @ SE2(0.0, 0.0, turn), setup.mount), room)
+        records = picture_boxes(renderer, View.of_base(spot @ SE2(0.0, 0.0, turn), setup.mount), apartment)
         shares.append({record["id"]: record["visible"] for record in records}.get(chair.id, 0.0))
     assert shares[0] > 0.8
     assert shares[0] > shares[1] > shares[2]

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from edgemap.simulation.mesh import Material, quad, subdivided
-from edgemap.simulation.scene import AreaLight, Scene, Surface
+from edgemap.simulation.render.mesh import Material, quad, subdivided
+from edgemap.simulation.render.scene import AreaLight, Scene, Surface
 
 pytest.importorskip("embreex")
 
-from edgemap.simulation.light import BakeSettings, bake
-from edgemap.simulation.raytracer import cosine_directions, r2_sequence
+from edgemap.simulation.render.light import BakeSettings, bake
+from edgemap.simulation.render.raytracer import cosine_directions, r2_sequence
 
 GREY = Material((0.5, 0.5, 0.5))
 
@@ -29,8 +29,8 @@ def test_small_lamp_follows_the_inverse_square_law():
 
 
 def test_box_throws_a_shadow():
-    from edgemap.simulation.mesh import box
-    from edgemap.simulation.scene import Solid
+    from edgemap.simulation.render.mesh import box
+    from edgemap.simulation.render.scene import Solid
 
     block = Solid(1, box((-0.3, -0.3, 0.5), (0.3, 0.3, 0.6), GREY))
     lit = bake(Scene((floor(3.0),), (block,), (lamp(2.0, 0.1, 100.0),)), 0, BakeSettings(texel_m=0.1, bounces=0))
@@ -51,8 +51,8 @@ def test_cosine_directions_have_a_cosine_density():
 
 
 def test_subdivided_part_of_a_solid_is_lit_on_the_side_of_the_lamp():
-    from edgemap.simulation.mesh import Mesh
-    from edgemap.simulation.scene import Solid
+    from edgemap.simulation.render.mesh import Mesh
+    from edgemap.simulation.render.scene import Solid
 
     sheet = Solid(1, Mesh((subdivided(quad((-0.2, -0.2, 1), (0.4, 0, 0), (0, 0.4, 0), GREY), 0.1),)))
     lit = bake(Scene((), (sheet,), (lamp(2.0, 0.1, 100.0),)), 0, BakeSettings(bounces=0))

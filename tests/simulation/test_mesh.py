@@ -4,8 +4,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from edgemap.simulation.mesh import Material, box, quad, subdivided
-from edgemap.simulation.obj import read_obj
+from edgemap.simulation.render.mesh import Material, box, quad, subdivided
+from edgemap.simulation.render.obj import read_obj
 
 
 def area(part):

@@ -9,8 +9,8 @@ import pytest
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.mesh import Material, box
-from edgemap.simulation.scene import LitPart, LitScene
+from edgemap.simulation.render.mesh import Material, box
+from edgemap.simulation.render.scene import LitPart, LitScene
 
 POSE = SE2(1.0, 2.0, 0.4)
 # Nothing square, nothing centred: every sign and offset must be right.
@@ -23,7 +23,7 @@ def markers():
     """Small boxes (2 cm) in front of the robot, their middles (N, 3), and a renderer of them."""
     pytest.importorskip("moderngl")
     from edgemap.geometry.errors import EdgemapError
-    from edgemap.simulation.renderer import Renderer
+    from edgemap.simulation.render.renderer import Renderer
 
     base = np.array([[1.5, 0.0, 0.02], [2.0, 0.5, 0.3], [3.0, -0.9, 0.7], [2.5, 0.9, 0.05], [1.2, -0.2, 0.3]])
     middles = np.column_stack([POSE.apply(base[:, :2]), base[:, 2]])
@@ -47,7 +47,7 @@ def optical(points_room):
 
 
 def test_ids_stand_where_geometry_projects_them(markers):
-    from edgemap.simulation.view import View
+    from edgemap.simulation.render.view import View
 
     middles, renderer = markers
     ids, depth = renderer.ids_and_depth(View.of_base(POSE, MOUNT))
@@ -61,7 +61,7 @@ def test_ids_stand_where_geometry_projects_them(markers):
 
 
 def test_picture_and_ids_agree(markers):
-    from edgemap.simulation.view import View
+    from edgemap.simulation.render.view import View
 
     _, renderer = markers
     view = View.of_base(POSE, MOUNT)
@@ -72,7 +72,7 @@ def test_picture_and_ids_agree(markers):
 
 
 def test_silhouette_counts_what_the_picture_shows(markers):
-    from edgemap.simulation.view import View
+    from edgemap.simulation.render.view import View
 
     middles, renderer = markers
     view = View.of_base(POSE, MOUNT)
@@ -83,12 +83,12 @@ def test_silhouette_counts_what_the_picture_shows(markers):
 
 def test_floor_depth_is_that_of_the_ray(world, renderer):
     """Every floor pixel's depth is where its viewing ray meets z = 0, to the centimetre."""
-    from edgemap.simulation.view import View
+    from edgemap.simulation.render.view import View
     from edgemap.simulation.world import CameraSetup
 
     setup = CameraSetup()
-    room, _ = world
-    pose = SE2(room.shell.width_m / 2, room.shell.depth_m / 2, 0.7)
+    apartment, _ = world
+    pose = SE2(apartment.shell.width_m / 2, apartment.shell.depth_m / 2, 0.7)
     ids, depth = renderer.ids_and_depth(View.of_base(pose, setup.mount))
     rows, columns = np.mgrid[0:480:7, 0:640:7]
     rays = setup.intrinsics.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
@@ -100,7 +100,9 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
     # Where the ray meets the floor inside the room and no furniture is before it, it shows the floor (or the rug,
     # 6 mm higher).
     on_floor = pose.apply((rays * expected[:, None]) @ setup.mount.rotation_base_optical().T[:, :2] + [0.15, 0.0])
-    inside = ((on_floor > 0.1) & (on_floor < np.array([room.shell.width_m, room.shell.depth_m]) - 0.1)).all(axis=1)
+    inside = ((on_floor > 0.1) & (on_floor < np.array([apartment.shell.width_m, apartment.shell.depth_m]) - 0.1)).all(
+        axis=1
+    )
     shown = below & inside & (what == 0)
     assert shown.sum() > 500
     assert np.abs(found - expected)[shown].max() < 0.006 / 0.25 + 0.005
@@ -108,15 +110,15 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
 
 
 def test_same_seed_same_picture(world, renderer):
-    from edgemap.simulation.light import BakeSettings, bake
-    from edgemap.simulation.renderer import Renderer
-    from edgemap.simulation.room import furnish
-    from edgemap.simulation.view import View
+    from edgemap.simulation.apartment.apartment import furnish
+    from edgemap.simulation.render.light import BakeSettings, bake
+    from edgemap.simulation.render.renderer import Renderer
+    from edgemap.simulation.render.view import View
     from edgemap.simulation.world import CameraSetup, build_scene
 
-    room, _ = world
+    apartment, _ = world
     again = furnish(5)
-    assert again == room
+    assert again == apartment
     settings = BakeSettings(texel_m=0.1, vertex_spacing_m=0.3, lamp_samples=2, hemisphere_samples=4, bounces=1)
     setup = CameraSetup()
     other = Renderer(bake(build_scene(again, 5), 5, settings), setup.intrinsics, exposure=1.9)
@@ -129,7 +131,7 @@ def test_same_seed_same_picture(world, renderer):
 def test_distorted_lens_is_refused(world):
     from edgemap.geometry.intrinsics import Distortion
     from edgemap.simulation.errors import SimulationError
-    from edgemap.simulation.renderer import Renderer
+    from edgemap.simulation.render.renderer import Renderer
 
     bent = replace(INTRINSICS, distortion=Distortion("brown_conrady", (0.1,)))
     with pytest.raises(SimulationError, match="distortion"):

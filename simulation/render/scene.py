@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.mesh import Array, Material, Mesh, Part, Tile, quad
+from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, Tile, quad
 
 ROOM_ID = 0
 

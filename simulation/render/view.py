@@ -9,7 +9,7 @@ import numpy as np
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.mesh import Array
+from edgemap.simulation.render.mesh import Array
 
 NEAR_M, FAR_M = 0.05, 40.0
 
@@ -18,20 +18,20 @@ NEAR_M, FAR_M = 0.05, 40.0
 class View:
     """Where the camera is in the room: rotation (3, 3) from optical to room axes, position (3,) in metres."""
 
-    rotation_room_optical: Array
-    position_room_m: Array
+    rotation_home_optical: Array
+    position_home_m: Array
 
     @classmethod
-    def of_base(cls, pose_room_base: SE2, mount: Mount) -> View:
+    def of_base(cls, pose_home_base: SE2, mount: Mount) -> View:
         """The view of a camera mounted on a base that stands in the room."""
         turn = np.eye(3)
-        turn[:2, :2] = pose_room_base.rotation()
-        position = turn @ mount.position_base_m() + [pose_room_base.x_m, pose_room_base.y_m, 0.0]
+        turn[:2, :2] = pose_home_base.rotation()
+        position = turn @ mount.position_base_m() + [pose_home_base.x_m, pose_home_base.y_m, 0.0]
         return cls(turn @ mount.rotation_base_optical(), position)
 
-    def to_optical(self, points_room_m: Array) -> Array:
+    def to_optical(self, points_home_m: Array) -> Array:
         """Points of the room (N, 3) in the optical frame."""
-        return (points_room_m - self.position_room_m) @ self.rotation_room_optical
+        return (points_home_m - self.position_home_m) @ self.rotation_home_optical
 
 
 def projection(intrinsics: Intrinsics) -> Array:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edgemap.simulation import textures
-from edgemap.simulation.mesh import Array, Material, Mesh, box, quad
-from edgemap.simulation.scene import ROOM_ID, AreaLight, Solid, Surface
+from edgemap.simulation.apartment import textures
+from edgemap.simulation.render.mesh import Array, Material, Mesh, box, quad
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Solid, Surface
 
 Colour = tuple[float, float, float]
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from edgemap.simulation.errors import require
-from edgemap.simulation.mesh import Array, Material, Mesh, Part, srgb_to_linear
+from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, srgb_to_linear
 
 _LARGEST_TEXTURE_PX = 512
 # Sweet Home 3D: x to a viewer's right, y up, z out of the front. REP-103: x out of the front, y left, z up.

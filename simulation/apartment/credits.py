@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edgemap.simulation.room import Room
+from edgemap.simulation.apartment.apartment import Apartment
 
 _LICENCE_LINKS = {
     "CC0 1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
@@ -11,12 +11,12 @@ _LICENCE_LINKS = {
 }
 
 
-def credits_text(room: Room, command: str) -> str:
+def credits_text(apartment: Apartment, command: str) -> str:
     """Markdown: how the drive was made, and each distinct model with creator, library and licence."""
     rows = sorted(
         {
             f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{m.licence}]({_LICENCE_LINKS[m.licence]}) |"
-            for m in (item.model for item in room.furniture)
+            for m in (item.model for item in apartment.furniture)
         }
     )
     return f"""# A simulated drive

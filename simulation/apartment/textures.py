@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edgemap.simulation.mesh import Array
+from edgemap.simulation.render.mesh import Array
 
 Texture = NDArray[np.uint8]
 

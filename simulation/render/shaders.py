@@ -2,13 +2,13 @@
 
 VERTEX = """#version 330
 in vec3 position; in vec3 normal; in vec2 uv; in vec3 front; in vec3 back; in float id;
-uniform mat4 clip_room; uniform vec2 map_scale;
+uniform mat4 clip_home; uniform vec2 map_scale;
 out vec3 at; out vec3 shading; out vec2 texel; out vec2 map_at; out vec3 light_front; out vec3 light_back;
 flat out float object;
 void main() {
     at = position; shading = normal; texel = uv; map_at = uv * map_scale;
     light_front = front; light_back = back; object = id;
-    gl_Position = clip_room * vec4(position, 1.0);
+    gl_Position = clip_home * vec4(position, 1.0);
 }"""
 
 COLOUR = """#version 330

@@ -13,8 +13,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.mesh import Mesh
-from edgemap.simulation.obj import read_obj
+from edgemap.simulation.render.mesh import Mesh
+from edgemap.simulation.render.obj import read_obj
 
 LIBRARIES = Path("/usr/share/sweethome3d/furniture")
 LICENCES = {

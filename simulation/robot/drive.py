@@ -12,8 +12,8 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.mesh import Array
-from edgemap.simulation.room import Room
+from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.render.mesh import Array
 
 _CELL_M = 0.03
 # Headings tried per control point of a way, and the sharpest turn at one.
@@ -34,19 +34,19 @@ class Limits:
 class FreeSpace:
     """Distance from any point of the floor to the nearest wall or piece of furniture."""
 
-    def __init__(self, room: Room) -> None:
-        columns, rows = (math.ceil(side / _CELL_M) for side in (room.shell.width_m, room.shell.depth_m))
+    def __init__(self, apartment: Apartment) -> None:
+        columns, rows = (math.ceil(side / _CELL_M) for side in (apartment.shell.width_m, apartment.shell.depth_m))
         x, y = np.meshgrid((np.arange(columns) + 0.5) * _CELL_M, (np.arange(rows) + 0.5) * _CELL_M)
         free = np.ones((rows, columns), dtype=bool)
         free[[0, -1]] = free[:, [0, -1]] = False
         points = np.stack([x, y], axis=-1).reshape(-1, 2)
-        for item in room.furniture:
+        for item in apartment.furniture:
             if item.on_floor:
-                local = np.abs(item.pose_room_object.inverse().apply(points))
+                local = np.abs(item.pose_home_object.inverse().apply(points))
                 inside = (local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=1)
                 free &= ~inside.reshape(rows, columns)
         self._distance_m = np.asarray(distance_transform_edt(free), dtype=np.float64) * _CELL_M
-        self.size_m = np.array([room.shell.width_m, room.shell.depth_m])
+        self.size_m = np.array([apartment.shell.width_m, apartment.shell.depth_m])
 
     def clearance_m(self, points_m: Array) -> Array:
         """Distances (N,) for points (N, 2); 0 outside the room. Good to half a cell (1.5 cm)."""

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from edgemap.simulation.mesh import Array, Material, Part, subdivided
-from edgemap.simulation.raytracer import Raytracer, cosine_directions, r2_sequence
-from edgemap.simulation.scene import LitPart, LitScene, Scene, Surface
+from edgemap.simulation.render.mesh import Array, Material, Part, subdivided
+from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, r2_sequence
+from edgemap.simulation.render.scene import LitPart, LitScene, Scene, Surface
 
 
 @dataclass(frozen=True, slots=True)

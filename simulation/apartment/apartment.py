@@ -1,4 +1,4 @@
-"""One furnished room: which furniture stands where, deterministic per seed. Room frame: x right, y far, z up, metres.
+"""One furnished room: which furniture stands where, deterministic per seed. Home frame: x right, y far, z up, metres.
 
 First cut: one template, a living room with a dining corner. The seed draws models, jitters places and turns,
 mirrors the plan and tints floor and walls.
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation import furniture
-from edgemap.simulation.furniture import Model
-from edgemap.simulation.mesh import Array
-from edgemap.simulation.shell import Colour, Opening, Shell
+from edgemap.simulation.apartment import furniture
+from edgemap.simulation.apartment.furniture import Model
+from edgemap.simulation.apartment.shell import Colour, Opening, Shell
+from edgemap.simulation.render.mesh import Array
 
 _WALL_GAP_M = 0.03
 # Left edge of the window in the far wall.
@@ -28,13 +28,13 @@ _WALLS: tuple[Colour, ...] = ((222.0, 219.0, 208.0), (205.0, 214.0, 212.0), (224
 class Placed:
     """A piece of furniture in place. id: from 1, unique in the room. label: a COCO class, or "" for mere decoration.
 
-    pose_room_object: origin at the footprint's centre, x out of the front. z_m: what it stands on, above the floor.
+    pose_home_object: origin at the footprint's centre, x out of the front. z_m: what it stands on, above the floor.
     """
 
     id: int
     label: str
     model: Model
-    pose_room_object: SE2
+    pose_home_object: SE2
     z_m: float = 0.0
 
     @property
@@ -42,14 +42,14 @@ class Placed:
         """True where it stands on the floor rather than on other furniture or a wall."""
         return self.z_m < 0.02
 
-    def footprint_room_m(self) -> Array:
+    def footprint_home_m(self) -> Array:
         """Corners (4, 2) of its oriented bounding rectangle, counter-clockwise."""
         x, y = self.model.depth_m / 2.0, self.model.width_m / 2.0
-        return self.pose_room_object.apply([[x, -y], [x, y], [-x, y], [-x, -y]])
+        return self.pose_home_object.apply([[x, -y], [x, y], [-x, y], [-x, -y]])
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class Apartment:
     """A shell and its furniture."""
 
     shell: Shell
@@ -92,7 +92,7 @@ class _Layout:
         return float(self.rng.uniform(-span, span))
 
 
-def furnish(seed: int) -> Room:
+def furnish(seed: int) -> Apartment:
     """The room of a seed."""
     rng = np.random.default_rng(seed)
     width, depth = 6.2 + float(rng.uniform(-0.1, 0.2)), 4.7 + float(rng.uniform(-0.1, 0.2))
@@ -101,7 +101,7 @@ def furnish(seed: int) -> Room:
     _dining(layout)
     _plants(layout)
     _decoration(layout)
-    return Room(_shell(layout), tuple(layout.placed))
+    return Apartment(_shell(layout), tuple(layout.placed))
 
 
 def _seating(layout: _Layout) -> None:

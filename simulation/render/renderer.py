@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.simulation import shaders
 from edgemap.simulation.errors import SimulationError, require
-from edgemap.simulation.mesh import Array, Material
-from edgemap.simulation.scene import ROOM_ID, LitScene
-from edgemap.simulation.view import NEAR_M, View, projection
+from edgemap.simulation.render import shaders
+from edgemap.simulation.render.mesh import Array, Material
+from edgemap.simulation.render.scene import ROOM_ID, LitScene
+from edgemap.simulation.render.view import NEAR_M, View, projection
 
 
 @dataclass(slots=True)
@@ -94,13 +94,13 @@ class Renderer:
 
     def _aim(self, program: Any, view: View, intrinsics: Intrinsics) -> list[_Batch]:
         """Set a program's camera; returns the batches that may be in view, near ones first, see-through ones last."""
-        optical_room = np.eye(4)
-        optical_room[:3, :3] = view.rotation_room_optical.T
-        optical_room[:3, 3] = -view.rotation_room_optical.T @ view.position_room_m
-        clip_room = projection(intrinsics) @ optical_room
-        program["clip_room"].write(clip_room.T.astype("f4").tobytes())
-        program["eye"] = tuple(view.position_room_m)
-        corners = self._corners @ clip_room[:, :3].T + clip_room[:, 3]
+        optical_home = np.eye(4)
+        optical_home[:3, :3] = view.rotation_home_optical.T
+        optical_home[:3, 3] = -view.rotation_home_optical.T @ view.position_home_m
+        clip_home = projection(intrinsics) @ optical_home
+        program["clip_home"].write(clip_home.T.astype("f4").tobytes())
+        program["eye"] = tuple(view.position_home_m)
+        corners = self._corners @ clip_home[:, :3].T + clip_home[:, 3]
         sides, w = corners[..., :2], corners[..., 3:]
         outside = np.all(sides < -w, axis=1).any(axis=-1) | np.all(sides > w, axis=1).any(axis=-1)
         outside |= np.all(w[..., 0] < NEAR_M, axis=1)
@@ -133,7 +133,7 @@ class Renderer:
 
     def _draw_identity(self, view: View, intrinsics: Intrinsics, only: int | None) -> NDArray[np.float32]:
         in_view = self._aim(self._identity, view, intrinsics)
-        self._identity["forward"] = tuple(view.rotation_room_optical[:, 2])
+        self._identity["forward"] = tuple(view.rotation_home_optical[:, 2])
         self._exact.use()
         self._exact.clear(-1.0 if only is not None else float(ROOM_ID), 0.0, 0.0, 0.0)
         self._context.enable_only(self._gl.DEPTH_TEST)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.errors import require
-from edgemap.simulation.mesh import Array
+from edgemap.simulation.render.mesh import Array
 
 _OFFSET_M = 0.003
 
