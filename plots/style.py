@@ -6,10 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.colours import label_colour
 from edgemap.runtime.errors import MissingExtraError
 
 try:
     import matplotlib as mpl
+    import matplotlib.colors
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
@@ -29,10 +31,8 @@ INK, PAPER, GRID = "#22272e", "#ffffff", "#e6e8eb"
 
 
 def label_colours(labels: Iterable[str]) -> dict[str, tuple[float, float, float, float]]:
-    """One colour per label, the same for the same set of labels."""
-    ordered = sorted(set(labels))
-    palette = plt.get_cmap("tab10" if len(ordered) <= 10 else "tab20")
-    return {label: palette(index % palette.N) for index, label in enumerate(ordered)}
+    """Each label's colour, the same in every figure and on the live page, as RGBA in 0..1."""
+    return {label: mpl.colors.to_rgba(label_colour(label)) for label in sorted(set(labels))}
 
 
 def floor_axes(axes: Axes, title: str, frame: str) -> None:
