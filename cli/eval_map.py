@@ -137,6 +137,7 @@ def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
             item["y_m"],
             item["on_floor"],
             seen[str(item["id"])] if drive.boxes else int(item.get("visible_frames") or 0),
+            tuple((float(x_m), float(y_m)) for x_m, y_m in item.get("footprint_m") or ()),
         )
         for item in drive.objects
     ]

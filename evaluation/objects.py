@@ -16,13 +16,17 @@ LEAST_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 
 @dataclass(frozen=True, slots=True)
 class TrueObject:
-    """What stands in the room. x_m, y_m: centre of the footprint, start-pose frame. frames: in how many it was seen."""
+    """What stands in the room. x_m, y_m: centre of the footprint, start-pose frame. frames: in how many it was seen.
+
+    footprint_m: its corners, same frame; empty where unknown.
+    """
 
     label: str
     x_m: float
     y_m: float
     on_floor: bool
     frames: int
+    footprint_m: tuple[tuple[float, float], ...] = ()
 
 
 def scored(truth: Sequence[TrueObject], least_frames: int = LEAST_FRAMES) -> list[TrueObject]:
@@ -66,9 +70,9 @@ def _match(
     mapped = [item for item in objects if item.label == label]
     standing = [item for item in truth if item.label == label and item.on_floor]
     wanted = scored(standing, least_frames)
-    pairs = _pairs(mapped, wanted, radius_m)
+    pairs = pairs_within(mapped, wanted, radius_m)
     left = [item for row, item in enumerate(mapped) if row not in {row for row, _ in pairs}]
-    ignored = _pairs(left, [item for item in standing if item.frames < least_frames], radius_m)
+    ignored = pairs_within(left, [item for item in standing if item.frames < least_frames], radius_m)
     errors, covered = [], []
     for row, column in pairs:
         difference = mapped[row].position_m - [wanted[column].x_m, wanted[column].y_m]
@@ -77,7 +81,8 @@ def _match(
     return _Match(errors, covered, len(mapped) - len(ignored), len(wanted))
 
 
-def _pairs(mapped: list[MapObject], true: list[TrueObject], radius_m: float) -> list[tuple[int, int]]:
+def pairs_within(mapped: list[MapObject], true: list[TrueObject], radius_m: float) -> list[tuple[int, int]]:
+    """Indices (mapped, true) of the one-to-one pairs within a radius: the most pairs, then the least distance."""
     if not mapped or not true:
         return []
     places = np.array([[item.x_m, item.y_m] for item in true])
