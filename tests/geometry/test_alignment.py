@@ -1,0 +1,121 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from support.rooms import furnished, mapped
+
+from edgemap.geometry.alignment import AlignmentError, align
+from edgemap.geometry.se2 import SE2
+
+MOTIONS = st.builds(SE2, st.floats(-6, 6), st.floats(-6, 6), st.floats(-3.1, 3.1))
+SEEDS = st.integers(0, 10_000)
+# Seven things, placed by hand, that no turn or shift lays onto itself.
+CROOKED = [
+    ("chair", 0.0, 0.0), ("chair", 3.0, 0.4), ("couch", 1.0, 2.5), ("bed", 4.5, 3.0), ("tv", -1.0, 1.5),
+    ("potted plant", 2.0, -1.8), ("refrigerator", -0.5, 4.0),
+]  # fmt: skip
+
+
+def off_by_m(found: SE2, true: SE2, size_m=6.0) -> float:
+    """The farthest that any corner of the room is laid wrongly."""
+    corners = true.inverse().apply([[0, 0], [size_m, 0], [0, size_m], [size_m, size_m]])
+    return float(np.linalg.norm(found.apply(corners) - true.apply(corners), axis=1).max())
+
+
+@given(MOTIONS)
+@settings(max_examples=30, deadline=None)
+def test_a_map_without_noise_is_laid_exactly_onto_itself(motion):
+    found = align(mapped(CROOKED), mapped(CROOKED, motion))
+    assert off_by_m(found.pose_a_b, motion) < 1e-6
+    assert found.pairs == tuple((i, i) for i in range(7))
+    assert (found.shared, found.rms_m) == (7, pytest.approx(0.0, abs=1e-6))
+
+
+@given(SEEDS, MOTIONS)
+@settings(max_examples=60, deadline=None)
+def test_a_found_alignment_is_right_whatever_was_missed_or_made_up(seed, motion):
+    random = np.random.default_rng(seed)
+    room = furnished(random, int(random.integers(6, 20)))
+    maps = [mapped(room, pose, random, sigma_m=0.1, missed=0.2, false=2) for pose in (SE2(), motion)]
+    try:
+        found = align(*maps)
+    except AlignmentError:
+        assume(False)
+    else:
+        assert off_by_m(found.pose_a_b, motion) < 0.8
+
+
+def test_most_rooms_of_twelve_things_are_found_and_no_unrelated_ones():
+    random, found, wrong = np.random.default_rng(1), 0, 0
+    for _ in range(30):
+        room, other = furnished(random, 12), furnished(random, 12)
+        motion = SE2(*random.uniform(-5, 5, 2), random.uniform(-3, 3))
+        first, second, third = (
+            mapped(things, pose, random, sigma_m=0.1, missed=0.2, false=1)
+            for things, pose in ((room, SE2()), (room, motion), (other, motion))
+        )
+        found += _aligns(first, second)
+        wrong += _aligns(first, third)
+    assert found >= 27
+    assert wrong == 0
+
+
+def _aligns(first, second) -> bool:
+    try:
+        align(first, second)
+    except AlignmentError:
+        return False
+    return True
+
+
+def test_the_covariance_tells_how_far_off_it_is():
+    random, misses = np.random.default_rng(2), []
+    for _ in range(60):
+        motion = SE2(*random.uniform(-3, 3, 2), random.uniform(-3, 3))
+        first, second = (mapped(CROOKED, pose, random, sigma_m=0.05, told_sigma_m=0.05) for pose in (SE2(), motion))
+        found = align(first, second)
+        miss = found.pose_a_b.vector() - motion.vector()
+        miss[2] = math.remainder(miss[2], math.tau)
+        misses.append(miss @ np.linalg.solve(found.covariance, miss))
+    assert 1.5 < np.mean(misses) < 5.0  # 3 degrees of freedom; the scale for bad fits makes it smaller, never larger
+
+
+def test_a_mirror_image_is_another_place():
+    mirrored = [(label, x, -y) for label, x, y in CROOKED]
+    with pytest.raises(AlignmentError, match="explains"):
+        align(mapped(CROOKED), mapped(mirrored))
+
+
+@pytest.mark.parametrize(
+    "room",
+    [
+        [("chair", x, y) for x in (0.0, 2.0) for y in (0.0, 3.0)],  # a half turn
+        [("chair", 3 * math.cos(k * math.tau / 6), 3 * math.sin(k * math.tau / 6)) for k in range(6)],
+        [("chair", 1.5 * k, 0.0) for k in range(9)] + [("tv", 1.5 * k, 2.0) for k in range(9)],  # rows of desks
+    ],
+)
+def test_a_room_that_looks_the_same_from_elsewhere_is_refused(room):
+    with pytest.raises(AlignmentError, match=r"ambiguous|unrelated places"):
+        align(mapped(room), mapped(room, SE2(1.0, 2.0, 0.5)))
+
+
+def test_rows_of_desks_are_told_apart_by_their_ends():
+    rows = [("chair", 1.5 * k, 0.0) for k in range(9)] + [("tv", 1.5 * k, 2.0) for k in range(9)]
+    with pytest.raises(AlignmentError, match=r"ambiguous: .* explains 18 of 18 .* clearly different one 16"):
+        align(mapped(rows), mapped(rows))
+    marks = [("bed", -2.0, 1.0), ("couch", 14.0, -1.0), ("oven", 5.0, 4.0), ("toilet", 9.0, -3.0)]
+    assert align(mapped(rows + marks), mapped(rows + marks, SE2(3.0, 1.0, 2.0))).rival == 16
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_too_few_objects_are_refused_with_their_number(count):
+    with pytest.raises(AlignmentError, match=f"share {count} objects by label, at least 4"):
+        align(mapped(CROOKED), mapped(CROOKED[1 : 1 + count]))
+
+
+def test_maps_without_anything_near_each_other_are_refused():
+    near = [("chair", 0.1 * k, 0.0) for k in range(5)]
+    with pytest.raises(AlignmentError, match="no motion lays"):
+        align(mapped(near), mapped(CROOKED[:2] * 4))

@@ -1,0 +1,79 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.rooms import furnished, mapped
+
+from edgemap.geometry.alignment import Alignment, align
+from edgemap.geometry.association import AssociationRule
+from edgemap.geometry.merge import fused, merge_maps, moved
+from edgemap.geometry.se2 import SE2
+
+SURE = AssociationRule(systematic_m=0.0, systematic_extent_share=0.0)
+
+
+def laid(pose, pairs, covariance=None):
+    covariance = np.zeros((3, 3)) if covariance is None else covariance
+    return Alignment(pose, covariance, pairs, len(pairs), 0, 0.0, 0.0)
+
+
+def test_positions_are_weighted_by_their_information():
+    near, far = mapped([("chair", 0.0, 0.0)])[0], mapped([("chair", 0.3, 0.6)])[0]
+    near = replace(near, covariance_m2=np.diag([0.02, 0.04]))
+    far = replace(far, covariance_m2=np.diag([0.04, 0.02]))
+    chair = fused(near, far, SURE)
+    assert chair.position_m == pytest.approx([0.1, 0.4])  # x two parts to one, y one to two
+    assert chair.covariance_m2 == pytest.approx(np.diag([1 / 75, 1 / 75]))
+
+
+def test_what_both_maps_get_wrong_does_not_shrink():
+    chairs = [replace(mapped([("chair", 0.0, 0.0)])[0], covariance_m2=np.eye(2) * v) for v in (0.0464, 0.0464)]
+    chair = fused(*chairs, AssociationRule())  # 0.08 m: 0.0064 stays, 0.04 is halved
+    assert chair.covariance_m2 == pytest.approx(np.eye(2) * 0.0264)
+    twice = fused(*[replace(item, covariance_m2=np.eye(2) * 0.004) for item in chairs], AssociationRule())
+    assert twice.covariance_m2 == pytest.approx(np.eye(2) * 0.004)  # never less sure than the surer map
+
+
+def test_counts_times_confidence_and_sizes_of_both_maps():
+    ours = replace(mapped([("chair", 0.0, 0.0)])[0], count=30, width_m=0.4, first_seen_s=5.0, last_seen_s=9.0)
+    theirs = replace(ours, id="chair-7", count=10, width_m=0.8, confidence=0.8, first_seen_s=2.0, last_seen_s=7.0)
+    chair = fused(ours, theirs, AssociationRule())
+    assert (chair.id, chair.count, chair.first_seen_s, chair.last_seen_s) == ("chair-1", 40, 2.0, 9.0)
+    assert chair.confidence == pytest.approx(0.98)
+    assert chair.width_m == pytest.approx(0.5)
+
+
+def test_ids_of_the_first_map_stay_and_taken_ones_get_the_next_number():
+    first = mapped([("chair", 0.0, 0.0), ("chair", 2.0, 0.0)])
+    second = mapped([("chair", 2.0, 0.0), ("chair", 5.0, 5.0), ("tv", 1.0, 1.0)])
+    second[0] = replace(second[0], id="chair-9")
+    merged, became = merge_maps(first, second, laid(SE2(), ((1, 0),)))
+    assert became == {"chair-9": "chair-2", "chair-2": "chair-10", "tv-1": "tv-1"}
+    assert [item.id for item in merged] == ["chair-1", "chair-2", "chair-10", "tv-1"]
+    assert merged[2].position_m == pytest.approx([5.0, 5.0])
+
+
+def test_a_far_object_carries_the_alignments_turn():
+    pose, covariance = SE2(1.0, 0.0, np.pi / 2), np.diag([0.0, 0.0, 0.01])
+    item = replace(mapped([("chair", 3.0, 0.0)])[0], covariance_m2=np.diag([0.04, 0.01]))
+    here = moved(item, laid(pose, (), covariance))
+    assert here.position_m == pytest.approx([1.0, 3.0])
+    assert here.covariance_m2 == pytest.approx(np.diag([0.01 + 0.09, 0.04]))  # 0.1 rad at 3 m is 0.3 m across
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_merging_a_map_with_itself_moved_changes_no_place(seed):
+    random = np.random.default_rng(seed)
+    room = furnished(random, 14)
+    motion = SE2(*random.uniform(-5, 5, 2), random.uniform(-3, 3))
+    first, second = mapped(room), mapped(room, motion)
+    merged, _ = merge_maps(first, second, align(first, second))
+    places = {item.id: item.position_m for item in merged}
+    assert {item.id for item in first} == set(places)
+    for item in first:
+        assert places[item.id] == pytest.approx(item.position_m, abs=1e-6)
+    for item in merged:
+        assert np.linalg.eigvalsh(item.covariance_m2).min() > 0

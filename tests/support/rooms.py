@@ -1,0 +1,41 @@
+"""Rooms of labelled points, and the maps that a drive would make of them."""
+
+import numpy as np
+
+from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.se2 import SE2
+
+LABELS = ["chair", "potted plant", "couch", "tv", "bed", "dining table", "refrigerator"]
+SHARES = np.array([6, 3, 2, 1, 1, 1, 1]) / 15.0
+
+
+def furnished(random, count, size_m=(8.0, 6.0), apart_m=0.6):
+    """That many things as (label, x_m, y_m), none nearer to another than `apart_m`."""
+    room = []
+    while len(room) < count:
+        x, y = random.uniform((0, 0), size_m)
+        if all(np.hypot(x - other[1], y - other[2]) > apart_m for other in room):
+            room.append((str(random.choice(LABELS, p=SHARES)), float(x), float(y)))
+    return room
+
+
+def mapped(room, pose_room_map=None, random=None, sigma_m=0.0, missed=0.0, false=0, told_sigma_m=0.12):
+    """A map of the room, in its own frame: noise, a share of the things missed, some made up, in random order."""
+    pose = pose_room_map or SE2()
+    things = list(room)
+    if random is not None:
+        things = [thing for thing in things if random.random() >= missed]
+        things += furnished(random, false)
+        random.shuffle(things)
+    objects, numbers = [], {}
+    for label, x, y in things:
+        place = pose.inverse().apply([x, y])
+        if random is not None:
+            place = place + random.normal(0.0, sigma_m, 2)
+        numbers[label] = numbers.get(label, 0) + 1
+        objects.append(
+            MapObject(
+                f"{label}-{numbers[label]}", label, place, np.eye(2) * told_sigma_m**2, 0.5, 0.9, 10, 0.9, 1.0, 2.0
+            )
+        )
+    return objects
