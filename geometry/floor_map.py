@@ -150,9 +150,14 @@ def write_atomically(path: Path, text: str) -> None:
         raise MapError(f"{path}: cannot be written ({error.strerror})") from None
 
 
+def map_text(objects: list[MapObject]) -> str:
+    """The map as the text of `map.json`."""
+    return json.dumps(map_document(objects), indent=1) + "\n"
+
+
 def save_map(path: Path, objects: list[MapObject]) -> None:
     """Write `map.json` atomically."""
-    write_atomically(path, json.dumps(map_document(objects), indent=1) + "\n")
+    write_atomically(path, map_text(objects))
 
 
 def load_map(path: Path) -> list[MapObject]:
