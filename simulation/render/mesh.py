@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Tile = tuple[float, float]
+LightGroup = Literal["day", "lamp"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,7 +20,7 @@ class Material:
 
     colour: linear reflectance (3,), 0..1; multiplies the texture. texture: (H, W, 4) uint8 sRGB + alpha, first row
     at the top (v = 1), repeating; None for plain colour. opacity: 1 is solid. gloss: strength of highlights, 0..1.
-    emission: linear radiance (3,), for lamps and windows.
+    emission: linear radiance (3,), for lamps and windows; group: which light it goes with (a window pane with the day).
     """
 
     colour: tuple[float, float, float] = (0.8, 0.8, 0.8)
@@ -26,6 +28,7 @@ class Material:
     opacity: float = 1.0
     gloss: float = 0.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    group: LightGroup = "lamp"
 
     @property
     def cut_out(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, Tile, quad
+from edgemap.simulation.render.mesh import Array, LightGroup, Material, Mesh, Part, Tile, quad
 
 ROOM_ID = 0
 
@@ -51,12 +51,16 @@ class Solid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AreaLight:
-    """A glowing rectangle: corner, u, v (3,) metres, shining along u x v; radiance: linear (3,)."""
+    """A glowing rectangle: corner, u, v (3,) metres, shining along u x v; radiance: linear (3,).
+
+    group: what it is switched with, the day outside or the lamps.
+    """
 
     corner: Array
     u: Array
     v: Array
     radiance: Array
+    group: LightGroup = "lamp"
 
     @property
     def normal(self) -> Array:
@@ -68,6 +72,14 @@ class AreaLight:
     def centre(self) -> Array:
         """Its middle, (3,) metres."""
         return self.corner + (self.u + self.v) / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class LightMix:
+    """How bright the two groups of lights are, as factors on what was baked: daylight and lamps."""
+
+    day: float = 1.0
+    lamp: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
