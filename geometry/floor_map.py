@@ -100,9 +100,9 @@ class SightingSums:
 
 
 def id_order(identity: str) -> tuple[str, int]:
-    """Sort key of ids such as `chair-12`: by label, then by number."""
+    """Sort key of ids such as `chair-12`: by label, then by number; a foreign id counts as a label with number 0."""
     label, _, number = identity.rpartition("-")
-    return label, int(number)
+    return (label, int(number)) if number.isdecimal() else (identity, 0)
 
 
 def map_document(objects: list[MapObject]) -> dict:
@@ -129,7 +129,7 @@ def map_document(objects: list[MapObject]) -> dict:
     }
 
 
-def write_atomically(path: Path, text: str) -> None:
+def write_atomically(path: Path, text: str | bytes) -> None:
     """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
 
     Raises MapError where the folder cannot be written.
@@ -137,8 +137,8 @@ def write_atomically(path: Path, text: str) -> None:
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
-            with os.fdopen(handle, "w") as stream:
-                stream.write(text)
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(text.encode() if isinstance(text, str) else text)
                 stream.flush()
                 os.fsync(stream.fileno())
             Path(temporary).chmod(0o644)

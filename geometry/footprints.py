@@ -9,7 +9,7 @@ from edgemap.geometry.sighting import FOOTPRINT_M, WIDEST_UNKNOWN_M
 
 
 def footprint_m(label: str, width_m: float) -> tuple[float, float]:
-    """Width and depth in metres: the class's usual footprint, else a square as wide as the object looks, 1 m at most."""
+    """Width and depth in metres: the class's usual footprint, else a square as wide as it looks, 1 m at most."""
     unknown_m = min(width_m, WIDEST_UNKNOWN_M)
     return FOOTPRINT_M.get(label, (unknown_m, unknown_m))
 

@@ -1,0 +1,68 @@
+"""`edgemap map merge`: several maps of one place become one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from edgemap.cli.options import OptionError
+
+if TYPE_CHECKING:
+    from edgemap.geometry.alignment import Alignment
+
+
+def command(
+    maps: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(
+            metavar="A B...", help="map.json files or run folders of one place; the first one's frame counts."
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path, tyro.conf.arg(aliases=["-o"], metavar="OUT", help="map.json to write, or a folder to write it into.")
+    ],
+) -> None:
+    """Lay maps of one place onto each other by their objects, and join them into one.
+
+    Labels and mutual distances decide; no start pose is needed, and no mirror image fits. Refuses, with the reason,
+    where too few objects agree, where chance explains it, or where a clearly different alignment fits nearly as well.
+    The first map's frame and ids stay; what only later maps have gets ids of its own.
+    """
+    from edgemap.geometry.alignment import AlignmentError, align
+    from edgemap.geometry.floor_map import load_map, save_map
+    from edgemap.geometry.merge import merge_maps
+
+    if len(maps) < 2:
+        raise OptionError(f"{len(maps)} map given: merging needs two or more")
+    path = out if out.suffix == ".json" else out / "map.json"
+    merged = load_map(maps[0])
+    print(f"{maps[0]}: {len(merged)} objects")
+    for other in maps[1:]:
+        objects = load_map(other)
+        try:
+            alignment = align(merged, objects)
+        except AlignmentError as error:
+            raise AlignmentError(f"{other} does not fit onto {maps[0]}: {error}") from None
+        merged, _ = merge_maps(merged, objects, alignment)
+        print(f"{other}: {len(objects)} objects, {told(alignment)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OptionError(f"{path.parent}: cannot be made ({error.strerror})") from None
+    save_map(path, merged)
+    print(f"map of {len(merged)} objects saved in {path}")
+
+
+def told(alignment: Alignment) -> str:
+    """An alignment in one line."""
+    from math import degrees
+
+    pose = alignment.pose_a_b
+    rival = f"next best {alignment.rival}" if alignment.rival else "no other fits"
+    return (
+        f"{len(alignment.pairs)} of {alignment.shared} laid onto their like ({rival}) by x {pose.x_m:.2f} m, "
+        f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; {alignment.rms_m:.2f} m apart"
+    )

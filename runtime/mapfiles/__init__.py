@@ -1,0 +1,1 @@
+"""Maps in other programs' formats; each file writes one."""

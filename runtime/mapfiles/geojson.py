@@ -1,0 +1,69 @@
+"""A map as GeoJSON: circles on the floor as polygons, the robot's way as a line; in metres of the map's own frame."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+
+from edgemap.geometry.floor_map import MapObject, map_document
+from edgemap.geometry.footprints import radius_m
+from edgemap.runtime.mapfiles.identity import DEFAULT_MAP_ID, object_uuid
+from edgemap.runtime.trajectory import Trajectory
+
+FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
+CORNERS = 32
+STEP_M = 0.05  # the way is told no finer
+
+
+def geojson_text(objects: Sequence[MapObject], way: Trajectory | None = None, map_id: str = DEFAULT_MAP_ID) -> str:
+    """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties.
+
+    RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` says which, and
+    `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
+    counter-clockwise (section 3.1.6).
+    """
+    features = [
+        _feature(item, record, map_id)
+        for item, record in zip(objects, map_document(list(objects))["objects"], strict=True)
+    ]
+    if way is not None:
+        features.append(_way(way))
+    document = {
+        "type": "FeatureCollection",
+        "name": f"edgemap {map_id}: local frame map, metres, REP-103",
+        "frame": FRAME,
+        "crs": None,
+    }
+    head = json.dumps(document, indent=1)[:-2]
+    lines = ",\n".join("  " + json.dumps(feature, allow_nan=False) for feature in features)  # one line each
+    return f'{head},\n "features": [\n{lines}\n ]\n}}\n'
+
+
+def _feature(item: MapObject, record: dict, map_id: str) -> dict:
+    radius = radius_m(item)
+    x_m, y_m = (float(value) for value in item.position_m)
+    turns = [math.tau * k / CORNERS for k in range(CORNERS)]
+    ring = [[round(x_m + radius * math.cos(t), 4), round(y_m + radius * math.sin(t), 4)] for t in turns]
+    own = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4), "frame": "map"}
+    return {
+        "type": "Feature",
+        "id": item.id,
+        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
+        "properties": record | own,
+    }
+
+
+def _way(way: Trajectory) -> dict:
+    points = [[round(way.poses[0].x_m, 3), round(way.poses[0].y_m, 3)]]
+    for pose in way.poses:
+        if math.dist(points[-1], (pose.x_m, pose.y_m)) >= STEP_M:
+            points.append([round(pose.x_m, 3), round(pose.y_m, 3)])
+    line = {"type": "LineString", "coordinates": points}
+    still = {"type": "Point", "coordinates": points[0]}  # a line needs two points
+    return {
+        "type": "Feature",
+        "id": "way",
+        "geometry": line if len(points) > 1 else still,
+        "properties": {"label": "robot's way", "frame": "map"},
+    }

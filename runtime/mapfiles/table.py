@@ -1,0 +1,27 @@
+"""A map as a table: one line per object, for spreadsheets and data frames."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+
+from edgemap.geometry.floor_map import MapObject, map_document
+from edgemap.geometry.footprints import radius_m
+
+COLUMNS = (
+    "id", "label", "x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2", "width_m", "height_m",
+    "radius_m", "count", "confidence", "first_seen_s", "last_seen_s",
+)  # fmt: skip
+
+
+def csv_text(objects: Sequence[MapObject]) -> str:
+    """RFC 4180 with a header line; map frame, numbers as in map.json."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\r\n")
+    writer.writeheader()
+    for item, record in zip(objects, map_document(list(objects))["objects"], strict=True):
+        (xx, xy), (_, yy) = record.pop("covariance_m2")
+        own = {"covariance_xx_m2": xx, "covariance_xy_m2": xy, "covariance_yy_m2": yy}
+        writer.writerow(record | own | {"radius_m": round(radius_m(item), 4)})
+    return text.getvalue()

@@ -1,0 +1,24 @@
+"""The robot's way beside a map, where a run has left one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.trajectory import Trajectory, parse_tum
+
+
+def way_of(path: Path) -> Trajectory | None:
+    """The whole lines of `trajectory.tum` in a map's folder; None where there is none, or not one pose in it.
+
+    Raises OdometryError where it is damaged.
+    """
+    path = (path if path.is_dir() else path.parent) / "trajectory.tum"
+    if not path.is_file():
+        return None
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise OdometryError(f"{path}: cannot be read ({error})") from None
+    whole = text[: text.rfind("\n") + 1]  # a power cut may leave a torn last line
+    return parse_tum(whole, str(path)) if whole.strip() else None

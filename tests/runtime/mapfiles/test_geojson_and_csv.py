@@ -1,0 +1,70 @@
+import csv
+import json
+
+import numpy as np
+import pytest
+from support.rooms import mapped
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.mapfiles.geojson import geojson_text
+from edgemap.runtime.mapfiles.table import csv_text
+from edgemap.runtime.mapfiles.way import way_of
+from edgemap.runtime.trajectory import Trajectory, tum_line
+
+ROOM = mapped([("chair", 1.0, -2.0), ("potted plant", 0.5, 3.0)])
+
+
+def signed_area(ring):
+    x, y = np.array(ring).T
+    return 0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
+
+
+def test_geojson_says_its_frame_and_keeps_x_first():
+    document = json.loads(geojson_text(ROOM))
+    assert document["type"] == "FeatureCollection"
+    assert "local frame map, metres, REP-103" in document["name"]
+    assert "NOT WGS 84" in document["frame"]
+    assert document["crs"] is None
+    for feature, item in zip(document["features"], ROOM, strict=True):
+        (ring,) = feature["geometry"]["coordinates"]
+        assert (feature["type"], feature["id"], feature["geometry"]["type"]) == ("Feature", item.id, "Polygon")
+        assert ring[0] == ring[-1]
+        assert np.mean(ring[:-1], axis=0) == pytest.approx(item.position_m, abs=1e-3)
+        side_m = {"chair": 0.5, "potted plant": 0.4}[item.label]
+        assert signed_area(ring) == pytest.approx(side_m**2, rel=0.01)  # positive: counter-clockwise, RFC 7946
+        assert feature["properties"]["label"] == item.label
+        assert feature["properties"]["covariance_m2"] == item.covariance_m2.tolist()
+
+
+@pytest.mark.parametrize(("end", "kind"), [(2.0, "LineString"), (0.01, "Point")])
+def test_the_way_is_a_line_or_a_standing_point(end, kind):
+    way = Trajectory(np.array([0.0, 1.0, 2.0]), (SE2(), SE2(end / 2, 0.0), SE2(end, 0.0)))
+    feature = json.loads(geojson_text([], way))["features"][-1]
+    assert feature["geometry"]["type"] == kind
+    if kind == "LineString":
+        assert feature["geometry"]["coordinates"] == [[0, 0], [1, 0], [2, 0]]
+
+
+def test_csv_is_one_line_per_object():
+    rows = list(csv.DictReader(csv_text(ROOM).splitlines()))
+    assert [row["id"] for row in rows] == ["chair-1", "potted plant-1"]
+    assert (float(rows[0]["x_m"]), float(rows[0]["y_m"])) == (1.0, -2.0)
+    assert float(rows[0]["covariance_xx_m2"]) == pytest.approx(0.0144)
+    assert float(rows[1]["radius_m"]) == pytest.approx(0.2257, abs=1e-4)
+
+
+def test_the_way_is_read_up_to_a_torn_line(tmp_path):
+    assert way_of(tmp_path) is None
+    lines = tum_line(0.0, SE2()) + tum_line(0.1, SE2(1.0, 0.0))
+    (tmp_path / "trajectory.tum").write_text(lines + "0.2 2.0 0.0")
+    (tmp_path / "map.json").write_text("{}")
+    for path in (tmp_path, tmp_path / "map.json"):
+        way = way_of(path)
+        assert way is not None
+        assert [pose.x_m for pose in way.poses] == [0.0, 1.0]
+    (tmp_path / "trajectory.tum").write_text("0.2 2.0")
+    assert way_of(tmp_path) is None
+    (tmp_path / "trajectory.tum").write_text("0.2 2.0\n")
+    with pytest.raises(OdometryError, match="need 8 numbers"):
+        way_of(tmp_path)

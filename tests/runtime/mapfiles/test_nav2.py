@@ -1,0 +1,140 @@
+"""Nav2's files, read back by what its documentation says of them."""
+
+import uuid
+
+import numpy as np
+import pytest
+import yaml
+from support.rooms import mapped
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.mapfiles.grid import FREE, OCCUPIED, UNKNOWN, GridRule, grid_of
+from edgemap.runtime.mapfiles.nav2 import write_nav2
+from edgemap.runtime.mapfiles.nav2_vector import vector_text
+from edgemap.runtime.trajectory import Trajectory
+
+# An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.
+CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]
+
+
+def served(path):
+    """What map_server answers for a point: `value(x, y)` in 0 free, 100 occupied, -1 unknown, None outside.
+
+    Written from the documentation of map_server, not from our writer: probability is (255 - pixel) / 255 unless
+    negated; above occupied_thresh occupied, below free_thresh free; origin is the pose of the lower left pixel.
+    """
+    described = yaml.safe_load(path.read_text())
+    with (path.parent / described["image"]).open("rb") as stream:
+        assert stream.readline() == b"P5\n"
+        line = stream.readline()
+        while line.startswith(b"#"):
+            line = stream.readline()
+        width, height = map(int, line.split())
+        assert stream.readline() == b"255\n"
+        pixels = np.frombuffer(stream.read(), np.uint8)
+    assert len(pixels) == width * height
+    x0, y0, yaw = described["origin"]
+    assert yaw == 0.0
+    assert described["negate"] == 0
+    assert described["mode"] == "trinary"
+
+    def value(x, y):
+        column = int(np.floor((x - x0) / described["resolution"]))
+        from_bottom = int(np.floor((y - y0) / described["resolution"]))
+        if not (0 <= column < width and 0 <= from_bottom < height):
+            return None
+        occupancy = (255 - int(pixels[(height - 1 - from_bottom) * width + column])) / 255.0
+        if occupancy > described["occupied_thresh"]:
+            return 100
+        return 0 if occupancy < described["free_thresh"] else -1
+
+    return value
+
+
+def straight(*points):
+    return Trajectory(np.arange(len(points), dtype=float), tuple(SE2(x, y) for x, y in points))
+
+
+def test_nothing_is_mirrored_or_transposed(tmp_path):
+    way = straight((-2.0, -1.0), (4.0, -1.0), (4.0, -3.0))
+    write_nav2(tmp_path / "map.yaml", grid_of(mapped(CROOKED), way))
+    value = served(tmp_path / "map.yaml")
+    for _, x, y in CROOKED:
+        for dx, dy in ((0, 0), (0.2, 0), (-0.2, 0), (0, 0.2), (0, -0.2)):  # a chair's circle is 0.28 m
+            assert value(x + dx, y + dy) == 100
+        for dx, dy in ((0.35, 0), (-0.35, 0), (0, 0.35), (0, -0.35)):
+            assert value(x + dx, y + dy) == -1
+    for x, y in ((3.0, 2.0), (6.0, 2.0), (1.0, -2.0), (2.0, 1.0), (0.0, 1.0), (0.0, 2.0)):  # mirror images, transposes
+        assert value(x, y) == -1
+    for x, y in ((-2.0, -1.0), (0.0, -1.12), (3.0, -0.88), (4.12, -2.0), (3.88, -3.0)):  # swept 0.35 m wide
+        assert value(x, y) == 0
+    for x, y in ((-2.0, 1.0), (0.0, -1.22), (-1.0, 0.0), (4.25, -2.0), (3.7, -2.0)):
+        assert value(x, y) == -1
+    assert value(20.0, 0.0) is None
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.013, 3.021), (100.5, -200.25)])
+def test_cells_lie_where_the_origin_says_to_half_a_cell(tmp_path, shift):
+    room = mapped([("refrigerator", shift[0], shift[1])])  # radius 0.367 m
+    write_nav2(tmp_path / "map.yaml", grid_of(room, rule=GridRule(resolution_m=0.02)))
+    value = served(tmp_path / "map.yaml")
+    edge = 0.65 / np.sqrt(np.pi)
+    for turn in np.linspace(0, 2 * np.pi, 24):
+        way = np.array([np.cos(turn), np.sin(turn)])
+        assert value(*(np.array(shift) + (edge - 0.02) * way)) == 100
+        assert value(*(np.array(shift) + (edge + 0.02) * way)) == -1
+
+
+def test_an_object_on_the_way_stays_occupied():
+    grid = grid_of(mapped([("chair", 1.0, 0.0)]), straight((0.0, 0.0), (2.0, 0.0)))
+    values, counts = np.unique(grid.cells, return_counts=True)
+    assert values.tolist() == [UNKNOWN, FREE, OCCUPIED]
+    assert counts[2] * 0.05**2 == pytest.approx(0.25, rel=0.05)  # a chair's 0.5 m by 0.5 m
+
+
+def test_a_standing_robot_has_swept_its_own_circle():
+    grid = grid_of([], straight((0.0, 0.0), (0.0, 0.0)), GridRule(resolution_m=0.01, robot_width_m=1.0))
+    assert (grid.cells == FREE).sum() * 0.01**2 == pytest.approx(np.pi / 4, rel=0.01)
+
+
+def test_nothing_to_draw_and_too_much_are_one_line():
+    with pytest.raises(MapError, match="neither objects nor a way"):
+        grid_of([])
+    with pytest.raises(MapError, match="coarser resolution"):
+        grid_of(mapped([("chair", 0.0, 0.0), ("chair", 9000.0, 9000.0)]))
+
+
+def test_vector_objects_are_what_the_server_reads():
+    room = mapped([("potted plant", 1.0, -2.0), ("couch", 0.0, 3.5), ("couch", 4.0, 0.25)])
+    parameters = yaml.safe_load(vector_text(room))["vector_object_server"]["ros__parameters"]
+    assert parameters["shapes"] == ["potted_plant_1", "couch_1", "couch_2"]
+    assert parameters["global_frame_id"] == "map"
+    seen = set()
+    for name, (x, y) in zip(parameters["shapes"], [(1.0, -2.0), (0.0, 3.5), (4.0, 0.25)], strict=True):
+        shape = parameters[name]
+        assert set(shape) == {"type", "uuid", "frame_id", "fill", "value", "center", "radius"}
+        assert (shape["type"], shape["frame_id"], shape["value"], shape["fill"]) == ("circle", "map", 100, True)
+        assert shape["center"] == [x, y]
+        assert all(type(value) is float for value in [*shape["center"], shape["radius"]])  # rclcpp refuses integers
+        seen.add(uuid.UUID(shape["uuid"]))
+    assert len(seen) == 3
+    assert all(one.version == 5 for one in seen)
+    assert parameters["couch_1"]["radius"] == pytest.approx(0.7569, abs=1e-4)  # 2.0 m x 0.9 m as a circle
+
+
+def test_uuids_stay_with_the_object_and_differ_between_places():
+    def uuids(*arguments):
+        parameters = yaml.safe_load(vector_text(*arguments))["vector_object_server"]["ros__parameters"]
+        return [parameters[name]["uuid"] for name in parameters["shapes"]]
+
+    before, grown = mapped([("chair", 0.0, 0.0)]), mapped([("chair", 0.3, 0.0), ("tv", 1.0, 1.0)])
+    assert uuids(before) == uuids(grown)[:1] == ["4d806933-ffd4-5c29-9525-c43812182307"]
+    assert set(uuids(before, "cellar")).isdisjoint(uuids(before))
+
+
+def test_names_never_collide_and_an_empty_map_has_no_untyped_list():
+    room = mapped([("potted plant", 0.0, 0.0), ("potted-plant", 1.0, 0.0), ("4 poster", 2.0, 0.0)])
+    parameters = yaml.safe_load(vector_text(room))["vector_object_server"]["ros__parameters"]
+    assert parameters["shapes"] == ["potted_plant_1", "potted_plant_1_2", "object_4_poster_1"]
+    assert "shapes" not in yaml.safe_load(vector_text([]))["vector_object_server"]["ros__parameters"]
