@@ -21,3 +21,7 @@ class MissingExtraError(EdgemapError):
 
 class RunFolderError(EdgemapError):
     """A run folder that cannot be written, or that holds another run already."""
+
+
+class RecordingError(EdgemapError):
+    """A recording that cannot be written, or that would write over a file that is there."""

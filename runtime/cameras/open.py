@@ -11,6 +11,7 @@ from edgemap.runtime.errors import CameraError
 
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, a video file, a folder of pictures, "
+    "a recording FILE.mcap[#/topic], "
     "or KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo"
 )
 KINDS = ("kitti", "tum", "c2w", "drive", "locobot", "yolo")
@@ -45,6 +46,10 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Came
         from edgemap.runtime.cameras.webcam import open_webcam
 
         return open_webcam(Path(f"/dev/video{spec}" if spec.isdecimal() else spec), spec, intrinsics, mount)
+    if spec.partition("#")[0].endswith(".mcap"):
+        from edgemap.runtime.cameras.recording import RecordingCamera
+
+        return RecordingCamera(spec, intrinsics, mount)
     path = Path(spec).expanduser()
     if path.is_dir():
         from edgemap.runtime.cameras.pictures import open_folder

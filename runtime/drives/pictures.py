@@ -48,14 +48,19 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
         data = path.read_bytes()
     except OSError as error:
         raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
+    return decode_picture(data, str(path))
+
+
+def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
+    """A picture file's bytes as BGR, (H, W, 3) uint8. Raises CameraError where they are no picture or cut short."""
     if _is_cut_short(data):
-        raise CameraError(f"{path}: picture is cut short ({len(data)} bytes)")
+        raise CameraError(f"{name}: picture is cut short ({len(data)} bytes)")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
     except cv2.error:
         image = None
     if image is None:
-        raise CameraError(f"{path}: not a picture that OpenCV reads ({len(data)} bytes)")
+        raise CameraError(f"{name}: not a picture that OpenCV reads ({len(data)} bytes)")
     return np.asarray(image, dtype=np.uint8)
 
 

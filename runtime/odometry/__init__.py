@@ -12,6 +12,7 @@ from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
+from edgemap.runtime.recordings.wheel import is_recording, read_wheel
 from edgemap.runtime.session import Bundle
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
@@ -21,7 +22,7 @@ __all__ = ["Motion", "Odometry", "open_odometry"]
 def open_odometry(
     spec: str, bundle: Bundle, camera: Camera, floor: FloorCamera, allow_untrained: bool = False
 ) -> Odometry:
-    """The odometry that a SPEC names: planar, paper, truth, wheel:FILE.csv or FILE.tum. Raises OdometryError."""
+    """The odometry that a SPEC names: planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum. Raises OdometryError."""
     if spec == "planar":
         return PlanarOdometry(floor)
     if spec == "paper":
@@ -30,8 +31,10 @@ def open_odometry(
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
         return RecordedOdometry(camera.truth, "truth")
+    if spec.startswith("wheel:") and is_recording(spec):
+        return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, WHEEL)
     if spec.startswith("wheel:"):
         return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec)
-    raise OdometryError(f"odometry {spec!r} is not planar, paper, truth, wheel:FILE.csv or FILE.tum")
+    raise OdometryError(f"odometry {spec!r} is not planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum")

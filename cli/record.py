@@ -1,0 +1,108 @@
+"""`edgemap record`: a camera's pictures into one MCAP file, to be looked at, replayed, and read by ROS 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from edgemap.cli.options import (
+    CameraFile,
+    CameraSpec,
+    IntrinsicsText,
+    MountText,
+    at_least,
+    open_described,
+    read_intrinsics,
+    read_mount,
+)
+
+if TYPE_CHECKING:
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.recordings.recorder import Recorder
+    from edgemap.runtime.trajectory import Trajectory
+
+Lossless = Annotated[bool, tyro.conf.arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
+
+
+def command(
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE.mcap", help="The recording; must not exist yet.")],
+    camera: CameraSpec = "demo",
+    lossless: Lossless = False,
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Stop after N pictures.")] = None,
+    mount: MountText = None,
+    intrinsics: IntrinsicsText = None,
+    camera_file: CameraFile = None,
+    wheel: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="FILE.csv|.mcap", help="Wheel odometry to record beside them: stamp_s,x_m,y_m,yaw_rad, or nav_msgs."
+        ),
+    ] = None,
+    realtime: Annotated[bool, tyro.conf.arg(help="Pace files by their stamps, not at full speed.")] = False,
+) -> None:
+    """Record a camera: pictures, lens, mount and odometry as ROS 2 messages in one MCAP file.
+
+    Ctrl-C ends it. `edgemap run --camera FILE.mcap` replays it; Foxglove and ROS 2 tools open it (docs/ros2.md). A
+    RealSense recording or another MCAP file as --camera is converted.
+    """
+    from edgemap.geometry.errors import EdgemapError
+    from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.recordings.facts import Facts
+    from edgemap.runtime.recordings.recorder import Recorder
+
+    at_least(1, frames=frames)
+    check_name(out)
+    track = wheel_track(wheel)
+    with open_described(camera, camera_file, realtime) as source:
+        lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
+        facts = Facts(source.name, lens, read_mount(mount, source.mount), source.rate_hz)
+        recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
+        with stop_on_signals() as stop:
+            try:
+                while (frames is None or recorder.frames < frames) and not stop.is_set():
+                    frame = source.read()
+                    if frame is None:
+                        break
+                    recorder.picture(frame)
+            except EdgemapError as error:
+                raise type(error)(f"{error}; the {recorder.frames} pictures so far are in {out}") from None
+            finally:
+                recorder.close()
+    unknown = [name for name, known in (("lens", facts.intrinsics), ("mount", facts.mount)) if known is None]
+    print(f"{recorder.frames} pictures, {out.stat().st_size / 1e6:.1f} MB in {out}")
+    if unknown:
+        print(f"(its {' and '.join(unknown)} not known: give them when it is replayed, or record with --camera-file)")
+    print(f"see it:  edgemap run --camera {out}")
+
+
+def check_name(path: Path) -> None:
+    """Refuse a recording that `--camera` would not know again. Raises OptionError."""
+    from edgemap.cli.options import OptionError
+
+    if path.suffix != ".mcap":
+        raise OptionError(f"{path}: a recording's name must end in .mcap")
+
+
+def wheel_track(spec: str | None) -> Trajectory | None:
+    """Wheel odometry of a CSV or a recording. Raises CameraError."""
+    from edgemap.runtime.drives.wheel_csv import read_wheel_csv
+    from edgemap.runtime.recordings.wheel import is_recording, read_wheel
+    from edgemap.runtime.trajectory import Trajectory
+
+    if spec is None:
+        return None
+    return read_wheel(spec) if is_recording(spec) else Trajectory(*read_wheel_csv(Path(spec)))
+
+
+def run_recorder(path: Path, source: Camera, floor: FloorCamera, odometry: str, lossless: bool) -> Recorder:
+    """What `edgemap run --record` writes with: the run's own lens and mount, and its wheels where it goes by them."""
+    from edgemap.runtime.recordings.facts import Facts
+    from edgemap.runtime.recordings.recorder import Recorder
+
+    check_name(path)
+    wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else None
+    facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz)
+    return Recorder(path, facts, lossless=lossless, wheel=wheel_track(wheel), truth=source.truth)

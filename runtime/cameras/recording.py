@@ -1,0 +1,154 @@
+"""An MCAP recording as a camera: every picture of one topic, in order, with what the file knows of the camera."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, Facts, read_facts, read_trajectory_file
+from edgemap.runtime.recordings.foreign import lens_of, mount_of
+from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
+from edgemap.runtime.recordings.reader import McapReading
+from edgemap.runtime.recordings.stamps import ns_of, to_s
+from edgemap.runtime.recordings.topics import STAMPS
+
+PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
+INFO_KIND = "sensor_msgs/CameraInfo"
+
+
+class RecordingCamera(CameraBase):
+    """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a ROS 2 bag; without a topic its first one with pictures.
+
+    Stamps are the pictures' headers', or the time of recording where those are zero. A file that was cut off gives
+    every whole picture and then a CameraError that says so. Raises CameraError.
+    """
+
+    def __init__(self, spec: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
+        super().__init__(spec, intrinsics, mount)
+        file, _, topic = spec.partition("#")
+        path = Path(file).expanduser()
+        if not path.is_file():
+            raise CameraError(f"{path}: no such file")
+        self._path, self._open = path, True
+        self._recording = recording = McapReading(path)
+        self._last_ns: int | None = None
+        try:
+            self.topic = self._choose(topic)
+            self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
+            self._exact = _exact_stamps(recording)
+            self.frame_count: int | None = recording.topics[self.topic].count
+            self._messages = recording.messages(self.topic)
+            self._ahead = self._decode()
+            if self._ahead is None:
+                raise CameraError(f"{path}: {self.topic} has no whole picture")
+            _, image, frame_id = self._ahead
+            self.size = (image.shape[1], image.shape[0])
+            self._describe(intrinsics, mount, frame_id)
+        except EdgemapError:
+            self.close()
+            raise
+        # Lens and mount were looked up in the same file: begin the pictures again behind the first one.
+        self._messages = recording.messages(self.topic)
+        next(self._messages)
+
+    def read(self) -> Frame | None:
+        """The next picture; None at the end. Raises CameraError for damage, and at the end of a file cut off."""
+        if not self._open:
+            return None
+        decoded, self._ahead = self._ahead or self._decode(), None
+        if decoded is None:
+            if not self._recording.whole:
+                raise CameraError(f"{self._path}: cut off, the {self._delivered} whole pictures before it were read")
+            return None
+        stamp_ns, image, _ = decoded
+        name = f"{self.name}#{self._delivered}"
+        if self._last_ns is not None and stamp_ns <= self._last_ns:
+            raise CameraError(f"{name}: at {to_s(stamp_ns):.6f} s, not after {to_s(self._last_ns):.6f} s")
+        self._last_ns = stamp_ns
+        return self.frame(image, self._exact.get(stamp_ns, to_s(stamp_ns)), name)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._open = False
+        self._recording.close()
+
+    def _choose(self, topic: str) -> str:
+        topics = self._recording.topics
+        pictures = [name for name, found in topics.items() if found.kind in PICTURE_KINDS and found.count]
+        if topic in pictures:
+            return topic
+        has = ", ".join(pictures) or "none"
+        if topic in topics:
+            kind = topics[topic].kind or "untyped"
+            raise CameraError(f"{self._path}: {topic} is {kind}, not pictures (topics with pictures: {has})")
+        if topic:
+            raise CameraError(f"{self._path}: no topic {topic} (topics with pictures: {has})")
+        if not pictures:
+            there = ", ".join(f"{name} ({found.kind})" for name, found in topics.items()) or "no messages at all"
+            raise CameraError(f"{self._path}: no topic with sensor_msgs Image or CompressedImage; has {there}")
+        return pictures[0]
+
+    def _decode(self) -> tuple[int, Any, str] | None:
+        """Stamp in ns, picture, frame id of the next message."""
+        found = next(self._messages, None)
+        if found is None:
+            return None
+        log_ns, decode = found
+        message = decode()
+        image = self._picture(message, f"{self.name} picture {self._delivered}")
+        return ns_of(message.header.stamp) or log_ns, image, message.header.frame_id
+
+    def _describe(self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str) -> None:
+        """Lens, mount, rate and truth: as edgemap wrote them, else from CameraInfo and tf."""
+        recording = self._recording
+        facts = _facts(recording)
+        if facts is not None:
+            self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
+            self.rate_hz = facts.rate_hz
+            if TRUTH_FILE in recording.attachments:
+                self.truth = read_trajectory_file(recording.attachments[TRUTH_FILE])
+            return
+        if intrinsics is None and (info := self._info()) is not None:
+            self.intrinsics = lens_of(info, "rect" in self.topic, f"{self._path}")
+        if mount is None:
+            self.mount = mount_of(recording, frame_id)
+        self.rate_hz = self._rate_hz()
+
+    def _info(self) -> Any:
+        """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
+        infos = [name for name, found in self._recording.topics.items() if found.kind == INFO_KIND and found.count]
+        parts = self.topic.split("/")
+        beside = [name for cut in (1, 2) if (name := "/".join([*parts[:-cut], "camera_info"])) in infos]
+        chosen = beside or (infos if len(infos) == 1 else [])
+        found = next(self._recording.messages(chosen[0]), None) if chosen else None
+        return found[1]() if found else None
+
+    def _rate_hz(self) -> float | None:
+        """From the first pictures' times of recording."""
+        messages = self._recording.messages(self.topic)
+        times = [log_ns for (log_ns, _), _ in zip(messages, range(30), strict=False)]
+        span_s = to_s(times[-1] - times[0])
+        return (len(times) - 1) / span_s if len(times) > 1 and math.isfinite(span_s) and span_s > 0 else None
+
+
+def _exact_stamps(recording: McapReading) -> dict[int, float]:
+    """Stamps that are finer than a nanosecond, by their nearest one."""
+    if RECORD not in recording.metadata or STAMPS not in recording.topics:
+        return {}
+    return {log_ns: float(decode().data) for log_ns, decode in recording.messages(STAMPS)}
+
+
+def _facts(recording: McapReading) -> Facts | None:
+    if RECORD not in recording.metadata:
+        return None
+    try:
+        return read_facts(recording.metadata[RECORD])
+    except (ValueError, KeyError, TypeError, EdgemapError) as error:
+        raise CameraError(f"{recording.path}: damaged {RECORD} record ({type(error).__name__}: {error})") from None

@@ -1,0 +1,86 @@
+"""The objects on the map as ROS 2 messages: for programs (Detection3DArray) and for eyes (MarkerArray)."""
+
+from __future__ import annotations
+
+import colorsys
+import zlib
+
+import numpy as np
+
+from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.runtime.recordings.messages import MAP, Message, header
+
+CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
+TALLEST_M, FLAT_M, LETTER_M = 2.5, 0.01, 0.15
+
+
+def detections_3d(stamp_ns: int, objects: list[MapObject]) -> Message:
+    """`vision_msgs/Detection3DArray` in the map frame: centre of the footprint raised to half the height, with id,
+    label, confidence and the position's covariance."""
+    head, found = header(stamp_ns, MAP), []
+    for item in objects:
+        covariance = np.zeros((6, 6))
+        covariance[:2, :2] = item.covariance_m2
+        pose = {"position": _place(item, _height_m(item) / 2.0)}
+        hypothesis = {"class_id": item.label, "score": float(item.confidence)}
+        found.append(
+            {
+                "header": head,
+                "results": [
+                    {"hypothesis": hypothesis, "pose": {"pose": pose, "covariance": covariance.ravel().tolist()}}
+                ],
+                "bbox": {"center": pose, "size": _box(item)},
+                "id": item.id,
+            }
+        )
+    return {"header": head, "detections": found}
+
+
+def markers(stamp_ns: int, objects: list[MapObject]) -> Message:
+    """`visualization_msgs/MarkerArray`: for each object a box, its name, and its 95 % ellipse on the floor.
+
+    Starts with a marker that takes away all older ones, so that objects that merged do not stay.
+    """
+    found: list[Message] = [{"header": header(stamp_ns, MAP), "action": DELETE_ALL}]
+    for number, item in enumerate(objects):
+        red, green, blue = _colour(item.label)
+        tint = {"r": red, "g": green, "b": blue}
+        length_m, width_m, yaw_rad = _ellipse(item)
+        turned = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
+        common = {"header": header(stamp_ns, MAP), "id": number}
+        box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
+        found.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
+        name = {"pose": {"position": _place(item, _height_m(item) + LETTER_M)}, "scale": {"z": LETTER_M}}
+        white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
+        found.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
+        ellipse = {
+            "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": turned},
+            "scale": {"x": length_m, "y": width_m, "z": FLAT_M},
+        }
+        found.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})
+    return {"markers": found}
+
+
+def _place(item: MapObject, z_m: float) -> dict[str, float]:
+    return {"x": float(item.position_m[0]), "y": float(item.position_m[1]), "z": z_m}
+
+
+def _height_m(item: MapObject) -> float:
+    return min(max(float(item.height_m), FLAT_M), TALLEST_M)
+
+
+def _box(item: MapObject) -> dict[str, float]:
+    side_m = max(float(item.width_m), FLAT_M)  # its depth is not seen: as deep as wide
+    return {"x": side_m, "y": side_m, "z": _height_m(item)}
+
+
+def _ellipse(item: MapObject) -> tuple[float, float, float]:
+    """Axes (whole, m) of the 95 % ellipse, longer one first, and the longer one's yaw."""
+    variances, axes = np.linalg.eigh(item.covariance_m2)
+    short_m, long_m = 2.0 * np.sqrt(CHI2_95 * np.maximum(variances, 1e-8))
+    return float(long_m), float(short_m), float(np.arctan2(axes[1, 1], axes[0, 1]))
+
+
+def _colour(label: str) -> tuple[float, float, float]:
+    """A label's own colour, the same in every recording."""
+    return colorsys.hsv_to_rgb(zlib.crc32(label.encode()) % 360 / 360.0, 0.6, 0.9)

@@ -1,0 +1,36 @@
+"""Seconds to nanoseconds and back without losing a bit."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Any
+
+from edgemap.runtime.errors import RecordingError
+
+LAST_SECOND = 2**31  # builtin_interfaces/Time counts in int32
+
+
+def to_ns(stamp_s: float) -> int:
+    """The nearest nanosecond. Raises RecordingError for a stamp that a ROS 2 header cannot hold.
+
+    `to_s` gives the very same float again for every stamp that is a whole number of nanoseconds, and for every one
+    beyond 2^23 s, where floats are coarser than that.
+    """
+    if not 0.0 <= stamp_s < LAST_SECOND:
+        raise RecordingError(f"stamp {stamp_s} s cannot be recorded: ROS 2 counts from 0 to {LAST_SECOND} s")
+    return round(Decimal(stamp_s) * 1_000_000_000)
+
+
+def to_s(stamp_ns: int) -> float:
+    """Seconds, correctly rounded."""
+    return stamp_ns / 1_000_000_000  # of two integers, which Python divides exactly before it rounds
+
+
+def ros_time(stamp_ns: int) -> dict[str, int]:
+    """`builtin_interfaces/Time`."""
+    return {"sec": stamp_ns // 1_000_000_000, "nanosec": stamp_ns % 1_000_000_000}
+
+
+def ns_of(time: Any) -> int:
+    """Nanoseconds of a decoded `builtin_interfaces/Time`."""
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)

@@ -1,0 +1,79 @@
+"""Writes a recording: a chunked MCAP file that is good up to its last whole chunk at any moment."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from edgemap.runtime.errors import RecordingError
+from edgemap.runtime.recordings.extra import need_mcap
+from edgemap.runtime.recordings.messages import Message
+from edgemap.runtime.recordings.schemas import definition
+
+CHUNK_BYTES = 1 << 19  # what a killed process loses at most; half a MiB is a few pictures
+
+
+class McapFile:
+    """ROS 2 messages into one MCAP file, CDR-encoded, definitions embedded.
+
+    Chunks are not compressed: pictures are already, and any reader takes them. What a chunk holds reaches the
+    operating system as soon as it is full. Raises RecordingError where the file exists or the disk does not take it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        need_mcap()
+        from mcap.writer import CompressionType
+        from mcap_ros2.writer import Writer
+
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream: IO[bytes] | None = path.open("xb")
+        except FileExistsError:
+            raise RecordingError(f"{path} exists already; choose another file") from None
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be written ({error.strerror})") from None
+        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+        self._failed = False
+        self._schemas: dict[str, Any] = {}
+        self._counts: dict[str, int] = {}
+
+    def write(self, topic: str, kind: str, stamp_ns: int, message: Message) -> None:
+        """Append a message of a ROS 2 type (`sensor_msgs/msg/CameraInfo`) at a stamp."""
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_msgdef(kind, definition(kind))
+        number = self._counts[topic] = self._counts.get(topic, 0) + 1
+        self._guarded(
+            self._writer.write_message, topic, self._schemas[kind], message, stamp_ns, stamp_ns, sequence=number
+        )
+
+    def metadata(self, name: str, record: dict[str, str]) -> None:
+        """Append a metadata record."""
+        self._guarded(self._writer.add_metadata, name, record)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Append a file."""
+        self._guarded(self._writer.add_attachment, 0, 0, name, media_type, data)
+
+    def close(self) -> None:
+        """Write index and end; may be called twice."""
+        if self._stream is None:
+            return
+        try:
+            if not self._failed:
+                self._guarded(self._writer.finish)
+        finally:
+            stream, self._stream = self._stream, None
+            with suppress(OSError):  # has been said; what cannot be written is still in its buffer
+                stream.close()
+
+    def _guarded(self, write: Any, *arguments: Any, **options: Any) -> None:
+        if self._stream is None:
+            raise RecordingError(f"{self.path}: recording is closed")
+        try:
+            write(*arguments, **options)
+            self._stream.flush()  # nothing where the chunk is not full
+        except OSError as error:
+            self._failed = True
+            raise RecordingError(f"{self.path}: cannot be written ({error.strerror})") from None
