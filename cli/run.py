@@ -53,6 +53,22 @@ def command(
     ] = None,
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Stop after N frames.")] = None,
     realtime: Annotated[bool, tyro.conf.arg(help="Pace files by their stamps, not at full speed.")] = False,
+    view: Annotated[
+        bool,
+        tyro.conf.arg(
+            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
+            "page stays after the last frame until Ctrl-C."
+        ),
+    ] = False,
+    view_host: Annotated[
+        str,
+        tyro.conf.arg(
+            metavar="ADDRESS",
+            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
+            "is printed with the page's address.",
+        ),
+    ] = "127.0.0.1",
+    view_port: Annotated[int, tyro.conf.arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090,
     threads: Threads = None,
     allow_untrained: Annotated[
         bool, tyro.conf.arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
@@ -64,6 +80,7 @@ def command(
     map.json, trajectory.tum, sightings.jsonl, run.json, and mount.jpg: the first picture with horizon and metre grid,
     by which to check the mount.
     """
+    from edgemap.cli.live_page import live_page
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.geometry.floor import FloorCamera
     from edgemap.geometry.sighting import FloorRule
@@ -78,7 +95,7 @@ def command(
     in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
     mapped = choose_classes(classes, loaded)
-    with open_described(camera, camera_file, realtime) as source:
+    with open_described(camera, camera_file, realtime and not view) as source:
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
@@ -87,17 +104,21 @@ def command(
         )
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
-        sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest := _Latest()]
-        with stop_on_signals() as stop:
-            try:
-                done = run(source, pipeline, sinks, frames, stop)
-            except EdgemapError as error:
-                if latest.result is None or isinstance(error, (MapError, RunFolderError)):
-                    raise
-                raise type(error)(f"{error}; the map so far ({len(latest.objects)} objects) is in {folder}/") from None
-        print(f"map of {len(latest.objects)} objects saved in {folder}/")
-        _summary(done, latest, stop.is_set())
-        print(f"see it:  edgemap map show {folder}")
+        with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
+            latest = _Latest()
+            sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest, *page.sinks]
+            with stop_on_signals() as stop:
+                try:
+                    done = run(page.camera(source, stop), pipeline, sinks, frames, stop)
+                except EdgemapError as error:
+                    if latest.result is None or isinstance(error, (MapError, RunFolderError)):
+                        raise
+                    so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
+                    raise type(error)(f"{error}; {so_far}") from None
+            print(f"map of {len(latest.objects)} objects saved in {folder}/")
+            _summary(done, latest, stop.is_set())
+            print(f"see it:  edgemap map show {folder}")
+            page.stay(stop)
 
 
 class _Latest:

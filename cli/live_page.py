@@ -1,0 +1,111 @@
+"""`edgemap run --view`: opens the live page beside a run, or nothing where none is asked for."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+from edgemap.runtime.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.session import Bundle
+    from edgemap.runtime.sinks.protocol import Sink
+    from edgemap.view.pause import Pause
+
+LOOK_EVERY_S = 0.1
+
+
+class NoPage:
+    """A run that nobody watches."""
+
+    sinks: Sequence[Sink] = ()
+
+    def camera(self, source: Camera, stop: Event) -> Camera:  # noqa: ARG002
+        """The camera as it is."""
+        return source
+
+    def stay(self, stop: Event) -> None:
+        """Nothing stays."""
+
+
+class OpenPage(NoPage):
+    """A run with a page. A file source is paced by its stamps and can be paused; a live camera runs on."""
+
+    def __init__(self, sink: Sink, pause: Pause | None, url: str) -> None:
+        self.sinks = (sink,)
+        self._pause, self._url = pause, url
+
+    def camera(self, source: Camera, stop: Event) -> Camera:
+        """The camera that the run reads from."""
+        from edgemap.runtime.cameras.paced import PacedCamera
+        from edgemap.view.pause import PausableCamera
+
+        if self._pause is None:
+            return source
+        return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
+
+    def stay(self, stop: Event) -> None:
+        """Go on serving after a run that came to its end by itself, until Ctrl-C."""
+        from edgemap.runtime.loop import stop_on_signals
+
+        if stop.is_set():
+            return
+        print(f"the page stays at {self._url}  (Ctrl-C ends it)", flush=True)
+        with stop_on_signals() as enough:
+            while not enough.is_set():
+                time.sleep(LOOK_EVERY_S)
+
+
+@contextmanager
+def live_page(
+    wanted: bool, host: str, port: int, source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path
+) -> Iterator[NoPage]:
+    """The page of a run while the block lasts. Raises MissingExtraError, or ViewError where the address is taken."""
+    if not wanted:
+        yield NoPage()
+        return
+    if any(find_spec(name) is None for name in ("starlette", "uvicorn", "websockets")):
+        raise MissingExtraError("--view needs starlette, uvicorn and websockets: pip install 'edgemap[view]'")
+    from edgemap.view.page import LivePage
+    from edgemap.view.pause import Pause
+    from edgemap.view.server import PageServer
+
+    pause = None if source.live else Pause()
+    page = LivePage(about_run(source, bundle, floor, odometry, folder), folder, pause)
+    server = PageServer(page, host, port)
+    try:
+        print(f"live page:  {server.url}", flush=True)
+        yield OpenPage(page, pause, server.url)
+    finally:
+        server.close()
+
+
+def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
+    """What the page says of the run, and needs to know of the camera to draw."""
+    from edgemap.geometry.floor_map import CHI2_95
+    from edgemap.runtime.colours import label_colour
+
+    lens, seat = floor.intrinsics, floor.mount
+    return {
+        "camera": source.name,
+        "live": source.live,
+        "frames": source.frame_count,
+        "rate_hz": source.rate_hz,
+        "bundle": bundle.manifest.name,
+        "odometry": odometry,
+        "folder": str(folder),
+        "picture_px": [lens.width, lens.height],
+        "view_rad": 2.0 * math.atan2(lens.width / 2.0, lens.fx),
+        "lens_m": [seat.forward_m, seat.left_m],
+        "colours": {name: label_colour(name) for name in bundle.names},
+        "chi2_95": CHI2_95,
+        "run": f"{time.time_ns():x}",
+    }

@@ -1,0 +1,91 @@
+"""Who may look: the check of every request's Host, Origin and token before anything else sees it."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs, urlsplit
+
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+NO_TOKEN = "This page needs its token: open the address that edgemap printed in the robot's terminal."
+
+
+class Guard:
+    """ASGI middleware. token: what a request must bring, empty for none. cookie: name under which browsers keep it.
+
+    Host must be an address, localhost or this machine's own name: a foreign name that was made to point here (DNS
+    rebinding) is refused. Origin, where a browser sends one, must be the page's own, so no other site's script talks
+    to the socket. The token comes in a cookie, as `?token=`, or as `Authorization: Bearer`; `/?token=` sets the cookie
+    and drops the token from the address bar.
+    """
+
+    def __init__(self, app: ASGIApp, token: str, cookie: str) -> None:
+        self._app, self._token, self._cookie = app, token, cookie
+        self._names = own_names()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse, or pass on."""
+        if scope["type"] not in ("http", "websocket"):
+            return
+        refusal = self._refusal(scope)
+        if refusal is None:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await refusal(scope, receive, send)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        host = headers.get("host", "")
+        if not self._is_own(host):
+            return PlainTextResponse(f"{host!r} is not a name of this robot\n", 400)
+        origin = headers.get("origin")
+        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+            return PlainTextResponse("requests from other sites are refused\n", 403)
+        if not self._token:
+            return None
+        asked = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        if scope["type"] == "http" and scope["path"] == "/" and self._matches(asked):
+            response = RedirectResponse("/", 303)
+            response.set_cookie(self._cookie, asked, httponly=True, samesite="lax", path="/")
+            return response
+        bearer = headers.get("authorization", "").removeprefix("Bearer ")
+        if any(self._matches(given) for given in (asked, bearer, _cookie(headers, self._cookie))):
+            return None
+        return PlainTextResponse(NO_TOKEN + "\n", 401)
+
+    def _matches(self, given: str) -> bool:
+        return secrets.compare_digest(given.encode(), self._token.encode())
+
+    def _is_own(self, host: str) -> bool:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in self._names:
+            return True
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+
+def own_names() -> frozenset[str]:
+    """The names that may stand in a Host header beside plain addresses."""
+    machine = socket.gethostname().lower()
+    return frozenset({"localhost", machine, f"{machine.split('.')[0]}.local", f"{machine.split('.')[0]}.lan"})
+
+
+def _cookie(headers: dict[str, str], name: str) -> str:
+    try:
+        morsel = SimpleCookie(headers.get("cookie", "")).get(name)
+    except CookieError:
+        return ""
+    return morsel.value if morsel else ""

@@ -1,0 +1,132 @@
+"""The sink behind the live page: keeps the newest result for whoever looks, and what a late viewer has missed."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from edgemap.geometry.floor_map import MapObject, map_text, save_map
+from edgemap.runtime.pipeline import StepResult
+from edgemap.view.pause import Pause
+from edgemap.view.tail import Tail
+
+TRAIL_STEP_M = 0.03
+RATE_OVER = 20  # frames over which the frame rate is averaged
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What went wrong, in one line, and the number of the frame at which it began."""
+
+    frame: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One step as the page keeps it: references, no copies. arrived_s: `time.monotonic`."""
+
+    result: StepResult
+    objects: list[MapObject]
+    arrived_s: float
+
+
+class LivePage:
+    """A sink that never waits: `write` puts references into a slot and wakes the server's thread if a viewer waits.
+
+    about: what the page says of the run (plain JSON values). folder: where `save` writes. pause: None for live cameras.
+    """
+
+    def __init__(self, about: dict[str, Any], folder: Path, pause: Pause | None = None) -> None:
+        self.about, self.folder, self.pause = about, folder, pause
+        self.newest: Moment | None = None
+        self.revision = 0
+        self.finished = False
+        self.trail: Tail[tuple[float, float]] = Tail(20_000)
+        self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
+        self.faults: Tail[Fault] = Tail(100)
+        self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
+        self._last_fault = ""
+        self._trail_end: tuple[float, float] | None = None
+        self._wake: Callable[[], None] | None = None
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Keep the step's result in place of the one before."""
+        now_s = time.monotonic()
+        self._arrivals_s.append(now_s)
+        self._extend_trail(result)
+        for placed, identity in zip(result.sightings, result.object_ids, strict=True):
+            x_m, y_m = placed.position_map_m
+            self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
+        self.newest = Moment(result, objects, now_s)
+        if result.motion.fault != self._last_fault:
+            self._last_fault = result.motion.fault
+            if self._last_fault:
+                self.faults.append(Fault(result.frame.index, self._last_fault))
+        self._changed()
+
+    def fault(self, text: str) -> None:
+        """Show a fault on the page."""
+        self.faults.append(Fault(self.newest.result.frame.index if self.newest else 0, text))
+        self._changed()
+
+    def close(self) -> None:
+        """The run is over; the page goes on showing its end."""
+        self.finished = True
+        self._changed()
+
+    def wake_once(self, call: Callable[[], None]) -> None:
+        """Have something called, from the run's thread, at the next change. It must not block."""
+        self._wake = call
+
+    def set_paused(self, paused: bool) -> None:
+        """Hold or resume the run, where its camera can wait."""
+        if self.pause is not None and not self.finished:
+            self.pause.set(paused)
+            self._arrivals_s.clear()
+            self._changed()
+
+    @property
+    def state(self) -> str:
+        """`running`, `paused` or `finished`."""
+        if self.finished:
+            return "finished"
+        return "paused" if self.pause is not None and self.pause.paused else "running"
+
+    @property
+    def objects(self) -> list[MapObject]:
+        """The map as the newest step left it."""
+        return self.newest.objects if self.newest else []
+
+    def rate_hz(self) -> float | None:
+        """Steps per second over the last ones; None before the second."""
+        arrivals = list(self._arrivals_s)
+        span_s = arrivals[-1] - arrivals[0] if len(arrivals) > 1 else 0.0
+        return (len(arrivals) - 1) / span_s if span_s > 0 else None
+
+    def map_text(self) -> str:
+        """The map as the text of `map.json`."""
+        return map_text(self.objects)
+
+    def save(self) -> Path:
+        """Write the map of this moment into the run folder, beside map.json, where it stays. Raises MapError."""
+        path = self.folder / f"map-{self.newest.result.frame.index if self.newest else 0:06d}.json"
+        save_map(path, self.objects)
+        return path
+
+    def _extend_trail(self, result: StepResult) -> None:
+        x_m, y_m = result.pose_map_base.x_m, result.pose_map_base.y_m
+        last = self._trail_end
+        if last is None or abs(x_m - last[0]) + abs(y_m - last[1]) > TRAIL_STEP_M:
+            self._trail_end = (float(x_m), float(y_m))
+            self.trail.append(self._trail_end)
+
+    def _changed(self) -> None:
+        self.revision += 1
+        wake, self._wake = self._wake, None
+        if wake is not None:
+            wake()

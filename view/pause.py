@@ -1,0 +1,71 @@
+"""Holding a run of a file source: its frames wait, and the clock that paces them stands still meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Self
+
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.frame import Frame
+
+LOOK_EVERY_S = 0.05
+
+
+class Pause:
+    """A switch that any thread may turn, and the seconds that pass while it is off.
+
+    clock_s: seconds that only go forward; tests pass their own.
+    """
+
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._clock_s = clock_s
+        self._lost_s = 0.0
+        self._since_s: float | None = None
+
+    @property
+    def paused(self) -> bool:
+        """Whether the run is held."""
+        return self._since_s is not None
+
+    def set(self, paused: bool) -> None:
+        """Hold or resume."""
+        now_s = self._clock_s()
+        if paused and self._since_s is None:
+            self._since_s = now_s
+        elif not paused and self._since_s is not None:
+            self._lost_s += now_s - self._since_s
+            self._since_s = None
+
+    def running_s(self) -> float:
+        """The clock, less all the time held."""
+        since_s = self._since_s
+        return (self._clock_s() if since_s is None else since_s) - self._lost_s
+
+
+class PausableCamera:
+    """A camera whose `read` waits while the run is held. stopped: asked meanwhile; true ends the frames."""
+
+    def __init__(self, camera: Camera, pause: Pause, stopped: Callable[[], bool]) -> None:
+        self.name, self.live, self.size = camera.name, camera.live, camera.size
+        self.intrinsics, self.mount = camera.intrinsics, camera.mount
+        self.rate_hz, self.frame_count, self.truth = camera.rate_hz, camera.frame_count, camera.truth
+        self._camera, self._pause, self._stopped = camera, pause, stopped
+
+    def read(self) -> Frame | None:
+        """The next frame once the run is not held; None at the end or when stopped."""
+        while self._pause.paused:
+            if self._stopped():
+                return None
+            time.sleep(LOOK_EVERY_S)  # not Event.wait: a signal handler may run in here and set the same event
+        return self._camera.read()
+
+    def close(self) -> None:
+        """Close the camera behind it."""
+        self._camera.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()

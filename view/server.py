@@ -1,0 +1,99 @@
+"""The page's web server: bound at once, served from a thread of its own, and never the end of the run."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import uvicorn
+
+from edgemap.view.app import make_app
+from edgemap.view.errors import ViewError
+from edgemap.view.page import LivePage
+
+START_LIMIT_S = 10.0
+
+
+class PageServer:
+    """Serves a page until `close`. host: a name or address of this machine; beyond loopback a token is demanded.
+
+    port: 0 for any free one. told: called with one line where the server dies; the run goes on.
+    Raises ViewError, one line, where the address cannot be had.
+    """
+
+    def __init__(
+        self,
+        page: LivePage,
+        host: str,
+        port: int,
+        told: Callable[[str], None] = lambda text: print(text, file=sys.stderr),
+    ) -> None:
+        self._socket = _bind(host, port)
+        self._told = told
+        address, self.port = self._socket.getsockname()[:2]
+        self.token = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
+        shown = reachable(address)
+        shown = f"[{shown}]" if ":" in shown else shown
+        self.url = f"http://{shown}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+        config = uvicorn.Config(
+            make_app(page, self.token, f"edgemap-{self.port}"),
+            log_level="error", access_log=False, lifespan="off", server_header=False, ws_max_size=4096,
+            ws_per_message_deflate=False, timeout_graceful_shutdown=1, limit_concurrency=64,
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)
+        self._thread.start()
+        until_s = time.monotonic() + START_LIMIT_S
+        while self._thread.is_alive() and not self._server.started and time.monotonic() < until_s:
+            time.sleep(0.005)
+
+    def close(self) -> None:
+        """Say goodbye to the viewers and let go of the port; may be called twice."""
+        self._server.should_exit = True
+        self._thread.join(timeout=3.0)
+        self._socket.close()
+
+    def _serve(self) -> None:
+        why = "the server ended"
+        try:
+            self._server.run(sockets=[self._socket])
+        except BaseException as error:  # whatever it is, the map is worth more than the page
+            why = f"{type(error).__name__}: {error}"
+        if not self._server.should_exit:
+            self._told(f"the live page is gone ({why}); the run goes on")
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    if not 0 <= port <= 65535:
+        raise ViewError(f"--view-port {port}: must be 0 to 65535")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    except (socket.gaierror, UnicodeError):
+        raise ViewError(f"--view-host {host!r}: not a name or address of this machine") from None
+    bound = socket.socket(family, kind, protocol)
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        bound.bind(address)
+        bound.listen()
+    except OSError as error:
+        bound.close()
+        other = "; choose another --view-port, or 0 for any free one"
+        raise ViewError(f"the live page cannot have {host}:{port} ({error.strerror}){other}") from None
+    return bound
+
+
+def reachable(address: str) -> str:
+    """The address to show for one that the server is bound to: of `any`, the one that the network sees."""
+    if not ipaddress.ip_address(address).is_unspecified:
+        return address
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing: asks the routing table which of our addresses goes out
+            return probe.getsockname()[0]
+        except OSError:
+            return socket.gethostname()

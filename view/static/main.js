@@ -1,0 +1,108 @@
+// Puts the page together: what comes from the robot goes to picture, map and panels; buttons go to the robot.
+import { Connection } from "/connection.js";
+import { FloorMap } from "/map.js";
+import { Panels } from "/panels.js";
+import { Picture } from "/picture.js";
+
+const byId = (id) => document.getElementById(id);
+const press = (id, on) => byId(id).setAttribute("aria-pressed", on);
+
+const picture = new Picture(byId("picture"));
+const map = new FloorMap(byId("map"), (mode) => { press("fit", mode === "fit"); press("follow", mode === "follow"); });
+const panels = new Panels(choose);
+// For the console and the tests: pictures drawn, updates received, the last state told.
+const page = window.edgemap = { drawn: 0, updates: 0, state: "connecting", frame: -1, map };
+let info = null, lastDrawn = -1;
+
+const connection = new Connection({
+  hello(about) {
+    info = about;
+    lastDrawn = -1;
+    for (const part of [picture, map, panels]) { part.about(about); part.clear(); }
+    byId("about").textContent = [about.camera, about.bundle, `${about.odometry} odometry`].join("  ·  ");
+    byId("pause").title = about.live ? "Hold this page; the robot goes on" : "Hold the run";
+    document.title = `${about.camera} – edgemap`;
+  },
+  update(news, jpeg) {
+    page.updates += 1;
+    map.update(news);
+    panels.update(news, map.objects, map.seen);
+    tellState(connection.held ? "held" : news.state);
+    if (news.frame !== undefined) caption(news);
+    show(news, jpeg);
+  },
+  notice,
+  lost(reason) { tellState("lost", reason || "connection lost, trying again"); },
+});
+
+// A picture appears together with its own boxes; the robot hears of it only then, and sends the next.
+async function show(news, jpeg) {
+  const bitmap = jpeg.length ? await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })) : null;
+  requestAnimationFrame(() => {
+    if (bitmap && news.number > lastDrawn) {
+      lastDrawn = news.number;
+      page.frame = news.frame;
+      page.drawn += 1;
+      picture.draw(bitmap, news.boxes);
+      bitmap.close();
+    }
+    connection.shown();
+  });
+}
+
+function tellState(state, text = { held: "page held" }[state] ?? state) {
+  page.state = state;
+  byId("state").dataset.state = state;
+  if (byId("state").textContent !== text) byId("state").textContent = text;
+  const held = state === "paused" || state === "held";
+  press("pause", held);
+  byId("pause").textContent = held ? "Resume" : "Pause";
+  byId("pause").disabled = state === "finished" || state === "lost" || state === "connecting";
+  byId("save").disabled = state === "lost" || state === "connecting";
+}
+
+function caption({ frame, stamp_s, boxes }) {
+  const of = info.frames ? ` of ${info.frames}` : "", onFloor = boxes.filter((box) => box.distance_m !== null).length;
+  byId("caption").replaceChildren(text(`frame ${frame + 1}${of}, ${stamp_s.toFixed(1)} s`), text(`${boxes.length} in view, ${onFloor} on the floor`));
+}
+
+function text(content) {
+  const span = document.createElement("span");
+  span.textContent = content;
+  return span;
+}
+
+function choose(id) {
+  const { x_m, y_m } = map.objects.get(id);
+  map.chosen = id;
+  map.view.setMode("free");
+  map.view.look(x_m, y_m);
+}
+
+let noticeTimer = null;
+function notice(message) {
+  const place = byId("notice");
+  place.textContent = message;
+  place.hidden = false;
+  clearTimeout(noticeTimer);
+  noticeTimer = setTimeout(() => { place.hidden = true; }, 5000);
+}
+
+byId("pause").onclick = () => {
+  const on = byId("pause").getAttribute("aria-pressed") !== "true";
+  if (!info.live) return connection.say("pause", on);
+  connection.hold(on);
+  tellState(on ? "held" : "running");
+};
+byId("save").onclick = () => connection.say("save");
+byId("fit").onclick = () => map.view.setMode("fit");
+byId("follow").onclick = () => map.view.setMode(map.view.mode === "follow" ? "free" : "follow");
+byId("closer").onclick = () => map.view.zoom(1.25);
+byId("farther").onclick = () => map.view.zoom(.8);
+byId("sightings").onclick = () => {
+  const on = byId("sightings").getAttribute("aria-pressed") !== "true";
+  press("sightings", on);
+  map.sightings = [];
+  map.redraw();
+  connection.askSightings(on);
+};

@@ -1,0 +1,236 @@
+// The map from above: grid, way, robot, objects with their 95 % ellipses, and every sighting when asked for.
+import { Viewport } from "/viewport.js";
+
+export class FloorMap {
+  constructor(canvas, modeChanged) {
+    this.canvas = canvas;
+    this.view = new Viewport(canvas, () => this.redraw(), modeChanged);
+    this.clear();
+    new ResizeObserver(() => this.redraw()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.style = null; this.redraw(); });
+  }
+
+  clear() {
+    this.objects = new Map();
+    this.trail = [];
+    this.sightings = [];
+    this.seen = new Set();
+    this.pose = this.from = null;
+    this.chosen = null;
+    this.info = this.info ?? { colours: {}, chi2_95: 0, view_rad: 1, lens_m: [0, 0] };
+    this.redraw();
+  }
+
+  about(info) { this.info = info; }
+
+  update(news) {
+    for (const item of news.changed ?? []) this.objects.set(item.id, item);
+    for (const id of news.gone ?? []) this.objects.delete(id);
+    this.trail.push(...news.trail);
+    this.sightings.push(...(news.sightings ?? []));
+    if (news.pose) {
+      this.from = this.shownPose() ?? news.pose;
+      this.pose = news.pose;
+      this.poseAt = performance.now();
+      this.glideMs = Math.min(150, 1000 / (news.rate_hz || 10));
+      this.seen = new Set(news.boxes.map((box) => box.object));
+    }
+    this.redraw();
+  }
+
+  // The robot between its last two poses, so that it glides and does not jump.
+  shownPose() {
+    if (!this.pose) return null;
+    const share = Math.min(1, (performance.now() - this.poseAt) / this.glideMs), [a, b] = [this.from, this.pose];
+    const turn = Math.atan2(Math.sin(b[2] - a[2]), Math.cos(b[2] - a[2]));
+    return [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * turn];
+  }
+
+  redraw() {
+    if (!this.asked) this.asked = requestAnimationFrame((now) => this.draw(now));
+  }
+
+  extent() {
+    const xs = [0, 1.5, this.pose?.[0] ?? 0], ys = [0, this.pose?.[1] ?? 0];
+    for (const { x_m, y_m } of this.objects.values()) { xs.push(x_m); ys.push(y_m); }
+    for (const [x, y] of this.trail) { xs.push(x); ys.push(y); }
+    const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
+    return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };
+  }
+
+  draw(now) {
+    this.asked = null;
+    const { canvas, view } = this, ratio = devicePixelRatio || 1, { clientWidth: width, clientHeight: height } = canvas;
+    if (!width || !height) return;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+    }
+    const robot = this.shownPose();
+    if (view.mode === "fit") view.fit(this.extent());
+    if (view.mode === "follow" && robot) view.look(robot[0], robot[1]);
+    const moving = view.ease(Math.min(100, now - (this.drawnAt ?? now - 16)));
+    this.drawnAt = now;
+    this.style ??= readStyle();
+    const pen = canvas.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    pen.lineJoin = "round";
+    const step = this.grid(pen, width, height);
+    this.way(pen, robot);
+    this.points(pen);
+    if (robot) this.robot(pen, robot);
+    this.things(pen, robot);
+    this.scaleBar(pen, height, step);
+    if (moving || (this.pose && now - this.poseAt < this.glideMs)) this.redraw();
+    else this.drawnAt = null;
+  }
+
+  grid(pen, width, height) {
+    const step = [0.5, 1, 2, 5, 10, 20].find((metres) => metres * this.view.now.scale >= 48) ?? 50;
+    const [top, left] = this.view.toFloor(0, 0), [bottom, right] = this.view.toFloor(width, height);
+    for (const strong of [false, true]) {
+      pen.beginPath();
+      for (let i = Math.ceil(right / step); i <= left / step; i++) {
+        if ((i === 0) !== strong) continue;
+        const x = Math.round(this.view.toScreen(0, i * step)[0]) + .5;
+        pen.moveTo(x, 0);
+        pen.lineTo(x, height);
+      }
+      for (let i = Math.ceil(bottom / step); i <= top / step; i++) {
+        if ((i === 0) !== strong) continue;
+        const y = Math.round(this.view.toScreen(i * step, 0)[1]) + .5;
+        pen.moveTo(0, y);
+        pen.lineTo(width, y);
+      }
+      pen.lineWidth = 1;
+      pen.strokeStyle = strong ? this.style.gridStrong : this.style.grid;
+      pen.stroke();
+    }
+    return step;
+  }
+
+  way(pen, robot) {
+    if (!this.trail.length) return;
+    pen.beginPath();
+    for (const [x, y] of this.trail) pen.lineTo(...this.view.toScreen(x, y));
+    if (robot) pen.lineTo(...this.view.toScreen(robot[0], robot[1]));
+    pen.lineWidth = 2;
+    pen.strokeStyle = this.style.trail;
+    pen.stroke();
+  }
+
+  points(pen) {
+    pen.globalAlpha = .5;
+    for (const [label, , x, y] of this.sightings) {
+      pen.fillStyle = this.info.colours[label];
+      pen.beginPath();
+      pen.arc(...this.view.toScreen(x, y), 2, 0, 2 * Math.PI);
+      pen.fill();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  robot(pen, [x, y, yaw]) {
+    const { view, info } = this, [left, top] = view.toScreen(x, y);
+    const [ahead, aside] = info.lens_m, [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+    const lens = view.toScreen(x + c * ahead - s * aside, y + s * ahead + c * aside);
+    const reach = 3 * view.now.scale, middle = -Math.PI / 2 - yaw; // of the canvas: 0 right, clockwise
+    pen.beginPath();
+    pen.moveTo(...lens);
+    pen.arc(...lens, reach, middle - info.view_rad / 2, middle + info.view_rad / 2);
+    pen.closePath();
+    pen.fillStyle = this.style.sight;
+    pen.fill();
+    pen.save();
+    pen.translate(left, top);
+    pen.rotate(-yaw);
+    pen.beginPath();
+    for (const [px, py] of [[0, -12], [8, 9], [0, 5], [-8, 9]]) pen.lineTo(px, py);
+    pen.closePath();
+    pen.fillStyle = this.style.ink;
+    pen.strokeStyle = this.style.card;
+    pen.lineWidth = 2;
+    pen.stroke();
+    pen.fill();
+    pen.restore();
+  }
+
+  things(pen, robot) {
+    const placed = robot ? [around(this.view.toScreen(robot[0], robot[1]), 12)] : [];
+    const items = [...this.objects.values()];
+    for (const item of items) {
+      const at = this.view.toScreen(item.x_m, item.y_m), colour = this.info.colours[item.label], seen = this.seen.has(item.id);
+      if (seen && robot) {
+        pen.beginPath();
+        pen.moveTo(...this.view.toScreen(robot[0], robot[1]));
+        pen.lineTo(...at);
+        Object.assign(pen, { lineWidth: 1, strokeStyle: colour, globalAlpha: .45 });
+        pen.stroke();
+        pen.globalAlpha = 1;
+      }
+      this.ellipse(pen, item, at, colour);
+      pen.beginPath();
+      pen.arc(...at, seen ? 5.5 : 4, 0, 2 * Math.PI);
+      Object.assign(pen, { fillStyle: colour, strokeStyle: this.style.card, lineWidth: 1.5 });
+      pen.fill();
+      pen.stroke();
+      placed.push(around(at, 5));
+    }
+    for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
+  }
+
+  // 95 % ellipse of a 2x2 covariance; on the canvas across is -y and down is -x.
+  ellipse(pen, { covariance_m2: [[xx, xy], [, yy]] }, at, colour) {
+    const mean = (xx + yy) / 2, spread = Math.hypot((xx - yy) / 2, xy), angle = Math.atan2(2 * xy, yy - xx) / 2;
+    const axes = [mean + spread, Math.max(0, mean - spread)].map((v) => Math.sqrt(this.info.chi2_95 * v) * this.view.now.scale);
+    pen.beginPath();
+    pen.ellipse(...at, ...axes, angle, 0, 2 * Math.PI);
+    Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: 1.25, globalAlpha: .16 });
+    pen.fill();
+    pen.globalAlpha = .9;
+    pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  // Beside its dot, where no other name is; left out where there is no room.
+  name(pen, item, placed) {
+    const [left, top] = this.view.toScreen(item.x_m, item.y_m), chosen = item.id === this.chosen;
+    pen.font = `${chosen ? 650 : 500} 12.5px system-ui, sans-serif`;
+    const width = pen.measureText(item.id).width, places = [[9, 0], [-9 - width, 0], [-width / 2, -15], [-width / 2, 15]];
+    const rect = ([dx, dy]) => [left + dx, top + dy - 7, left + dx + width, top + dy + 7];
+    const free = places.find((place) => this.inside(rect(place)) && placed.every((other) => apart(rect(place), other))) ?? (chosen ? places[0] : null);
+    if (!free) return;
+    placed.push(rect(free));
+    pen.textBaseline = "middle";
+    Object.assign(pen, { lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: this.style.ink });
+    pen.strokeText(item.id, left + free[0], top + free[1]);
+    pen.fillText(item.id, left + free[0], top + free[1]);
+  }
+
+  inside([left, top, right, bottom]) {
+    return left >= 4 && top >= 4 && right <= this.canvas.clientWidth - 4 && bottom <= this.canvas.clientHeight - 4;
+  }
+
+  scaleBar(pen, height, step) {
+    const length = step * this.view.now.scale, left = 16.5, bottom = height - 16.5;
+    pen.beginPath();
+    pen.moveTo(left, bottom - 5);
+    pen.lineTo(left, bottom);
+    pen.lineTo(left + length, bottom);
+    pen.lineTo(left + length, bottom - 5);
+    Object.assign(pen, { lineWidth: 1.5, strokeStyle: this.style.muted, fillStyle: this.style.muted });
+    pen.stroke();
+    pen.font = "12px system-ui, sans-serif";
+    pen.textBaseline = "alphabetic";
+    pen.fillText(`${step} m`, left + 6, bottom - 5);
+  }
+}
+
+function around([left, top], reach) { return [left - reach, top - reach, left + reach, top + reach]; }
+function apart(a, b) { return a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] < a[1]; }
+
+function readStyle() {
+  const style = getComputedStyle(document.documentElement), names = { grid: "--grid", gridStrong: "--grid-strong", trail: "--trail",
+    ink: "--ink", card: "--card", muted: "--muted", sight: "--sight" };
+  return Object.fromEntries(Object.entries(names).map(([key, name]) => [key, style.getPropertyValue(name).trim()]));
+}

@@ -1,0 +1,140 @@
+"""What goes over the wire: one binary message per update, JSON first and the picture's JPEG behind it."""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+import time
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+import psutil
+
+from edgemap.geometry.floor_map import MapObject, map_document
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.pipeline import StepResult
+from edgemap.view.page import LivePage
+
+JPEG_QUALITY = 75
+WIDEST_PX = 960
+MOST_ITEMS = 4000  # of a history in one update; the rest follows in the next ones
+ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers
+
+
+class Pictures:
+    """JPEGs of frames; each frame is encoded once, however many look at it."""
+
+    def __init__(self) -> None:
+        self._frame: Frame | None = None
+        self._jpeg = b""
+
+    def jpeg(self, frame: Frame) -> bytes:
+        """The frame's picture, at most `WIDEST_PX` wide."""
+        if frame is not self._frame:
+            image = frame.image
+            height, width = image.shape[:2]
+            if width > WIDEST_PX:
+                size = (WIDEST_PX, max(1, round(height * WIDEST_PX / width)))
+                image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+            _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            self._frame, self._jpeg = frame, encoded.tobytes()
+        return self._jpeg
+
+
+class Vitals:
+    """This process's processor time and memory, looked up at most once a second."""
+
+    def __init__(self) -> None:
+        self._process = psutil.Process()
+        self._process.cpu_percent()
+        self._cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        self._looked_s = -math.inf
+        self._last: dict[str, float | None] = {"cpu_percent": None, "memory_mb": None}
+
+    def now(self) -> dict[str, float | None]:
+        """cpu_percent: of all cores together, 0..100. memory_mb: resident."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= 1.0:
+            first = self._looked_s == -math.inf  # its share is over no time yet
+            share = self._process.cpu_percent() / self._cores
+            memory_mb = self._process.memory_info().rss / 1e6
+            self._last = {"cpu_percent": None if first else round(share, 1), "memory_mb": round(memory_mb, 1)}
+            self._looked_s = now_s
+        return self._last
+
+
+class Cursor:
+    """What one viewer has been sent, and hence what is new to it."""
+
+    def __init__(self) -> None:
+        self.revision = -1
+        self._with_sightings = False
+        self._frame: Frame | None = None
+        self._objects: dict[str, MapObject] = {}
+        self._trail = self._sightings = self._faults = 0
+
+    def want_sightings(self, wanted: bool) -> None:
+        """Send every sighting from the first on, or none."""
+        self._with_sightings, self._sightings, self.revision = wanted, 0, -1
+
+    def update(self, page: LivePage, pictures: Pictures, vitals: Vitals, number: int) -> bytes:
+        """The next message: all that changed since the one before."""
+        self.revision = page.revision
+        moment = page.newest
+        trail, self._trail = page.trail.since(self._trail, MOST_ITEMS)
+        faults, self._faults = page.faults.since(self._faults, MOST_ITEMS)
+        document: dict[str, Any] = {
+            "number": number, "state": page.state, "trail": trail, "faults": faults, "vitals": vitals.now(),
+        }  # fmt: skip
+        if self._with_sightings:
+            document["sightings"], self._sightings = page.sightings.since(self._sightings, MOST_ITEMS)
+        jpeg = b""
+        if moment is not None:
+            document |= _step(moment.result) | self._object_changes(moment.objects)
+            document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - moment.arrived_s}
+            if moment.result.frame is not self._frame:
+                self._frame = moment.result.frame
+                jpeg = pictures.jpeg(self._frame)
+        head = ENCODER.encode(document)
+        return struct.pack("<I", len(head)) + head + jpeg
+
+    def _object_changes(self, objects: list[MapObject]) -> dict[str, Any]:
+        """The map makes a new MapObject when something of it changes, so identity tells what is new."""
+        now = {item.id: item for item in objects}
+        changed = [item for key, item in now.items() if self._objects.get(key) is not item]
+        gone = [key for key in self._objects if key not in now]
+        self._objects = now
+        return {"changed": map_document(changed)["objects"], "gone": gone}
+
+
+def _step(result: StepResult) -> dict[str, Any]:
+    pose, covariance = result.pose_map_base, result.pose_covariance
+    way_m = math.sqrt(max(0.0, float(np.trace(covariance[:2, :2])) / 2.0))
+    turn_rad = math.sqrt(max(0.0, float(covariance[2, 2])))
+    return {
+        "frame": result.frame.index,
+        "stamp_s": result.frame.stamp_s,
+        "pose": [float(pose.x_m), float(pose.y_m), float(pose.yaw_rad)],
+        "pose_sigma": [way_m, turn_rad],
+        "motion_fault": result.motion.fault,
+        "boxes": _boxes(result),
+        "laps_ms": result.laps_ms,
+    }
+
+
+def _boxes(result: StepResult) -> list[dict[str, Any]]:
+    placed = {
+        item.sighting.detection: (round(float(item.sighting.distance_m), 3), identity)
+        for item, identity in zip(result.sightings, result.object_ids, strict=True)
+    }
+    found = result.detections
+    boxes = []
+    for index, label in enumerate(found.labels):
+        distance_m, identity = placed.get(index, (None, ""))
+        box = [round(float(v), 1) for v in found.boxes[index]]
+        score = round(float(found.scores[index]), 3)
+        boxes.append({"box": box, "label": label, "score": score, "distance_m": distance_m, "object": identity})
+    return boxes
