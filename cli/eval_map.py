@@ -23,7 +23,6 @@ from edgemap.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from edgemap.evaluation.objects import TrueObject
     from edgemap.geometry.floor_map import MapObject
     from edgemap.runtime.drives import Drive
     from edgemap.runtime.session import Bundle
@@ -55,6 +54,7 @@ def command(
     from itertools import pairwise
     from math import degrees
 
+    from edgemap.cli.truth import true_objects
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.cameras.open import DEMO
     from edgemap.runtime.drives import open_drive
@@ -119,28 +119,6 @@ def _map_of(
         pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence)
         run(source, pipeline, [], frames)
     return pipeline.objects()
-
-
-def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
-    """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
-    from collections import Counter
-
-    from edgemap.evaluation.objects import TrueObject
-
-    seen: Counter[str] = Counter()
-    for boxes in drive.boxes[:frames]:
-        seen.update(boxes.seen_ids())
-    return [
-        TrueObject(
-            item["label"],
-            item["x_m"],
-            item["y_m"],
-            item["on_floor"],
-            seen[str(item["id"])] if drive.boxes else int(item.get("visible_frames") or 0),
-            tuple((float(x_m), float(y_m)) for x_m, y_m in item.get("footprint_m") or ()),
-        )
-        for item in drive.objects
-    ]
 
 
 def _line(figures: dict[str, Any]) -> str:

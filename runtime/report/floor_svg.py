@@ -1,0 +1,215 @@
+"""The floor from above as SVG: x forward is up, y left is left, one scale for both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.verdict import Verdict
+from edgemap.runtime.colours import label_colour
+from edgemap.runtime.report.labels import place_labels
+from edgemap.runtime.report.markup import Markup, el, joined, polyline
+
+WIDEST_PX, TALLEST_PX, MARGIN_M = 960.0, 720.0, 0.5
+LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
+_STEPS_M = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """Where the drawing's corner lies in the map and how large a metre is drawn."""
+
+    top_x_m: float
+    left_y_m: float
+    px_per_m: float
+    width_px: float
+    height_px: float
+
+    def at(self, points_m: ArrayLike) -> Points:
+        """Map positions (..., 2) in metres to drawing positions (right, down)."""
+        points = np.asarray(points_m, dtype=np.float64)
+        return np.stack([self.left_y_m - points[..., 1], self.top_x_m - points[..., 0]], axis=-1) * self.px_per_m
+
+
+def floor_svg(
+    objects: Sequence[MapObject], way: Sequence[SE2], true_way: Sequence[SE2] = (), verdicts: Sequence[Verdict] = ()
+) -> Markup:
+    """Objects with size, 95 % ellipse and id; the way with start and end; what really stands there; grid and scale."""
+    sheet = _sheet(objects, way, true_way, verdicts)
+    marks = [_object(sheet, item) for item in objects]
+    spots = [sheet.at(item.position_m) for item in objects]
+    marked = [(item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
+    names = place_labels(marked, sheet.width_px, sheet.height_px)
+    texts = [_name(item, spot) for item, spot in zip(objects, names, strict=True)]
+    return el(
+        "svg",
+        _grid(sheet),
+        [_truth(sheet, verdict, objects) for verdict in verdicts],
+        _line(sheet, true_way, "true-way", "true way"),
+        _line(sheet, way, "way", "way driven"),
+        marks,
+        _robot(sheet, way),
+        texts,
+        _scale_bar(sheet),
+        class_="floor",
+        viewBox=f"0 0 {sheet.width_px:.0f} {sheet.height_px:.0f}",
+        role="img",
+        aria_label=f"map from above with {len(objects)} objects",
+    )
+
+
+def _sheet(
+    objects: Sequence[MapObject], way: Sequence[SE2], true_way: Sequence[SE2], verdicts: Sequence[Verdict]
+) -> Sheet:
+    points = [np.zeros((1, 2))]
+    points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (way, true_way) if poses]
+    for item in objects:
+        reach = max(_radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
+        points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
+    for verdict in verdicts:
+        points.append(np.array(verdict.footprint_m or ([verdict.true_m] if verdict.true_m else [])).reshape(-1, 2))
+    every = np.concatenate(points)
+    low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
+    deep_m, wide_m = np.maximum(high - low, 3.0)
+    px_per_m = min(WIDEST_PX / wide_m, TALLEST_PX / deep_m)
+    wide_m = max(wide_m, 0.8 * WIDEST_PX / px_per_m)  # a narrow way stands in the middle of a sheet of usual shape
+    deep_m = max(deep_m, 0.35 * WIDEST_PX / px_per_m)
+    top, left = (high + low) / 2.0 + np.array([deep_m, wide_m]) / 2.0
+    return Sheet(float(top), float(left), float(px_per_m), float(wide_m * px_per_m), float(deep_m * px_per_m))
+
+
+def _radius_m(item: MapObject) -> float:
+    """Half the object's apparent width."""
+    return float(np.clip(item.width_m / 2.0, 0.08, 1.5))
+
+
+def _axes(covariance_m2: Points) -> tuple[float, float, float]:
+    """Half axes of the 95 % ellipse in metres, the longer first, and the longer one's angle in the drawing, degrees."""
+    values, vectors = np.linalg.eigh(covariance_m2)
+    short, long = np.sqrt(CHI2_95 * np.maximum(values, 0.0))
+    angle = math.degrees(math.atan2(-vectors[0, 1], -vectors[1, 1]))  # right is -y, down is -x
+    return float(long), float(short), angle
+
+
+def _object(sheet: Sheet, item: MapObject) -> Markup:
+    x, y = sheet.at(item.position_m)
+    long, short, angle = _axes(item.covariance_m2)
+    colour, scale = label_colour(item.label), sheet.px_per_m
+    turned = f"translate({x:.1f} {y:.1f}) rotate({angle:.1f})"
+    told = (
+        f"{item.id}: x {item.position_m[0]:.2f} m, y {item.position_m[1]:.2f} m, seen {item.count} times, "
+        f"confidence {item.confidence:.2f}"
+    )
+    return el(
+        "g",
+        el("title", told),
+        el("circle", cx=x, cy=y, r=_radius_m(item) * scale, class_="size"),
+        el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=turned),
+        el("circle", cx=x, cy=y, r=4.5, class_="spot"),
+        class_="object",
+        style=f"color:{colour}",
+    )  # fmt: skip
+
+
+def _name(item: MapObject, spot: tuple[float, float, str]) -> Markup:
+    """The id beside its object; on a narrow screen the number alone, its colour tells the label."""
+    x, y, anchor = spot
+    word, dash, number = item.id.rpartition("-")
+    return el("text", el("tspan", word + dash, class_="word"), number, x=x, y=y, text_anchor=anchor, class_="name")
+
+
+def _truth(sheet: Sheet, verdict: Verdict, objects: Sequence[MapObject]) -> Markup | None:
+    if verdict.true_m is None:
+        return None
+    x, y = sheet.at(verdict.true_m)
+    mapped = next((item for item in objects if item.id == verdict.object_id), None)
+    error = "" if verdict.error_m is None else f", {verdict.error_m:.2f} m off"
+    shape = (
+        el("polygon", points=polyline(sheet.at(verdict.footprint_m)), class_="footprint")
+        if len(verdict.footprint_m) >= 3
+        else el("rect", x=x - 7, y=y - 7, width=14.0, height=14.0, class_="footprint")
+    )
+    tie = None
+    if mapped is not None:
+        end_x, end_y = sheet.at(mapped.position_m)
+        tie = el("line", x1=x, y1=y, x2=end_x, y2=end_y, class_="tie")
+    cross = f"M{x - 5:.1f} {y - 5:.1f}l10 10m0 -10l-10 10" if verdict.state == "missed" else None
+    return el(
+        "g",
+        el("title", f"true {verdict.label}: {verdict.state}{error}"),
+        shape,
+        tie,
+        el("path", d=cross, class_="cross") if cross else None,
+        class_=f"truth {verdict.state}",
+        style=f"color:{label_colour(verdict.label)}",
+    )
+
+
+def _line(sheet: Sheet, way: Sequence[SE2], name: str, told: str) -> Markup | None:
+    if len(way) < 2:
+        return None
+    points = sheet.at(np.array([[pose.x_m, pose.y_m] for pose in way]))
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.abs(point - kept[-1]).max() >= 1.0:  # less than a pixel further on tells nothing
+            kept.append(point)
+    return el("polyline", el("title", told), points=polyline([*kept, points[-1]]), class_=name)
+
+
+def _robot(sheet: Sheet, way: Sequence[SE2]) -> Markup | None:
+    if not way:
+        return None
+    start_x, start_y = sheet.at([way[0].x_m, way[0].y_m])
+    x, y = sheet.at([way[-1].x_m, way[-1].y_m])
+    turn = -math.degrees(way[-1].yaw_rad)
+    return joined(
+        el("circle", el("title", "start"), cx=start_x, cy=start_y, r=6.0, class_="start"),
+        el("path", el("title", "end, and where it faces"), d="M0 -12L8.5 9L0 4.5L-8.5 9Z", class_="robot",
+           transform=f"translate({x:.1f} {y:.1f}) rotate({turn:.1f})"),
+    )  # fmt: skip
+
+
+def step_m(px_per_m: float, least_px: float) -> float:
+    """The smallest round length that is drawn at least this long."""
+    return next((step for step in _STEPS_M if step * px_per_m >= least_px), _STEPS_M[-1])
+
+
+def _grid(sheet: Sheet) -> Markup:
+    step = step_m(sheet.px_per_m, 56.0)
+    low_x, right_y = (
+        sheet.top_x_m - sheet.height_px / sheet.px_per_m,
+        sheet.left_y_m - sheet.width_px / sheet.px_per_m,
+    )
+    lines, texts = [], []
+    for n in range(math.ceil(low_x / step), math.floor(sheet.top_x_m / step) + 1):
+        _, y = sheet.at([n * step, 0.0])
+        lines.append(el("line", x1=0, y1=y, x2=sheet.width_px, y2=y, class_="axis" if n == 0 else None))
+        if 14 < y < sheet.height_px - 20:
+            texts.append(el("text", f"{n * step:g}", x=5, y=y - 4))
+    for n in range(math.ceil(right_y / step), math.floor(sheet.left_y_m / step) + 1):
+        x, _ = sheet.at([0.0, n * step])
+        lines.append(el("line", x1=x, y1=0, x2=x, y2=sheet.height_px, class_="axis" if n == 0 else None))
+        if 24 < x < sheet.width_px - 14:
+            texts.append(el("text", f"{n * step:g}", x=x + 4, y=sheet.height_px - 6))
+    texts.append(el("text", "x forward, m", x=5, y=14, class_="unit"))
+    return joined(el("g", lines, class_="grid"), el("g", texts, class_="ticks"))
+
+
+def _scale_bar(sheet: Sheet) -> Markup:
+    length_m = step_m(sheet.px_per_m, 70.0)
+    right, y = sheet.width_px - 16, sheet.height_px - 26
+    left = right - length_m * sheet.px_per_m
+    return el(
+        "g",
+        el("path", d=f"M{left:.1f} {y - 4:.1f}v8m0 -4H{right:.1f}m0 -4v8"),
+        el("text", f"{length_m:g} m", x=(left + right) / 2, y=y - 7, text_anchor="middle"),
+        class_="scale",
+    )

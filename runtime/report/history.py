@@ -1,0 +1,100 @@
+"""What a report keeps of a run, in bounded memory: the way thinned out, times and detections summed over stretches."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from edgemap.geometry.floor_map import CHI2_95
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.pipeline import StepResult
+
+MOST_POSES = 4000
+MOST_STRETCHES = 240
+
+
+@dataclass(slots=True)
+class Stretch:
+    """Some frames in a row. laps_ms: sums by stage. worst_ms: the slowest step. seen: detections by label."""
+
+    start_s: float
+    end_s: float
+    frames: int = 0
+    worst_ms: float = 0.0
+    laps_ms: Counter[str] = field(default_factory=Counter)
+    seen: Counter[str] = field(default_factory=Counter)
+
+    def join(self, other: Stretch) -> None:
+        """Take in the stretch that follows."""
+        self.end_s, self.frames = other.end_s, self.frames + other.frames
+        self.worst_ms = max(self.worst_ms, other.worst_ms)
+        self.laps_ms.update(other.laps_ms)
+        self.seen.update(other.seen)
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One pose on the way. bound_m: radius that holds 95 % of its position by the pipeline's own covariance."""
+
+    stamp_s: float
+    pose_map_base: SE2
+    bound_m: float
+
+
+class History:
+    """Fed every step; at most `2 * MOST_POSES` poses and `2 * MOST_STRETCHES` stretches, however long it goes on."""
+
+    def __init__(self) -> None:
+        self.stops: list[Stop] = []
+        self.stretches: list[Stretch] = []
+        self.totals_ms: deque[float] = deque(maxlen=10_000)
+        self.frames, self.way_m = 0, 0.0
+        self.last: Stop | None = None
+        self.start_s = 0.0
+        self._every = self._length = 1
+
+    def add(self, result: StepResult) -> None:
+        """Take in one step."""
+        stamp_s, pose = result.frame.stamp_s, result.pose_map_base
+        if self.last is None:
+            self.start_s = stamp_s
+        else:
+            before = self.last.pose_map_base
+            self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))
+        self.last = Stop(stamp_s, pose, _bound_m(result.pose_covariance))
+        if self.frames % self._every == 0:
+            self.stops.append(self.last)
+            if len(self.stops) >= 2 * MOST_POSES:
+                self.stops, self._every = self.stops[::2], self._every * 2
+        self.frames += 1
+        self._time(result)
+
+    def _time(self, result: StepResult) -> None:
+        total_ms = sum(result.laps_ms.values())
+        self.totals_ms.append(total_ms)
+        stamp_s = result.frame.stamp_s
+        seen = Counter(result.detections.labels)
+        step = Stretch(stamp_s, stamp_s, 1, total_ms, Counter(result.laps_ms), seen)
+        if self.stretches and self.stretches[-1].frames < self._length:
+            self.stretches[-1].join(step)
+            return
+        self.stretches.append(step)
+        if len(self.stretches) > 2 * MOST_STRETCHES:
+            for first, second in zip(self.stretches[::2], self.stretches[1::2], strict=False):
+                first.join(second)
+            self.stretches, self._length = self.stretches[::2], self._length * 2
+
+    def way(self) -> list[Stop]:
+        """The thinned way, the last pose always in it."""
+        if self.last is not None and self.stops[-1] is not self.last:
+            return [*self.stops, self.last]
+        return self.stops
+
+
+def _bound_m(covariance: np.ndarray) -> float:
+    """The longer half axis of the position's 95 % ellipse."""
+    (a, b), (_, c) = covariance[0, :2], covariance[1, :2]
+    largest = (a + c) / 2.0 + np.hypot((a - c) / 2.0, b)
+    return float(np.sqrt(CHI2_95 * max(largest, 0.0)))

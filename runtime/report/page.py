@@ -1,0 +1,209 @@
+"""Puts the report together: one HTML file that asks for nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.verdict import Verdict, tally
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.report import charts, tables
+from edgemap.runtime.report.crops import Crop
+from edgemap.runtime.report.floor_svg import floor_svg
+from edgemap.runtime.report.history import History, Stop
+from edgemap.runtime.report.markup import Markup, data_uri, el, joined
+from edgemap.runtime.timing import percentiles
+from edgemap.runtime.trajectory import Trajectory
+
+# The browser itself refuses whatever the page might ask for.
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """All that a report tells. record: what run.json holds. truth: of the base from its start, None where unknown.
+    verdicts: empty where no truth is known. mount_jpeg: the first picture with horizon and metre grid."""
+
+    record: dict[str, Any]
+    objects: list[MapObject]
+    history: History
+    crops: dict[str, Crop] = field(default_factory=dict)
+    truth: Trajectory | None = None
+    verdicts: list[Verdict] | None = None
+    mount_jpeg: bytes | None = None
+
+
+def report_page(found: Findings) -> str:
+    """The whole page as text."""
+    way, true_way = found.history.way(), _true_way(found)
+    errors_m = _errors(way, true_way)
+    title = f"{len(found.objects)} objects on the map"
+    style = Markup(Path(__file__).with_name("report.css").read_text())
+    head = el(
+        "head",
+        el("meta", charset="utf-8"),
+        el("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        el("meta", http_equiv="Content-Security-Policy", content=_POLICY),
+        el("meta", name="color-scheme", content="light dark"),
+        el("title", f"edgemap: {title}"),
+        el("style", style),
+    )
+    sections = [
+        _masthead(found, title),
+        _tiles(found, errors_m),
+        _floor(found, way, true_way),
+        _verdicts(found),
+        _objects(found),
+        _trajectory(way, errors_m),
+        _timeline(found),
+        _latency(found),
+        _mount(found),
+        _section("Faults", tables.fault_list(found.record), name="wide"),
+        _section("Configuration", tables.settings_table(found.record), name="wide"),
+        el(
+            "footer", "Written by edgemap run. Positions in the map frame: origin at the first pose, x forward, y left."
+        ),
+    ]
+    page = el("html", head, el("body", el("main", sections)), lang="en")
+    return f"<!doctype html>\n{page}\n"
+
+
+def _true_way(found: Findings) -> list[SE2 | None]:
+    """The true pose at each stop, None where it is not known."""
+    poses: list[SE2 | None] = []
+    for stop in found.history.way():
+        try:
+            poses.append(found.truth.at(stop.stamp_s) if found.truth else None)
+        except OdometryError:
+            poses.append(None)
+    return poses
+
+
+def _errors(way: Sequence[Stop], true_way: Sequence[SE2 | None]) -> list[float]:
+    """Position errors in metres; empty unless the truth is known all the way."""
+    found = []
+    for stop, true in zip(way, true_way, strict=True):
+        if true is None:
+            return []
+        found.append(float(np.hypot(stop.pose_map_base.x_m - true.x_m, stop.pose_map_base.y_m - true.y_m)))
+    return found
+
+
+def _masthead(found: Findings, title: str) -> Markup:
+    record = found.record
+    words = [
+        f"camera {record.get('camera', '?')}",
+        f"{record.get('bundle', {}).get('name', '?')}",
+        f"{record.get('odometry', '?')} odometry",
+        f"{record.get('clustering', '?')} clustering",
+        str(record.get("started_utc", "")).replace("T", " ").replace("+00:00", " UTC"),
+    ]
+    faults = record.get("fault_count", 0)
+    state = f"{faults} fault{'s' * (faults != 1)}" if faults else "no faults"
+    badge = el("span", state, class_="pill missed" if faults else "pill found")
+    return el(
+        "header",
+        el("p", "edgemap run", class_="over"),
+        el("h1", title),
+        el("p", " · ".join(filter(None, words)), " ", badge),
+    )
+
+
+def _tiles(found: Findings, errors_m: list[float]) -> Markup:
+    record, history = found.record, found.history
+    span_s = history.last.stamp_s - history.start_s if history.last else 0.0
+    frames, seconds = record.get("frames", history.frames), record.get("seconds", 0.0)
+    tiles = [
+        ("objects", f"{len(found.objects)}"),
+        ("way", f"{history.way_m:.1f} m"),
+        ("drive", charts.duration(round(span_s, 1))),
+    ]
+    tiles += [("frames", f"{frames}"), ("frames/s", f"{frames / seconds:.0f}" if seconds else "–")]
+    if history.totals_ms:
+        tiles.append(("step, p95", f"{percentiles(list(history.totals_ms))['p95']:.1f} ms"))
+    if found.verdicts:
+        wanted = [row for row in found.verdicts if row.state in ("found", "misplaced", "missed")]
+        tiles.append(("found", f"{sum(row.state == 'found' for row in wanted)} of {len(wanted)}"))
+    if errors_m:
+        tiles.append(("off at the end", f"{errors_m[-1]:.2f} m"))
+    return el("dl", [el("div", el("dt", name), el("dd", value)) for name, value in tiles], class_="tiles")
+
+
+def _floor(found: Findings, way: list[Stop], true_way: list[SE2 | None]) -> Markup:
+    labels = sorted({item.label for item in found.objects} | {row.label for row in found.verdicts or [] if row.true_m})
+    legend = [el("li", tables.swatch(label), label) for label in labels]
+    keys = [el("li", el("i", class_="key ellipse"), "95 % ellipse"), el("li", el("i", class_="key way"), "way driven")]
+    known = [pose for pose in true_way if pose is not None]
+    if known:
+        keys.append(el("li", el("i", class_="key true-way"), "true way"))
+    if any(row.true_m for row in found.verdicts or []):
+        keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
+    drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, found.verdicts or ())
+    return _section("From above", el("figure", drawing, el("ul", legend, keys, class_="legend")), name="wide")
+
+
+def _verdicts(found: Findings) -> Markup | None:
+    if not found.verdicts:
+        return None
+    errors = [row.error_m for row in found.verdicts if row.state == "found" and row.error_m is not None]
+    median = f"; median error of those found {np.median(errors):.2f} m" if errors else ""
+    text = f"{tally(found.verdicts)}{median}. Found: same class within 0.5 m; misplaced: within 1.5 m."
+    return _section(
+        "Against the truth", el("p", text, class_="note"), tables.verdict_table(found.verdicts), name="wide"
+    )
+
+
+def _objects(found: Findings) -> Markup:
+    if not found.objects:
+        return _section("Objects", el("p", "Nothing was mapped.", class_="note"))
+    table = tables.objects_table(found.objects, found.crops, found.verdicts or (), found.history.start_s)
+    return _section("Objects", table, name="wide")
+
+
+def _trajectory(way: list[Stop], errors_m: list[float]) -> Markup | None:
+    if len(way) < 2 or not (errors_m or any(stop.bound_m for stop in way)):
+        return None
+    if errors_m:
+        rms = float(np.sqrt(np.mean(np.square(errors_m))))
+        figures = f"{rms:.3f} m RMS, {max(errors_m):.3f} m at most, {errors_m[-1]:.3f} m at the end"
+        text = f"Position error against the truth: {figures}. Shade: what the run itself believed, 95 %."
+    else:
+        text = f"No truth is known; the run itself believed to be within {way[-1].bound_m:.2f} m (95 %) at the end."
+    return _section("Trajectory", el("p", text, class_="note"), charts.bound_chart(way, errors_m or None))
+
+
+def _timeline(found: Findings) -> Markup | None:
+    if not any(one.seen for one in found.history.stretches):
+        return None
+    text = "Boxes by label over time, with their number. Grey: detected, never mapped."
+    strips = charts.timeline(found.history.stretches, found.record.get("mapped", []))
+    return _section("Detections", el("p", text, class_="note"), strips)
+
+
+def _latency(found: Findings) -> Markup | None:
+    stages_ms, history = found.record.get("stages_ms", {}), found.history
+    if not stages_ms or len(history.stretches) < 2:
+        return None
+    text = "Milliseconds of each stage, stacked; the thin line is the slowest step."
+    total = percentiles(list(history.totals_ms))
+    drawing = charts.latency_chart(history.stretches, list(stages_ms))
+    return _section("Latency", el("p", text, class_="note"), drawing, tables.stage_table(stages_ms, total))
+
+
+def _mount(found: Findings) -> Markup | None:
+    if not found.mount_jpeg:
+        return None
+    text = "The first picture with horizon and metre grid. Where the mount is right, the grid lies flat on the floor."
+    return _section(
+        "Mount", el("p", text, class_="note"), el("img", src=data_uri(found.mount_jpeg), alt=text, class_="mount")
+    )
+
+
+def _section(title: str, *children: Markup | None, name: str | None = None) -> Markup:
+    return el("section", el("h2", title), joined(*children), class_=name)

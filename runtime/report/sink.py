@@ -1,0 +1,79 @@
+"""The sink that gathers what the report needs and writes `report.html` when the run ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+
+from edgemap.geometry.floor_map import MapObject, load_map, write_atomically
+from edgemap.geometry.verdict import Verdict
+from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.report.crops import BestCrops
+from edgemap.runtime.report.history import History
+from edgemap.runtime.report.page import Findings, report_page
+from edgemap.runtime.trajectory import Trajectory
+
+_TIDY_EVERY = 50  # frames between two looks at which pictures are still wanted
+_MOUNT_WIDTH_PX = 640
+
+Judge = Callable[[list[MapObject], int], list[Verdict]]
+
+
+class ReportFile:
+    """Writes `report.html` into a run folder. Put it AFTER the folder's own sink: the page tells what that has saved.
+
+    truth: the drive's own poses from its start, None where unknown. judge: given the map and the number of frames,
+    what the truth says of it; None where no truth is known. A report that fails never costs the run: `failure` tells
+    why in one line, and `verdicts` are there all the same.
+    """
+
+    def __init__(self, folder: Path, truth: Trajectory | None = None, judge: Judge | None = None) -> None:
+        self.path = folder / "report.html"
+        self.failure = ""
+        self.verdicts: list[Verdict] = []
+        self._folder, self._truth, self._judge = folder, truth, judge
+        self._crops, self._history = BestCrops(), History()
+        self._closed = False
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Take in one step."""
+        self._history.add(result)
+        self._crops.consider(result)
+        if self._history.frames % _TIDY_EVERY == 0:
+            self._crops.keep({item.id for item in objects}, result.merged)
+
+    def fault(self, text: str) -> None:
+        """Faults stand in run.json, from where the page takes them."""
+
+    def close(self) -> None:
+        """Write the page; never raises."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            write_atomically(self.path, report_page(self._findings()))
+        except Exception as error:  # whatever is wrong with a page, the map is saved and the run's end goes on
+            self.failure = f"{self.path} was not written ({type(error).__name__}: {error})"
+
+    def _findings(self) -> Findings:
+        objects = load_map(self._folder)
+        record = json.loads((self._folder / "run.json").read_text())
+        if self._judge:
+            self.verdicts = self._judge(objects, self._history.frames)
+        self._crops.keep({item.id for item in objects}, record.get("merged", {}))
+        crops = self._crops.of([item.id for item in objects])
+        return Findings(record, objects, self._history, crops, self._truth, self.verdicts, self._mount())
+
+    def _mount(self) -> bytes | None:
+        """mount.jpg, small."""
+        picture = cv2.imread(str(self._folder / "mount.jpg"))
+        if picture is None:
+            return None
+        share = _MOUNT_WIDTH_PX / picture.shape[1]
+        if share < 1.0:
+            picture = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+        good, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 72])
+        return jpeg.tobytes() if good else None

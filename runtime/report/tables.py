@@ -1,0 +1,137 @@
+"""The report's tables: objects with their pictures, verdicts against the truth, stages, faults, configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.verdict import Verdict
+from edgemap.runtime.colours import label_colour
+from edgemap.runtime.report.charts import STAGE_COLOURS, duration
+from edgemap.runtime.report.crops import Crop
+from edgemap.runtime.report.markup import Markup, data_uri, el, joined
+
+MOST_FAULTS = 60
+
+
+def swatch(label: str) -> Markup:
+    """A dot of the label's colour."""
+    return el("i", class_="swatch", style=f"background:{label_colour(label)}")
+
+
+def pill(state: str) -> Markup:
+    """A verdict as a small badge."""
+    return el("span", state, class_=f"pill {state}")
+
+
+def objects_table(
+    objects: Sequence[MapObject], crops: Mapping[str, Crop], verdicts: Sequence[Verdict], start_s: float
+) -> Markup:
+    """A row per object; cards on a narrow screen."""
+    verdict_of = {verdict.object_id: verdict for verdict in verdicts if verdict.object_id}
+    rows = [_object_row(item, crops.get(item.id), verdict_of.get(item.id), start_s) for item in objects]
+    heads = ("", "object", "x, y", "±", "size", "seen", "confidence", "first – last")
+    return el("table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="objects")
+
+
+def _object_row(item: MapObject, crop: Crop | None, verdict: Verdict | None, start_s: float) -> Markup:
+    sigma_m = float(np.sqrt(max(np.trace(item.covariance_m2) / 2.0, 0.0)))
+    shown = (
+        el("img", src=data_uri(crop.jpeg), alt=f"{item.id} in frame {crop.frame}", loading="lazy")
+        if crop
+        else el("span", "no picture", class_="nothing")
+    )
+    times = f"{duration(round(item.first_seen_s - start_s, 1))} – {duration(round(item.last_seen_s - start_s, 1))}"
+    return el(
+        "tr",
+        el("td", shown, class_="crop"),
+        el("td", swatch(item.label), el("b", item.id), " " if verdict else None,
+           pill(verdict.state) if verdict else None, class_="who"),
+        _cell("x, y", f"{item.position_m[0]:.2f}, {item.position_m[1]:.2f} m"),
+        _cell("±", f"{sigma_m:.2f} m"),
+        _cell("size", f"{item.width_m:.2f} × {item.height_m:.2f} m"),
+        _cell("seen", f"{item.count}×"),
+        _cell("confidence", el("meter", value=f"{item.confidence:.3f}", min=0, max=1), f" {item.confidence:.2f}"),
+        _cell("first – last", times),
+    )  # fmt: skip
+
+
+def verdict_table(verdicts: Sequence[Verdict]) -> Markup:
+    """Found, misplaced, missed and extra objects."""
+    rows = [
+        el(
+            "tr",
+            el("td", pill(verdict.state)),
+            el("td", swatch(verdict.label), verdict.object_id or verdict.label, class_="who"),
+            _cell("error", "–" if verdict.error_m is None else f"{verdict.error_m:.2f} m"),
+            _cell("in its ellipse", "–" if verdict.covered is None else ("yes" if verdict.covered else "no")),
+            _cell(
+                "true x, y", "–" if verdict.true_m is None else f"{verdict.true_m[0]:.2f}, {verdict.true_m[1]:.2f} m"
+            ),
+        )
+        for verdict in verdicts
+    ]
+    heads = ("", "object", "error", "in its 95 % ellipse", "true x, y")
+    return el("table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="plain")
+
+
+def stage_table(stages_ms: Mapping[str, Mapping[str, float]], total: Mapping[str, float]) -> Markup:
+    """p50, p95 and p99 of each stage and of the whole step, with bars of p50."""
+    longest = max([*(stage.get("p50", 0.0) for stage in stages_ms.values()), 1e-9])
+    rows = []
+    for index, (name, figures) in enumerate(stages_ms.items()):
+        share, colour = 100.0 * figures.get("p50", 0.0) / longest, STAGE_COLOURS[index % len(STAGE_COLOURS)]
+        bar = el("i", class_="bar", style=f"width:{share:.1f}%;background:{colour}")
+        rows.append(el("tr", el("td", name), el("td", bar, class_="bars"), _figures(figures)))
+    if total:
+        rows.append(el("tr", el("td", "whole step"), el("td"), _figures(total), class_="sum"))
+    heads = ("stage", "", "p50", "p95", "p99 ms")
+    return el(
+        "table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="plain stages"
+    )
+
+
+def _figures(figures: Mapping[str, float]) -> Markup:
+    return joined(
+        [el("td", f"{figures[key]:.2f}" if key in figures else "–", class_="figure") for key in ("p50", "p95", "p99")]
+    )
+
+
+def fault_list(record: Mapping[str, Any]) -> Markup:
+    """The faults, one a line; or that there were none."""
+    faults, count = record.get("faults", []), record.get("fault_count", 0)
+    if not faults:
+        return el("p", "None.", class_="note")
+    more = count - min(len(faults), MOST_FAULTS)
+    tail = el("p", f"and {more} more; the first {len(faults)} stand in run.json", class_="note") if more > 0 else None
+    return joined(el("ol", [el("li", fault) for fault in faults[:MOST_FAULTS]], class_="faults"), tail)
+
+
+def settings_table(record: Mapping[str, Any]) -> Markup:
+    """The resolved configuration, nested keys joined by dots."""
+    skipped = {"stages_ms", "faults", "fault_count", "merged", "format", "finished", "frames", "seconds"}
+    rows = [
+        el("tr", el("th", key), el("td", value))
+        for key, value in _flat({key: value for key, value in record.items() if key not in skipped})
+    ]
+    return el("table", el("tbody", rows), class_="settings")
+
+
+def _flat(value: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    for key, item in value.items():
+        name = f"{before}{key}"
+        if isinstance(item, Mapping):
+            found += _flat(item, f"{name}.") if item else [(name, "none")]
+        elif isinstance(item, list):
+            found.append((name, ", ".join(map(str, item)) or "none"))
+        else:
+            found.append((name, str(item)))
+    return found
+
+
+def _cell(head: str, *children: str | Markup) -> Markup:
+    return el("td", *children, data_head=head, class_="figure")

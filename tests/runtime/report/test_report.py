@@ -1,0 +1,176 @@
+"""The report as a browser reads it: well-formed, asks for nothing, says what map.json says."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import cv2
+import numpy as np
+import pytest
+from support import painted
+
+from edgemap.geometry.default_map import FloorMap
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.verdict import Verdict
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.loop import run
+from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.report import sink as sink_module
+from edgemap.runtime.report.sink import ReportFile
+from edgemap.runtime.session import load_bundle
+from edgemap.runtime.sinks.run_folder import RunFolder
+from edgemap.runtime.trajectory import Trajectory
+
+FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
+SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
+VOID = {"meta", "img", "br", "hr", "link"}
+NASTY = "<script>alert('x')</script> & \"quoted\""
+
+
+class Pictures(CameraBase):
+    """Noise; raises CameraError in place of frame `fails_at`."""
+
+    def __init__(self, count, fails_at=None):
+        super().__init__("memory")
+        self.left, self.fails_at = list(range(count)), fails_at
+        self.scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
+
+    def read(self):
+        if not self.left:
+            return None
+        index = self.left.pop(0)
+        if index == self.fails_at:
+            raise CameraError(f"memory: the cable came off {NASTY}")
+        return Frame(index, 1e9 + index / 10, self.scene)
+
+
+class Page(HTMLParser):
+    """Checks that every element is closed in order, and gathers texts, tags and attributes."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.texts = [], [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    @property
+    def text(self):
+        return " ".join(self.texts)
+
+    def addresses(self):
+        names = ("src", "href", "xlink:href", "srcset", "action", "data", "poster", "xmlns")
+        return [value for _, attributes in self.tags for name, value in attributes.items() if name in names]
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", SCENE, odometry=False))
+
+
+def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judge=None):
+    way = Trajectory(1e9 + np.arange(count) / 10, tuple(SE2(0.002 * i, 0, 0) for i in range(count)))
+    real = Trajectory(way.stamps_s, tuple(SE2(0.002 * i, 0.01 * i, 0) for i in range(count)))
+    pipeline = Pipeline(bundle, FLOOR, RecordedOdometry(way, "test"), FloorMap())
+    report = ReportFile(folder, real if truth else None, judge)
+    record = {"camera": "memory", "mapped": ["chair"], **(record or {})}
+    run(Pictures(count, fails_at), pipeline, [RunFolder(folder, FLOOR, record), report])
+    return report
+
+
+def page_of(folder):
+    return Page((folder / "report.html").read_text())
+
+
+def test_it_says_what_map_json_says(bundle, tmp_path):
+    verdicts = [
+        Verdict("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0))),
+        Verdict("missed", "bed", None, (1.0, 2.0)),
+    ]
+    report = drive(bundle, tmp_path / "r", judge=lambda objects, frames: verdicts)
+    assert report.failure == ""
+    assert report.verdicts == verdicts
+    text = page_of(tmp_path / "r").text
+    objects = json.loads((tmp_path / "r" / "map.json").read_text())["objects"]
+    assert len(objects) == 1
+    for item in objects:
+        assert item["id"] in text
+        assert f"{item['x_m']:.2f}, {item['y_m']:.2f} m" in text
+        assert f"{item['width_m']:.2f} × {item['height_m']:.2f} m" in text
+        assert f"{item['count']}×" in text
+    stages = json.loads((tmp_path / "r" / "run.json").read_text())["stages_ms"]
+    for name, figures in stages.items():
+        assert name in text
+        assert all(f"{figures[key]:.2f}" in text for key in ("p50", "p95", "p99"))
+    assert "1 found, 1 missed" in text
+    assert "0.290 m at the end" in text  # 29 frames of 1 cm to the side
+
+
+def test_it_asks_for_nothing(bundle, tmp_path):
+    drive(bundle, tmp_path / "r")
+    text = (tmp_path / "r" / "report.html").read_text()
+    addresses = Page(text).addresses()
+    assert len(addresses) == 2  # the chair's picture and the mount's
+    assert all(address.startswith("data:image/jpeg;base64,") for address in addresses)
+    for address in addresses:
+        data = np.frombuffer(base64.b64decode(address.partition(",")[2]), np.uint8)
+        assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
+    assert not re.search(r"https?://|url\(|@import|<script|<link", text)
+    policies = [tag[1]["content"] for tag in Page(text).tags if "http-equiv" in tag[1]]
+    assert policies == ["default-src 'none'; img-src data:; style-src 'unsafe-inline'"]
+
+
+def test_special_characters_are_text(bundle, tmp_path):
+    drive(bundle, tmp_path / "r", record={"camera": NASTY, "bundle": {"name": NASTY, NASTY: [NASTY]}})
+    text = (tmp_path / "r" / "report.html").read_text()
+    assert "<script" not in text
+    assert Page(text).text.count(NASTY) >= 4
+
+
+def test_after_a_fault_it_is_there_with_the_fault(bundle, tmp_path):
+    with pytest.raises(CameraError):
+        drive(bundle, tmp_path / "r", fails_at=8)
+    page = page_of(tmp_path / "r")
+    assert "memory: the cable came off" in page.text
+    assert "1 fault" in page.text
+    assert "chair-1" in page.text
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_short_runs_without_truth(bundle, tmp_path, count):
+    assert drive(bundle, tmp_path / "r", count, truth=False).failure == ""
+    assert "Against the truth" not in page_of(tmp_path / "r").text
+
+
+def test_no_frame_at_all_still_gives_a_page(bundle, tmp_path):
+    with pytest.raises(CameraError):
+        drive(bundle, tmp_path / "r", 3, fails_at=0)
+    assert "Nothing was mapped" in page_of(tmp_path / "r").text
+
+
+def test_a_report_that_fails_costs_neither_map_nor_run(bundle, tmp_path, monkeypatch):
+    def broken(found):
+        raise ZeroDivisionError("no such luck")
+
+    monkeypatch.setattr(sink_module, "report_page", broken)
+    report = drive(bundle, tmp_path / "r")
+    assert "ZeroDivisionError: no such luck" in report.failure
+    assert json.loads((tmp_path / "r" / "map.json").read_text())["objects"]
+    assert json.loads((tmp_path / "r" / "run.json").read_text())["finished"]
