@@ -26,7 +26,8 @@ CameraSpec = Annotated[
     tyro.conf.arg(
         metavar="SPEC",
         help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
-        "a video file; a folder of pictures; KIND:DIR with KIND kitti, tum, c2w, drive or locobot.",
+        "a video file; a folder of pictures; a recording FILE.mcap[#/topic]; KIND:DIR with KIND "
+        "kitti, tum, c2w, drive or locobot.",
     ),
 ]
 BundleName = Annotated[
@@ -40,7 +41,8 @@ OdometrySpec = Annotated[
     tyro.conf.arg(
         metavar="SPEC",
         help="Where the robot's motion comes from: planar (floor corners); truth (the drive's own poses); paper "
-        "(the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad); FILE.tum (poses of the base).",
+        "(the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum "
+        "(poses of the base).",
     ),
 ]
 MountText = Annotated[
@@ -174,11 +176,20 @@ HOW_TO_MEASURE = (
 )
 
 
-def open_described(spec: str, camera_file: Path | None, realtime: bool = False) -> Camera:
-    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size."""
+def open_described(
+    spec: str, camera_file: Path | None, realtime: bool = False, frames: int | None = None
+) -> Camera:
+    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size.
+
+    frames: how long `sim:SEED` drives; other sources are as long as they are.
+    """
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
 
+    if spec.startswith("sim:"):
+        from edgemap.cli.simulated import open_simulated
+
+        return open_simulated(spec, frames, realtime, camera_file and read_camera_yaml(camera_file))
     if camera_file is None:
         return open_camera(spec, realtime=realtime)
     described = read_camera_yaml(camera_file)
