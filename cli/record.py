@@ -21,7 +21,7 @@ from edgemap.cli.options import (
 if TYPE_CHECKING:
     from edgemap.geometry.floor import FloorCamera
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.recordings.recorder import Recorder
+    from edgemap.runtime.sinks.recording import RecordingSink
     from edgemap.runtime.trajectory import Trajectory
 
 Lossless = Annotated[bool, tyro.conf.arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
@@ -78,12 +78,17 @@ def command(
     print(f"see it:  edgemap run --camera {out}")
 
 
-def check_name(path: Path) -> None:
-    """Refuse a recording that `--camera` would not know again. Raises OptionError."""
+def check_name(path: Path | None) -> None:
+    """Refuse, before anything is opened, a recording that is there or that `--camera` would not know again.
+
+    Raises OptionError.
+    """
     from edgemap.cli.options import OptionError
 
-    if path.suffix != ".mcap":
+    if path is not None and path.suffix != ".mcap":
         raise OptionError(f"{path}: a recording's name must end in .mcap")
+    if path is not None and path.exists():
+        raise OptionError(f"{path} exists already; choose another file")
 
 
 def wheel_track(spec: str | None) -> Trajectory | None:
@@ -97,12 +102,17 @@ def wheel_track(spec: str | None) -> Trajectory | None:
     return read_wheel(spec) if is_recording(spec) else Trajectory(*read_wheel_csv(Path(spec)))
 
 
-def run_recorder(path: Path, source: Camera, floor: FloorCamera, odometry: str, lossless: bool) -> Recorder:
-    """What `edgemap run --record` writes with: the run's own lens and mount, and its wheels where it goes by them."""
+def recording_sinks(
+    path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str
+) -> list[RecordingSink]:
+    """What `edgemap run --record` adds: the run's own lens and mount, and its wheels where it goes by them."""
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
+    from edgemap.runtime.sinks.recording import RecordingSink
 
-    check_name(path)
+    if path is None:
+        return []
     wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else None
     facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz)
-    return Recorder(path, facts, lossless=lossless, wheel=wheel_track(wheel), truth=source.truth)
+    recorder = Recorder(path, facts, lossless=lossless, wheel=wheel_track(wheel), truth=source.truth)
+    return [RecordingSink(recorder)]

@@ -69,6 +69,11 @@ def command(
         ),
     ] = "127.0.0.1",
     view_port: Annotated[int, tyro.conf.arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090,
+    recording: Annotated[
+        Path | None,
+        tyro.conf.arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
+    ] = None,
+    lossless: Annotated[bool, tyro.conf.arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     threads: Threads = None,
     allow_untrained: Annotated[
         bool, tyro.conf.arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
@@ -81,6 +86,7 @@ def command(
     by which to check the mount.
     """
     from edgemap.cli.live_page import live_page
+    from edgemap.cli.record import check_name, recording_sinks
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.geometry.floor import FloorCamera
     from edgemap.geometry.sighting import FloorRule
@@ -93,6 +99,7 @@ def command(
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence)
+    check_name(recording)
     loaded = find_bundle(bundle, threads)
     mapped = choose_classes(classes, loaded)
     with open_described(camera, camera_file, realtime and not view) as source:
@@ -106,7 +113,8 @@ def command(
         record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
-            sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest, *page.sinks]
+            tape = recording_sinks(recording, lossless, source, floor, odometry)
+            sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest, *page.sinks, *tape]
             with stop_on_signals() as stop:
                 try:
                     done = run(page.camera(source, stop), pipeline, sinks, frames, stop)
