@@ -165,7 +165,7 @@ def _spread(pose: SE2, ours: MapObject, theirs: MapObject) -> Array:
 
 def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequence[MapObject]) -> tuple[SE2, Array]:
     """Weighted least squares over all pairs (Gauss-Newton): the motion and its covariance."""
-    information = np.eye(3)
+    covariance = np.zeros((3, 3))
     for _ in range(5):
         information, vector = np.zeros((3, 3)), np.zeros(3)
         for i, j in pairs:
@@ -174,11 +174,12 @@ def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequenc
             weighted = wrt_pose.T @ np.linalg.inv(_spread(pose, first[i], second[j]))
             information += weighted @ wrt_pose
             vector += weighted @ residual
-        step = np.linalg.solve(information + 1e-9 * np.eye(3), vector)
+        covariance = np.linalg.inv(information + 1e-9 * np.eye(3)).astype(np.float64)
+        step = covariance @ vector
         pose = SE2(*(pose.vector() + step))
         if np.abs(step).max() < 1e-9:
             break
-    return pose, np.linalg.inv(information + 1e-9 * np.eye(3))
+    return pose, covariance
 
 
 def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.floor_map import SightingSums
+from edgemap.geometry.floor_map import MapObject, SightingSums
+from edgemap.geometry.footprints import footprint_m
 from edgemap.geometry.sighting import PlacedSighting
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ class AssociationRule:
 class Estimate:
     """A fused position: information-weighted mean of sightings, plus what they all share.
 
-    position_m: (2,) in the map frame.
+    position_m: (2,) in the map frame. saved: it comes from an earlier map, and shows whatever the evidence.
     """
 
     def __init__(self, placed: PlacedSighting) -> None:
@@ -54,7 +55,28 @@ class Estimate:
         self.first_pose_m2 = placed.from_pose(placed.pose_covariance)
         self.extent_m = placed.sighting.extent_m
         self.sums = SightingSums()
+        self.saved = False
         self.add(placed)
+
+    @classmethod
+    def of_saved(cls, item: MapObject, rule: AssociationRule) -> Estimate:
+        """An object of an earlier map, ready for more sightings.
+
+        A map does not say which part of its uncertainty its objects share: all of it but the systematic one counts as
+        this object's own, and the new drive's pose as independent of it.
+        """
+        estimate = cls.__new__(cls)
+        estimate.saved = True
+        estimate.sums = SightingSums.of_saved(item)
+        estimate.extent_m = max(footprint_m(item.label, item.width_m))
+        systematic_m = max(rule.systematic_m, rule.systematic_extent_share * estimate.extent_m)
+        spread = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
+        estimate.information = _inverse(spread / min(rule.correlated, max(float(item.count), 1.0)))
+        estimate.vector = estimate.information @ item.position_m
+        estimate.shared_sum, estimate.weight = np.zeros((2, 2)), float(np.trace(estimate.information))
+        estimate.first_pose, estimate.first_pose_m2 = np.zeros((3, 3)), np.zeros((2, 2))
+        estimate._settle()
+        return estimate
 
     def add(self, placed: PlacedSighting) -> None:
         """Fuse one more sighting."""
@@ -76,6 +98,7 @@ class Estimate:
         self.shared_sum += other.shared_sum
         self.weight += other.weight
         self.sums.join(other.sums)
+        self.saved |= other.saved
         self._settle()
 
     def _settle(self) -> None:
@@ -84,7 +107,7 @@ class Estimate:
 
     def sighting_covariance(self, placed: PlacedSighting) -> Array:
         """(2, 2) m^2: pixels, and the pose's uncertainty since this object was first seen."""
-        return placed.covariance_m2 + placed.from_pose(_positive(placed.pose_covariance - self.first_pose))
+        return placed.covariance_m2 + placed.from_pose(positive(placed.pose_covariance - self.first_pose))
 
     def own_covariance(self, rule: AssociationRule) -> Array:
         """(2, 2) m^2 of what this object does not share with its neighbours."""
@@ -94,7 +117,7 @@ class Estimate:
 
     def shows(self, rule: AssociationRule) -> bool:
         """Whether there is enough evidence to put it on the map."""
-        return self.sums.count >= rule.min_count and self.sums.confidence >= rule.min_confidence
+        return self.saved or (self.sums.count >= rule.min_count and self.sums.confidence >= rule.min_confidence)
 
     def covariance(self, rule: AssociationRule) -> Array:
         """(2, 2) m^2 in the map frame: own part, plus mount and first pose, which no number of sightings shrinks."""
@@ -142,9 +165,9 @@ def _inverse(matrix: Array) -> Array:
     return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
 
 
-def _positive(matrix: Array) -> Array:
-    """The nearest positive semidefinite matrix: negative eigenvalues become zero."""
-    if not matrix.any():
+def positive(matrix: Array, least: float = 0.0) -> Array:
+    """The nearest symmetric matrix with no eigenvalue below `least`."""
+    if least == 0.0 and not matrix.any():
         return matrix
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
-    return (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return (vectors * np.maximum(values, least)) @ vectors.T

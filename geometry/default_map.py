@@ -7,12 +7,14 @@ that turn out to be one (close, and never seen side by side) merge, and the olde
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.association import AssociationRule, Estimate, assign, may_merge
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.floor_map import MapObject, id_order
 from edgemap.geometry.sighting import PlacedSighting
 
@@ -68,6 +70,44 @@ class FloorMap:
         self._issued: Counter[str] = Counter()
         self._frames = 0
         self.merged: dict[str, str] = {}
+
+    @classmethod
+    def after(cls, saved: Sequence[MapObject], rule: AssociationRule | None = None) -> FloorMap:
+        """An empty map whose ids go on where an earlier map's end, so that none is given twice."""
+        floor_map = cls(rule)
+        for item in saved:
+            label, number = id_order(item.id)
+            floor_map._issued[label] = max(floor_map._issued[label], number)
+        return floor_map
+
+    @classmethod
+    def continued(
+        cls,
+        saved: Sequence[MapObject],
+        rule: AssociationRule | None = None,
+        before: FloorMap | None = None,
+        merged: Mapping[str, str] | None = None,
+    ) -> FloorMap:
+        """A map that holds an earlier one's objects, which stay as they are until they are seen again.
+
+        before, merged: the map that this run has made so far and what its ids became, where it had to find its place.
+        Raises MapError for an id given twice.
+        """
+        floor_map = cls.after(saved, rule)
+        if len({item.id for item in saved}) < len(saved):
+            raise MapError(f"{len(saved)} objects share {len({item.id for item in saved})} ids: the map is damaged")
+        if before is not None:
+            floor_map._issued |= before._issued
+            floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
+            floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
+        for item in saved:
+            kind = floor_map._classes.setdefault(item.label, _Class())
+            known = _Object(item.id, Estimate.of_saved(item, floor_map.rule), 0, shown=item)
+            for other in kind.objects:  # the earlier map has told them apart
+                other.together.add(known.id)
+                known.together.add(other.id)
+            kind.append(known)
+        return floor_map
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Take in all sightings of one frame; the id of each one's object."""

@@ -67,6 +67,15 @@ class SightingSums:
         self.count, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0
         self.first_seen_s, self.last_seen_s = math.inf, -math.inf
 
+    @classmethod
+    def of_saved(cls, item: MapObject) -> SightingSums:
+        """The sums of an object that an earlier map holds."""
+        sums = cls()
+        sums.count, sums.width_m, sums.height_m = item.count, item.width_m * item.count, item.height_m * item.count
+        sums.miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
+        sums.first_seen_s, sums.last_seen_s = item.first_seen_s, item.last_seen_s
+        return sums
+
     def add(self, placed: PlacedSighting) -> None:
         """Count one more sighting."""
         sighting = placed.sighting

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.alignment import Alignment, jacobian
-from edgemap.geometry.association import AssociationRule
+from edgemap.geometry.association import AssociationRule, positive
 from edgemap.geometry.floor_map import MapObject, id_order
 from edgemap.geometry.footprints import footprint_m
 
@@ -65,7 +65,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
     """
     systematic_m = max(rule.systematic_m, rule.systematic_extent_share * max(footprint_m(ours.label, ours.width_m)))
     floor_m2 = np.eye(2) * systematic_m**2
-    a, b = (np.linalg.inv(_above(item.covariance_m2 - floor_m2)) for item in (ours, theirs))
+    a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
     spread = np.linalg.inv(a + b)
     smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))
     covariance = spread + floor_m2
@@ -79,9 +79,3 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
         count, 1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
         min(ours.first_seen_s, theirs.first_seen_s), max(ours.last_seen_s, theirs.last_seen_s),
     )  # fmt: skip
-
-
-def _above(matrix: Array, least_m2: float = 1e-4) -> Array:
-    """The nearest symmetric matrix with no variance below 1 cm squared."""
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
-    return (vectors * np.maximum(values, least_m2)) @ vectors.T

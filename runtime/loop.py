@@ -7,16 +7,31 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
+from typing import Protocol
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.floor_map import MapObject
 from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.sinks.protocol import Sink
+
+
+class Steps(Protocol):
+    """A pipeline, or what stands before one: frames in, results and a map out."""
+
+    def step(self, frame: Frame) -> StepResult:
+        """Take in one frame."""
+        ...
+
+    def objects(self) -> list[MapObject]:
+        """The map as it stands."""
+        ...
 
 
 def run(
     camera: Camera,
-    pipeline: Pipeline,
+    pipeline: Steps,
     sinks: Sequence[Sink],
     frames: int | None = None,
     stop: threading.Event | None = None,

@@ -28,6 +28,8 @@ class StepResult:
     """All that one step found; sinks read it and nothing else.
 
     object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
+    relocated: in the one result from which on everything is in a saved map's frame, that frame's view of the frame
+    before (`pose_map_start`): what came earlier must be moved by it.
     """
 
     frame: Frame
@@ -39,6 +41,7 @@ class StepResult:
     pose_map_base: SE2
     pose_covariance: Array
     laps_ms: dict[str, float]
+    relocated: SE2 | None = None
 
 
 class Pipeline:

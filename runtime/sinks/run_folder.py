@@ -13,9 +13,11 @@ import cv2
 
 from edgemap.geometry.floor import FloorCamera
 from edgemap.geometry.floor_map import MapObject, save_map, write_atomically
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import RunFolderError
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.sinks.relocated_files import move_sightings, move_trajectory
 from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import tum_line
 
@@ -58,6 +60,8 @@ class RunFolder:
             cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
         self._objects, self._merged = objects, result.merged
+        if result.relocated is not None:
+            self._relocate(result.relocated)
         self._append(self._trajectory, tum_line(result.frame.stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
@@ -88,6 +92,19 @@ class RunFolder:
             with suppress(OSError):
                 self._sightings.close()
             self._write_record(finished=True)
+
+    def _relocate(self, pose_map_start: SE2) -> None:
+        """Move what has been written so far into the saved map's frame."""
+        self._record = self._record | {
+            "relocated": {"frame": self._frames, "pose_map_start": pose_map_start.vector().tolist()}
+        }
+        self._trajectory.close()
+        self._sightings.close()
+        for name, move in (("trajectory.tum", move_trajectory), ("sightings.jsonl", move_sightings)):
+            path = self.folder / name
+            write_atomically(path, move(path.read_text(), pose_map_start))
+        self._trajectory = (self.folder / "trajectory.tum").open("a")
+        self._sightings = (self.folder / "sightings.jsonl").open("a")
 
     def _append(self, stream: TextIO, text: str) -> None:
         try:

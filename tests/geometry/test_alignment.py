@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from support.rooms import furnished, mapped
+from support.rooms import furnished, mapped, somewhere
 
 from edgemap.geometry.alignment import AlignmentError, align
 from edgemap.geometry.se2 import SE2
@@ -38,9 +38,9 @@ def test_a_map_without_noise_is_laid_exactly_onto_itself(motion):
 def test_a_found_alignment_is_right_whatever_was_missed_or_made_up(seed, motion):
     random = np.random.default_rng(seed)
     room = furnished(random, int(random.integers(6, 20)))
-    maps = [mapped(room, pose, random, sigma_m=0.1, missed=0.2, false=2) for pose in (SE2(), motion)]
+    first, second = (mapped(room, pose, random, sigma_m=0.1, missed=0.2, false=2) for pose in (SE2(), motion))
     try:
-        found = align(*maps)
+        found = align(first, second)
     except AlignmentError:
         assume(False)
     else:
@@ -51,7 +51,7 @@ def test_most_rooms_of_twelve_things_are_found_and_no_unrelated_ones():
     random, found, wrong = np.random.default_rng(1), 0, 0
     for _ in range(30):
         room, other = furnished(random, 12), furnished(random, 12)
-        motion = SE2(*random.uniform(-5, 5, 2), random.uniform(-3, 3))
+        motion = somewhere(random)
         first, second, third = (
             mapped(things, pose, random, sigma_m=0.1, missed=0.2, false=1)
             for things, pose in ((room, SE2()), (room, motion), (other, motion))
@@ -73,7 +73,7 @@ def _aligns(first, second) -> bool:
 def test_the_covariance_tells_how_far_off_it_is():
     random, misses = np.random.default_rng(2), []
     for _ in range(60):
-        motion = SE2(*random.uniform(-3, 3, 2), random.uniform(-3, 3))
+        motion = somewhere(random, 3)
         first, second = (mapped(CROOKED, pose, random, sigma_m=0.05, told_sigma_m=0.05) for pose in (SE2(), motion))
         found = align(first, second)
         miss = found.pose_a_b.vector() - motion.vector()

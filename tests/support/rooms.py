@@ -9,6 +9,12 @@ LABELS = ["chair", "potted plant", "couch", "tv", "bed", "dining table", "refrig
 SHARES = np.array([6, 3, 2, 1, 1, 1, 1]) / 15.0
 
 
+def somewhere(random, reach_m=5.0):
+    """Any pose within reach."""
+    x_m, y_m = random.uniform(-reach_m, reach_m, 2)
+    return SE2(x_m, y_m, random.uniform(-3.0, 3.0))
+
+
 def furnished(random, count, size_m=(8.0, 6.0), apart_m=0.6):
     """That many things as (label, x_m, y_m), none nearer to another than `apart_m`."""
     room = []

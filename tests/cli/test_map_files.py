@@ -1,0 +1,85 @@
+"""`map export` and `map merge` as a user calls them."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from support.rooms import furnished, mapped
+
+from edgemap.geometry.floor_map import load_map, save_map
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.trajectory import tum_line
+
+
+@pytest.fixture
+def run_folder(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    save_map(folder / "map.json", mapped([("chair", 1.0, 0.0), ("couch", 3.0, 2.0)]))
+    (folder / "trajectory.tum").write_text("".join(tum_line(k / 10, SE2(k / 10, 0.0)) for k in range(20)))
+    return folder
+
+
+def test_every_format_lands_beside_the_map(edgemap, run_folder):
+    expected = {
+        "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
+        "svg": "map.svg",
+    }  # fmt: skip
+    for kind, name in expected.items():
+        done = edgemap("map", "export", run_folder, "--format", kind)
+        assert done.returncode == 0, done.stderr
+        assert str(run_folder / name) in done.stdout
+        assert (run_folder / name).stat().st_size > 0
+    assert (run_folder / "map.pgm").read_bytes().startswith(b"P5\n")
+    assert json.loads((run_folder / "map.geojson").read_text())["features"][-1]["id"] == "way"
+
+
+def test_export_into_a_file_and_into_a_folder(edgemap, run_folder, tmp_path):
+    assert edgemap("map", "export", run_folder, "--format", "nav2", "-o", tmp_path / "a" / "flat.pgm").returncode == 0
+    assert "image: flat.pgm" in (tmp_path / "a" / "flat.yaml").read_text()
+    assert edgemap("map", "export", run_folder / "map.json", "--format", "csv", "-o", tmp_path / "b").returncode == 0
+    assert (tmp_path / "b" / "map.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--format", "csv", "-o", "map.json"), "is the map itself"),
+        (("--format", "png", "-o", "x.svg"), "ends? in .png"),
+        (("--format", "nav2", "--resolution", "0"), "--resolution 0.0: must be above 0"),
+    ],
+)
+def test_export_refuses_in_one_line(edgemap, run_folder, arguments, message):
+    done = edgemap("map", "export", run_folder, *arguments, cwd=run_folder)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert re.search(message, done.stderr)
+
+
+def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path):
+    random = np.random.default_rng(3)
+    room = furnished(random, 14)
+    first, second = mapped(room[:12]), mapped(room[2:], SE2(4.0, -1.0, 2.5))
+    save_map(tmp_path / "a.json", first)
+    save_map(tmp_path / "b.json", second)
+    done = edgemap("map", "merge", tmp_path / "a.json", tmp_path / "b.json", "-o", tmp_path / "merged")
+    assert done.returncode == 0, done.stderr
+    assert "10 of " in done.stdout
+    assert "yaw 143.2 deg" in done.stdout
+    merged = load_map(tmp_path / "merged")
+    assert len(merged) == 14
+    assert {item.id for item in first} <= {item.id for item in merged}
+    for label, x, y in room:
+        assert any(item.label == label and np.allclose(item.position_m, [x, y], atol=1e-4) for item in merged)
+
+
+def test_maps_that_do_not_fit_are_refused_with_numbers(edgemap, tmp_path):
+    save_map(tmp_path / "a.json", mapped([("chair", x, y) for x in (0.0, 2.0) for y in (0.0, 3.0)]))
+    done = edgemap("map", "merge", tmp_path / "a.json", tmp_path / "a.json", "-o", tmp_path / "m.json")
+    assert done.returncode == 1
+    assert "does not fit" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "m.json").exists()
+    alone = edgemap("map", "merge", tmp_path / "a.json", "-o", tmp_path / "m.json")
+    assert "needs two or more" in alone.stderr

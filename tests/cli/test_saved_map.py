@@ -1,0 +1,59 @@
+"""`run --map SAVED` as a user calls it; the painted bundle sees one chair 5 m ahead, always."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from support.rooms import mapped
+
+from edgemap.geometry.floor_map import load_map, save_map
+
+
+@pytest.fixture
+def saved(tmp_path):
+    chair, table = mapped([("chair", 7.2, 0.0), ("dining table", 0.0, 4.0)])
+    save_map(tmp_path / "saved.json", [replace(chair, id="chair-5"), table])
+    return tmp_path / "saved.json"
+
+
+def run(edgemap, bundle, pictures, out, *arguments):
+    return edgemap("run", "--camera", pictures, "--bundle", bundle, "--out", out, *arguments)
+
+
+def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved, tmp_path):
+    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", "--map", saved, "--start", "2,0,0")
+    assert done.returncode == 0, done.stderr
+    before, after = load_map(saved), load_map(tmp_path / "run")
+    assert [item.id for item in after] == ["chair-5", "dining table-1"]  # 2 m + 5 m + half a chair: the saved one
+    assert (after[0].count, after[1].count) == (before[0].count + 12, before[1].count)
+    assert after[1].position_m == pytest.approx(before[1].position_m)
+    first = (tmp_path / "run" / "trajectory.tum").read_text().split()
+    assert [float(value) for value in first[1:3]] == [2.0, 0.0]
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (record["map"], record["start"]) == (str(saved), "2,0,0")
+
+
+def test_a_place_that_is_not_found_is_said(edgemap, painted_bundle, pictures, saved, tmp_path):
+    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", "--map", saved)
+    assert done.returncode == 0, done.stderr
+    assert "not found in" in done.stdout
+    assert "share 1 objects by label" in done.stdout
+    assert [item.id for item in load_map(tmp_path / "run")] == ["chair-6"]  # never an id that the saved map has
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--start", "0,0,0"), "give that with --map"),
+        (("--map", "{saved}", "--start", "0,0"), "expected 3 numbers, X,Y,YAW_DEG"),
+        (("--map", "{saved}", "--clustering", "paper"), "goes on by association"),
+        (("--map", "nowhere.json"), "nowhere.json: cannot be read"),
+    ],
+)
+def test_what_cannot_be_is_one_line(edgemap, painted_bundle, pictures, saved, tmp_path, arguments, message):
+    told = [argument.format(saved=saved) for argument in arguments]
+    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", *told)
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "run").exists()
