@@ -16,6 +16,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
     "eval map": ("eval_map", "mapped objects against the true ones: F1, errors, honesty"),
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
+    "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
+    "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),
     "record": ("record", "a camera's pictures into one MCAP file; Foxglove and ROS 2 open it"),
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
