@@ -1,19 +1,23 @@
 """The Sweet Home 3D furniture catalogue: what there is, how big, by whom, and which models look like what.
 
-Debian's `sweethome3d-furniture` brings five libraries of OBJ models with real sizes. `CHOICES` names, per COCO label,
-the models that COCO-trained detectors recognise when they are drawn by this renderer (see the demo's README).
+Debian's `sweethome3d-furniture` brings five libraries of OBJ models with real sizes. `models.toml` names, per kind,
+the ones that COCO-trained detectors recognise when they are drawn by this renderer.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from importlib import resources
 from pathlib import Path
+from typing import Any
 
+from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.mesh import Mesh
+from edgemap.simulation.render.mesh import Mesh, Part
 from edgemap.simulation.render.obj import read_obj
 
 LIBRARIES = Path("/usr/share/sweethome3d/furniture")
@@ -24,11 +28,16 @@ LICENCES = {
     "Reallusion": "CC BY 3.0 US",
     "Scopia": "CC BY 3.0",
 }
+_SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One catalogue entry. Sizes in metres: width across the front, depth front to back. key: `library/file`."""
+    """One catalogue entry. Sizes in metres: width across the front, depth front to back. key: `library/file`.
+
+    scale: of these sizes against the catalogue's. elevation_m: how high it hangs, for what hangs on walls. top_m: how
+    high the flat top is that things can stand on; 0 where there is none.
+    """
 
     library: str
     name: str
@@ -38,6 +47,9 @@ class Model:
     depth_m: float
     height_m: float
     rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    elevation_m: float = 0.0
+    top_m: float = 0.0
+    scale: float = 1.0
 
     @property
     def key(self) -> str:
@@ -49,25 +61,51 @@ class Model:
         """Licence of the library the model is from."""
         return LICENCES[self.library]
 
+    def scaled(self, factor: float) -> Model:
+        """The same model larger or smaller in all directions."""
+        return replace(
+            self,
+            width_m=self.width_m * factor,
+            depth_m=self.depth_m * factor,
+            height_m=self.height_m * factor,
+            top_m=self.top_m * factor,
+            scale=self.scale * factor,
+        )
 
-# Per kind: models that COCO-trained detectors recognise in most views when drawn by this renderer.
-CHOICES: dict[str, tuple[str, ...]] = {
-    "bookcase": ("BlendSwap-CC-0/bookcase",),
-    "bottle": ("Scopia/wine_bottle", "KatorLegaz/red-wine-bottle-01"),
-    "chair": ("BlendSwap-CC-0/chair", "BlendSwap-CC-0/thonet", "BlendSwap-CC-BY/chair4", "BlendSwap-CC-BY/plaidChair"),
-    "couch": ("Scopia/simple_sofa", "Scopia/burlap_sofa", "Scopia/clear_sofa"),
-    "cup": ("KatorLegaz/coffee-mug", "Scopia/cup"),
-    "dining table": ("Scopia/round-table", "Scopia/table4"),
-    "door": ("Scopia/puerta",),
-    "easy chair": ("Scopia/armchair2",),
-    "potted plant": ("BlendSwap-CC-BY/decorativePlant", "Scopia/maceta", "BlendSwap-CC-0/plant"),
-    "radiator": ("BlendSwap-CC-0/radiator",),
-    "refrigerator": ("KatorLegaz/fridge", "BlendSwap-CC-0/largeFridge"),
-    "tv": ("Scopia/tv", "Scopia/wall-flat-tv"),
-    "tv stand": ("BlendSwap-CC-BY/tvStand",),
-    "floor lamp": ("Scopia/living_lamp",),
-    "vase": ("Scopia/vase3", "Scopia/jar"),
-}
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Interchangeable models. label: their COCO class, "" for mere decoration. held_out: for testing only."""
+
+    label: str
+    training: tuple[str, ...]
+    held_out: tuple[str, ...]
+
+    def choices(self, held_out: bool) -> tuple[str, ...]:
+        """Keys to draw from: the training models, or the held-out ones where the kind has any."""
+        return self.held_out if held_out and self.held_out else self.training
+
+
+@lru_cache(maxsize=1)
+def kinds() -> dict[str, Kind]:
+    """Every kind of furniture that rooms draw from, from `models.toml`."""
+    entries = tomllib.loads(resources.files(__package__).joinpath("models.toml").read_text())
+    return {name: _kind(entry) for name, entry in entries.items()}
+
+
+def _kind(entry: dict[str, Any]) -> Kind:
+    models, held_out = ([_full(key) for key in entry.get(part, ())] for part in ("models", "held_out"))
+    return Kind(entry.get("label", ""), tuple(key for key in models if key not in held_out), tuple(held_out))
+
+
+def _full(key: str) -> str:
+    library, name = key.split("/")
+    return f"{_SHORT.get(library, library)}/{name}"
+
+
+def people(held_out: bool = False) -> tuple[Model, ...]:
+    """Models of standing people, for whoever lets them walk through a home."""
+    return tuple(catalogue()[key] for key in kinds()["person"].choices(held_out))
 
 
 @lru_cache(maxsize=1)
@@ -85,11 +123,22 @@ def catalogue() -> dict[str, Model]:
     return models
 
 
-@lru_cache(maxsize=64)
-def load(key: str) -> Mesh:
-    """A model's mesh: metres, REP-103 (x out of its front, y left, z up), origin on the floor at the box's centre.
+def piece(model: Model, tint: Tint | None = None) -> Mesh:
+    """The mesh of one piece: the model at this piece's size, in its tint."""
+    parts = load(model.key).parts
+    return Mesh(tuple(_dressed(part, model.scale, tint) for part in parts))
 
-    Raises SimulationError for an unknown key.
+
+def _dressed(part: Part, scale: float, tint: Tint | None) -> Part:
+    material = part.material if tint is None else tint.on(part.material)
+    return Part(material, part.positions * scale, part.normals, part.uv)
+
+
+@lru_cache(maxsize=512)
+def load(key: str) -> Mesh:
+    """A model's mesh at the catalogue's size.
+
+    Metres, REP-103 (x out of its front, y left, z up), origin on the floor at the box's centre. Raises SimulationError for an unknown key.
     """
     if key not in catalogue():
         raise SimulationError(f"no furniture model {key!r} in {LIBRARIES}")
@@ -110,4 +159,7 @@ def _model(library: str, entry: dict[str, str]) -> Model:
     width, depth, height = (float(entry[side]) / 100.0 for side in ("width", "depth", "height"))
     rotation = tuple(float(number) for number in entry.get("modelRotation", "1 0 0 0 1 0 0 0 1").split())
     creator = entry.get("creator", library)
-    return Model(library, entry["name"], creator, entry["model"].lstrip("/"), width, depth, height, rotation)
+    elevation = float(entry.get("elevation", 0.0)) / 100.0
+    top = max(float(entry.get("dropOnTopElevation", entry["height"])) / 100.0, 0.0)
+    path = entry["model"].lstrip("/")
+    return Model(library, entry["name"], creator, path, width, depth, height, rotation, elevation, top)

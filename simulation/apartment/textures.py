@@ -55,6 +55,58 @@ def paint(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -> Te
     return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.012 * bumps + 0.004 * clouds)[..., None])
 
 
+def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4, size_px: int = 512) -> Texture:
+    """Stone tiles, `count` along each side, each with its own shade, with pale or dark joints; checked now and then."""
+    row, column = np.divmod(np.arange(size_px) * count, size_px)
+    shade = rng.uniform(0.95, 1.05, (count, count))
+    if rng.random() < 0.35:
+        shade = shade * np.where(np.add.outer(np.arange(count), np.arange(count)) % 2, rng.uniform(0.3, 0.8), 1.0)
+    veins = noise(rng, size_px, size_px, slope=1.3)
+    image = np.asarray(colour, dtype=np.float64) * (shade[np.ix_(row, row)] * (1.0 + 0.035 * veins))[..., None]
+    joint = np.minimum(column, size_px - 1 - column) < max(2, count) * 1.5
+    image[joint[:, None] | joint[None]] = np.asarray(colour, dtype=np.float64) * rng.choice([0.6, 0.85])
+    return _finished(image)
+
+
+def parquet(rng: np.random.Generator, colour: ArrayLike, count: int = 6, size_px: int = 768) -> Texture:
+    """Squares of short strips laid by turns along u and along v."""
+    side = size_px // count
+    image = np.empty((side * count, side * count, 3))
+    base = np.asarray(colour, dtype=np.float64)
+    strips = 5
+    edge = np.arange(side) * strips % side < strips
+    for i, j in np.ndindex(count, count):
+        shade = base * rng.uniform(0.85, 1.12, strips)[np.arange(side) * strips // side, None]
+        field = 1.0 + 0.06 * noise(rng, side, side, stretch=10.0, slope=0.6)
+        square = shade[:, None] * field[..., None]
+        square[edge] *= 0.7
+        square[:, 0] *= 0.7
+        image[i * side : (i + 1) * side, j * side : (j + 1) * side] = square if (i + j) % 2 else square.swapaxes(0, 1)
+    return _finished(image)
+
+
+def carpet(rng: np.random.Generator, colour: ArrayLike, size_px: int = 384) -> Texture:
+    """Short pile: a fine speckle and faint clouds where feet have been."""
+    pile, wear = noise(rng, size_px, size_px, slope=0.15), noise(rng, size_px, size_px, slope=1.5)
+    return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.10 * pile + 0.03 * wear)[..., None])
+
+
+def wallpaper(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -> Texture:
+    """Stripes, or a lattice of soft dots, in a second tone of the same paper."""
+    base = np.asarray(colour, dtype=np.float64)
+    other = np.clip(base * rng.uniform(0.75, 1.15, 3), 0.0, 250.0)
+    v, u = np.meshgrid(np.arange(size_px) / size_px, np.arange(size_px) / size_px, indexing="ij")
+    count = int(rng.integers(3, 9))
+    if rng.random() < 0.5:
+        mix = ((u * count) % 1.0 < rng.uniform(0.2, 0.6)).astype(np.float64)
+    else:
+        row = np.floor(v * 2 * count)
+        across, up = (u * count + 0.5 * (row % 2)) % 1.0 - 0.5, (v * 2 * count) % 1.0 - 0.5
+        mix = np.clip(8.0 * (rng.uniform(0.2, 0.38) - np.hypot(across, up * 0.7)), 0.0, 1.0)
+    grain = 1.0 + 0.012 * noise(rng, size_px, size_px, slope=0.5)
+    return _finished((base + (other - base) * mix[..., None]) * grain[..., None])
+
+
 def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Texture:
     """One whole rug: border bands and a lattice of diamonds woven from three or more colours (N, 3)."""
     palette = np.asarray(colours, dtype=np.float64)
@@ -68,6 +120,25 @@ def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Tex
     weave = noise(rng, size_px, size_px, slope=0.1)
     wear = noise(rng, size_px, size_px, slope=1.4)
     return _finished(palette[index] * (1.0 + 0.09 * weave + 0.05 * wear)[..., None])
+
+
+def woven(rng: np.random.Generator, colours: ArrayLike, size_px: int = 512) -> Texture:
+    """One whole plain rug: broad bands, fine stripes, or rings, in two or more colours (N, 3)."""
+    palette = np.asarray(colours, dtype=np.float64)
+    v, u = np.meshgrid(np.linspace(-1, 1, size_px), np.linspace(-1, 1, size_px), indexing="ij")
+    way = int(rng.integers(3))
+    field = (u if way == 0 else np.maximum(np.abs(u), np.abs(v)) if way == 1 else np.hypot(u, v)) + 2.0
+    index = np.floor(field * rng.uniform(1.5, 9.0)).astype(int) % len(palette)
+    weave = 1.0 + 0.10 * noise(rng, size_px, size_px, slope=0.1) + 0.04 * noise(rng, size_px, size_px, slope=1.4)
+    return _finished(palette[index] * weave[..., None])
+
+
+def abstract(rng: np.random.Generator, width_px: int = 256, height_px: int = 256) -> Texture:
+    """A modern picture: flat fields of colour cut by soft edges."""
+    palette = rng.uniform(20, 245, (int(rng.integers(3, 7)), 3))
+    field = noise(rng, height_px, width_px, slope=rng.uniform(1.2, 2.0))
+    index = np.digitize(field, np.linspace(-1.3, 1.3, len(palette) - 1))
+    return _finished(palette[index] * (1.0 + 0.05 * noise(rng, height_px, width_px, slope=0.6)[..., None]))
 
 
 def landscape(rng: np.random.Generator, width_px: int = 384, height_px: int = 256) -> Texture:

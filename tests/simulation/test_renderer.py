@@ -88,7 +88,7 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
 
     setup = CameraSetup()
     apartment, _ = world
-    pose = SE2(apartment.shell.width_m / 2, apartment.shell.depth_m / 2, 0.7)
+    pose = SE2(*apartment.plan.rooms[0].centre, 0.7)
     ids, depth = renderer.ids_and_depth(View.of_base(pose, setup.mount))
     rows, columns = np.mgrid[0:480:7, 0:640:7]
     rays = setup.intrinsics.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
@@ -100,9 +100,8 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
     # Where the ray meets the floor inside the room and no furniture is before it, it shows the floor (or the rug,
     # 6 mm higher).
     on_floor = pose.apply((rays * expected[:, None]) @ setup.mount.rotation_base_optical().T[:, :2] + [0.15, 0.0])
-    inside = ((on_floor > 0.1) & (on_floor < np.array([apartment.shell.width_m, apartment.shell.depth_m]) - 0.1)).all(
-        axis=1
-    )
+    room = apartment.plan.rooms[0]
+    inside = ((on_floor > [room.x0 + 0.1, room.y0 + 0.1]) & (on_floor < [room.x1 - 0.1, room.y1 - 0.1])).all(axis=1)
     shown = below & inside & (what == 0)
     assert shown.sum() > 500
     assert np.abs(found - expected)[shown].max() < 0.006 / 0.25 + 0.005

@@ -1,0 +1,196 @@
+"""Puts furniture into rooms: against walls, in corners, beside and on top of pieces; what does not fit is left out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment import furniture
+from edgemap.simulation.apartment.furniture import Model
+from edgemap.simulation.apartment.placed import Placed
+from edgemap.simulation.apartment.plan import FloorPlan, RoomArea
+from edgemap.simulation.apartment.space import Boxes, Floor, rectangle_corners
+from edgemap.simulation.apartment.tint import draw_tint
+
+SIDES = ("near", "right", "far", "left")
+_YAWS = {"near": 90.0, "right": 180.0, "far": -90.0, "left": 0.0}
+_DOOR_M, _WINDOW_M = 0.7, 0.3
+_TRIES = 20
+_GROWS = {"potted plant", "cat", "dog", "person"}
+
+
+class Layout:
+    """Furniture of one home in the making. Every method that places something returns it, or None where it fits
+    nowhere; drawn from one generator, so that a seed always furnishes alike."""
+
+    def __init__(self, plan: FloorPlan, held_out: bool, rng: np.random.Generator) -> None:
+        self.plan, self.held_out, self.rng = plan, held_out, rng
+        self.placed: list[Placed] = []
+        self.boxes, self.floor = Boxes(), Floor(plan)
+        self._usual: dict[str, Model] = {}
+        for wall in plan.walls:
+            self.boxes.add(rectangle_corners(wall), 0.0, plan.height_m, 0)
+        for door in plan.doorways:
+            reach_x, reach_y = (_DOOR_M, 0.0) if door.across_x else (0.0, _DOOR_M)
+            keep = door.x0 - reach_x, door.y0 - reach_y, door.x1 + reach_x, door.y1 + reach_y
+            self.boxes.add(rectangle_corners(keep), 0.0, door.height_m, 0)
+        for window in plan.windows:
+            room, w = plan.rooms[window.room], _WINDOW_M
+            low, high = window.low_m - 0.1, window.high_m + 0.1
+            keep = {
+                "left": (room.x0, low, room.x0 + w, high),
+                "right": (room.x1 - w, low, room.x1, high),
+                "near": (low, room.y0, high, room.y0 + w),
+                "far": (low, room.y1 - w, high, room.y1),
+            }[window.side]
+            self.boxes.add(rectangle_corners(keep), window.sill_m + 0.02, window.top_m, 0)
+
+    def model(self, kind: str, usual: bool = False) -> Model:
+        """A model of a kind in its own size. usual: the one this home has many of, such as the chairs of a table."""
+        if usual and kind in self._usual:
+            return self._usual[kind]
+        keys = furniture.kinds()[kind].choices(self.held_out)
+        model = furniture.catalogue()[keys[int(self.rng.integers(len(keys)))]]
+        model = model.scaled(float(self.rng.uniform(0.92, 1.08)))
+        return self._usual.setdefault(kind, model) if usual else model
+
+    def put(
+        self,
+        kind: str,
+        model: Model,
+        room: RoomArea,
+        pose: SE2,
+        z_m: float = 0.0,
+        ignore: Iterable[Placed] = (),
+        like: Placed | None = None,
+    ) -> Placed | None:
+        """Place a model unless it would leave the room, meet something (but what is to be ignored) or block a way."""
+        label = furniture.kinds()[kind].label
+        tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
+        item = Placed(len(self.placed) + 1, label, model, pose, z_m, tint, kind)
+        corners = item.footprint_home_m()
+        if (corners < [room.x0, room.y0]).any() or (corners > [room.x1, room.y1]).any():
+            return None
+        top = z_m + model.height_m
+        if top > self.plan.height_m or self.boxes.meets(corners, z_m, top, tuple(other.id for other in ignore)):
+            return None
+        if not self.floor.takes(corners, z_m):
+            return None
+        self.boxes.add(corners, z_m, top, item.id)
+        self.placed.append(item)
+        return item
+
+    def against_wall(
+        self, kind: str, room: RoomArea, sides: Iterable[str] = SIDES, z_m: float = 0.0, gap_m: float = 0.015
+    ) -> Placed | None:
+        """Back to one of the walls, anywhere along it."""
+        sides = list(sides)
+        for _ in range(_TRIES):
+            model, side = self.model(kind), sides[int(self.rng.integers(len(sides)))]
+            item = self.put(kind, model, room, self.wall_pose(model, room, side, self.uniform(0.0, 1.0), gap_m), z_m)
+            if item is not None:
+                return item
+        return None
+
+    def wall_pose(self, model: Model, room: RoomArea, side: str, along: float, gap_m: float = 0.015) -> SE2:
+        """Pose of a model with its back to a wall; along: 0 in one corner, 1 in the other."""
+        back, half = model.depth_m / 2.0 + gap_m, model.width_m / 2.0 + 0.01
+        x = room.x0 + half + along * (room.x1 - room.x0 - 2.0 * half)
+        y = room.y0 + half + along * (room.y1 - room.y0 - 2.0 * half)
+        x, y = {
+            "near": (x, room.y0 + back),
+            "far": (x, room.y1 - back),
+            "left": (room.x0 + back, y),
+            "right": (room.x1 - back, y),
+        }[side]
+        return SE2(x, y, math.radians(_YAWS[side]))
+
+    def in_corner(self, kind: str, room: RoomArea, turned: bool = True) -> Placed | None:
+        """Into a corner, turned anyhow or facing the room."""
+        for _ in range(_TRIES):
+            model = self.model(kind)
+            reach = math.hypot(model.width_m, model.depth_m) / 2.0 if turned else model.width_m / 2.0
+            reach += self.uniform(0.02, 0.12)
+            left, near = self.rng.random() < 0.5, self.rng.random() < 0.5
+            x = room.x0 + reach if left else room.x1 - reach
+            y = room.y0 + reach if near else room.y1 - reach
+            yaw = self.uniform(-math.pi, math.pi)
+            if not turned:
+                yaw = math.atan2(1.0 if near else -1.0, 1.0 if left else -1.0)
+            item = self.put(kind, model, room, SE2(x, y, yaw))
+            if item is not None:
+                return item
+        return None
+
+    def by_wall(self, kind: str, room: RoomArea, tries: int = _TRIES) -> Placed | None:
+        """Near a wall, turned anyhow: plants, suitcases, what was put down and left."""
+        for _ in range(tries):
+            model, side = self.model(kind), SIDES[int(self.rng.integers(4))]
+            pose = self.wall_pose(model, room, side, self.uniform(0.0, 1.0), self.uniform(0.03, 0.35))
+            item = self.put(kind, model, room, pose @ SE2(0.0, 0.0, self.uniform(-0.9, 0.9)))
+            if item is not None:
+                return item
+        return None
+
+    def anywhere(self, kind: str, room: RoomArea) -> Placed | None:
+        """Somewhere on the open floor."""
+        for _ in range(_TRIES):
+            x, y = self.uniform(room.x0 + 0.2, room.x1 - 0.2), self.uniform(room.y0 + 0.2, room.y1 - 0.2)
+            item = self.put(kind, self.model(kind), room, SE2(x, y, self.uniform(-math.pi, math.pi)))
+            if item is not None:
+                return item
+        return None
+
+    def beside(self, kind: str, anchor: Placed, room: RoomArea, gap_m: float = 0.06) -> Placed | None:
+        """At either side of a piece, both backs in line."""
+        for sign in self.rng.permutation([-1.0, 1.0]):
+            model = self.model(kind)
+            away = anchor.model.width_m / 2.0 + model.width_m / 2.0 + gap_m
+            in_line = (model.depth_m - anchor.model.depth_m) / 2.0
+            item = self.put(kind, model, room, anchor.pose_home_object @ SE2(in_line, sign * away, 0.0))
+            if item is not None:
+                return item
+        return None
+
+    def before(
+        self, kind: str, anchor: Placed, room: RoomArea, gap_m: float, facing: bool = True, ignore: bool = False
+    ) -> Placed | None:
+        """In front of a piece, turned towards it (or the same way); ignore: may reach over or under it."""
+        model = self.model(kind)
+        away = anchor.model.depth_m / 2.0 + model.depth_m / 2.0 + gap_m
+        pose = anchor.pose_home_object @ SE2(away, self.uniform(-0.1, 0.1), math.pi if facing else 0.0)
+        return self.put(kind, model, room, pose, ignore=(anchor,) if ignore else ())
+
+    def on_top(
+        self, kind: str, support: Placed, room: RoomArea, spread: float = 0.3, back: bool = False
+    ) -> Placed | None:
+        """On a piece's flat top, within the middle `spread` of it, or at its back facing as it does."""
+        if support.model.top_m <= 0.0:
+            return None
+        depth, width = support.model.depth_m, support.model.width_m
+        for _ in range(6):
+            model = self.model(kind)
+            x, y, yaw = (self.uniform(-spread, spread) * side for side in (depth, width, 4.0))
+            if back:
+                x, yaw = max(-depth / 2.0 + model.depth_m / 2.0 + 0.02, -0.1), self.uniform(-0.12, 0.12)
+            fits = abs(y) + model.width_m / 2.0 < width / 2.0 and abs(x) + model.depth_m / 2.0 < depth / 2.0 + 0.03
+            pose = support.pose_home_object @ SE2(x, y, yaw)
+            item = self.put(kind, model, room, pose, support.z_m + support.model.top_m) if fits else None
+            if item is not None:
+                return item
+        return None
+
+    def uniform(self, low: float, high: float) -> float:
+        """A number in between."""
+        return float(self.rng.uniform(low, high))
+
+    def chance(self, probability: float) -> bool:
+        """True with this probability."""
+        return bool(self.rng.random() < probability)
+
+    def count(self, low: int, high: int) -> int:
+        """A whole number from low to high."""
+        return int(self.rng.integers(low, high + 1))

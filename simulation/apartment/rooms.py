@@ -1,0 +1,288 @@
+"""How people furnish: one short recipe per kind of room, large pieces first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment.layout import SIDES, Layout
+from edgemap.simulation.apartment.placed import Placed
+from edgemap.simulation.apartment.plan import RoomArea
+
+_OPPOSITE = {"near": "far", "far": "near", "left": "right", "right": "left"}
+
+
+def furnish_room(home: Layout, room: RoomArea, lone: bool, clutter: float) -> None:
+    """Fill one room. lone: it is the whole home. clutter: 0 for tidy people, 1 for the others."""
+    _RECIPES[room.kind](home, room)
+    if lone:
+        _dining_group(home, room)
+    _extras(home, room, clutter)
+
+
+def _living(home: Layout, room: RoomArea) -> None:
+    _seating(home, room)
+    if room.x1 - room.x0 > 4.2 and home.chance(0.6):
+        _dining_group(home, room)
+    for kind, chance in (("bookcase", 0.7), ("drawers", 0.4), ("radiator", 0.5)):
+        if home.chance(chance):
+            home.against_wall(kind, room)
+    for _ in range(home.count(1, 3)):
+        home.in_corner("potted plant", room) if home.chance(0.6) else home.by_wall("potted plant", room)
+
+
+def _seating(home: Layout, room: RoomArea) -> None:
+    """Sofa on one wall, television across the room, armchairs beside the sofa or facing it."""
+    sides = [SIDES[i] for i in home.rng.permutation(4)]
+    sofa = None
+    for side in sides:
+        sofa = sofa or home.against_wall("couch" if home.chance(0.85) else "corner couch", room, [side])
+        if sofa is not None:
+            _television(home, room, _OPPOSITE[side])
+            break
+    if sofa is None:
+        return
+    if home.chance(0.6):
+        table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45), facing=False)
+        if table is not None:
+            _things(home, table, room, home.count(0, 2))
+    if home.chance(0.75):
+        home.beside("armchair", sofa, room, home.uniform(0.05, 0.25))
+    for _ in range(home.count(0, 1)):
+        _facing(home, "armchair", sofa, room)
+    if home.chance(0.5):
+        home.beside("floor lamp", sofa, room, 0.08)
+
+
+def _facing(home: Layout, kind: str, anchor: Placed, room: RoomArea) -> None:
+    """Somewhere before a piece, turned half towards it."""
+    for _ in range(12):
+        across, away = home.uniform(-1.6, 1.6), home.uniform(1.3, 2.2)
+        turn = math.atan2(-across, -away) + home.uniform(-0.3, 0.3)
+        pose = anchor.pose_home_object @ SE2(away, across, turn)
+        if home.put(kind, home.model(kind), room, pose):
+            return
+
+
+def _television(home: Layout, room: RoomArea, side: str) -> None:
+    if home.chance(0.75):
+        stand = home.against_wall("tv stand", room, [side])
+        if stand is not None:
+            home.on_top("tv", stand, room, spread=0.1, back=True)
+            if home.chance(0.4):
+                home.on_top("vase", stand, room, spread=0.45)
+            return
+    home.against_wall("tv", room, [side], z_m=home.uniform(0.75, 1.15), gap_m=0.01)
+
+
+def _dining(home: Layout, room: RoomArea) -> None:
+    _dining_group(home, room)
+    if home.chance(0.7):
+        drawers = home.against_wall("drawers", room)
+        if drawers is not None:
+            _things(home, drawers, room, home.count(1, 3), vases=0.6)
+    if home.chance(0.4):
+        home.against_wall("bookcase", room)
+    for _ in range(home.count(1, 2)):
+        home.in_corner("potted plant", room)
+    if home.chance(0.4):
+        home.in_corner("armchair", room, turned=False)
+
+
+def _dining_group(home: Layout, room: RoomArea) -> None:
+    """A table with two to six like chairs round it: pushed in, pulled out, askew."""
+    table = None
+    for _ in range(40):
+        model = home.model("dining table")
+        x = home.uniform(room.x0 + 0.7, room.x1 - 0.7)
+        y = home.uniform(room.y0 + 0.7, room.y1 - 0.7)
+        yaw = math.radians(90.0 * home.count(0, 3) + (home.uniform(-20, 20) if home.chance(0.15) else 0.0))
+        table = home.put("dining table", model, room, SE2(x, y, yaw))
+        if table is not None:
+            break
+    if table is None:
+        return
+    _chairs(home, table, room)
+    _things(home, table, room, home.count(0, 4), vases=0.45)
+
+
+def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
+    chair = home.model("chair")
+    long, short = table.model.width_m, table.model.depth_m
+    half = 1 if long < 1.25 else 2
+    seats = [((i + 0.5) / half - 0.5, side) for side in (-1.0, 1.0) for i in range(half)]
+    spots = [SE2(side * short / 2.0, along * long * 0.92, 0.0 if side < 0 else math.pi) for along, side in seats]
+    spots += [SE2(0.0, side * long / 2.0, -side * math.pi / 2.0) for side in (-1.0, 1.0)]
+    wanted, like = home.count(2, len(spots)), None
+    for index in home.rng.permutation(len(spots))[:wanted]:
+        tucked = home.uniform(0.02, 0.45) if home.chance(0.7) else -home.uniform(0.05, 0.35)
+        reach = chair.depth_m * (tucked - 0.5)
+        pose = spots[index] @ SE2(reach, home.uniform(-0.04, 0.04), home.uniform(-0.12, 0.12))
+        if tucked < 0.0:
+            pose = pose @ SE2(0.0, 0.0, home.uniform(-0.5, 0.5))
+        # Chairs reach under the table they stand at, as far as their backs allow.
+        like = home.put("chair", chair, room, pose, ignore=(table,), like=like) or like
+
+
+def _kitchen(home: Layout, room: RoomArea) -> None:
+    """A row along one wall: cabinets, oven, sink and refrigerator side by side, cabinets on the wall above."""
+    sides = [SIDES[i] for i in home.rng.permutation(4)]
+    rows = sorted((_row_length(home, room, side) for side in sides), reverse=True)
+    side = rows[0][1]
+    kinds = ["refrigerator", "lower cabinet", "oven", "sink cabinet", "lower cabinet", "lower cabinet"]
+    _row(home, room, side, kinds if home.chance(0.5) else kinds[::-1])
+    for kind in ("refrigerator", "oven"):
+        if not any(item.kind == kind for item in home.placed):
+            home.against_wall(kind, room)
+    if room.x1 - room.x0 > 2.6 and home.chance(0.6):
+        _dining_group(home, room)
+    if home.chance(0.5):
+        home.against_wall("bin", room)
+    for _ in range(home.count(0, 2)):
+        home.by_wall("stool", room)
+    if home.chance(0.5):
+        home.in_corner("potted plant", room)
+
+
+def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
+    """Length of a wall without its doorways."""
+    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
+    face = {"near": room.y0, "far": room.y1, "left": room.x0, "right": room.x1}[side]
+    for door in home.plan.doorways:
+        spans = (door.y0, door.y1) if side in {"near", "far"} else (door.x0, door.x1)
+        if min(abs(face - spans[0]), abs(face - spans[1])) < 0.02:
+            return (high - low) / 2.0, side
+    return high - low, side
+
+
+def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
+    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
+    at, cabinet = low + 0.02, home.model("lower cabinet")
+    for kind in kinds:
+        model = cabinet if kind == "lower cabinet" else home.model(kind)
+        while at + model.width_m < high:
+            span = high - low - model.width_m - 0.02
+            along = (at - low - 0.01) / span if span > 0 else 0.0
+            item = home.put(kind, model, room, home.wall_pose(model, room, side, along))
+            if item is not None:
+                at += model.width_m + 0.005
+                if kind == "lower cabinet":
+                    _above(home, item, room, side)
+                break
+            at += 0.15
+
+
+def _above(home: Layout, item: Placed, room: RoomArea, side: str) -> None:
+    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
+    middle = item.pose_home_object.x_m if side in {"near", "far"} else item.pose_home_object.y_m
+    if home.chance(0.5):
+        home.on_top("microwave" if home.chance(0.35) else "counter clutter", item, room, spread=0.1)
+    upper = home.model("upper cabinet", usual=True)
+    along = (middle - low - upper.width_m / 2.0 - 0.01) / max(high - low - upper.width_m - 0.02, 0.1)
+    home.put("upper cabinet", upper, room, home.wall_pose(upper, room, side, along), upper.elevation_m)
+
+
+def _bedroom(home: Layout, room: RoomArea) -> None:
+    """Head of the bed at a wall, bedside tables, wardrobe, and what else fits."""
+    bed = home.against_wall("bed", room)
+    if bed is not None:
+        for _ in range(home.count(1, 2)):
+            table = home.beside("bedside table", bed, room, 0.05)
+            if table is not None:
+                home.on_top("table lamp" if home.chance(0.6) else "table clutter", table, room, spread=0.1)
+    home.against_wall("wardrobe", room)
+    if home.chance(0.45):
+        _workplace(home, room)
+    if home.chance(0.4):
+        drawers = home.against_wall("drawers", room)
+        if drawers is not None:
+            home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else _things(home, drawers, room, 2)
+    if home.chance(0.4):
+        home.in_corner("armchair", room, turned=False)
+    home.by_wall("potted plant", room)
+    for kind in ("suitcase", "backpack"):
+        if home.chance(0.6):
+            home.by_wall(kind, room)
+
+
+def _study(home: Layout, room: RoomArea) -> None:
+    _workplace(home, room)
+    for kind, chance in (("bookcase", 0.9), ("bookcase", 0.5), ("drawers", 0.3), ("radiator", 0.5)):
+        if home.chance(chance):
+            home.against_wall(kind, room)
+    if home.chance(0.5):
+        home.in_corner("armchair", room, turned=False)
+    elif home.chance(0.6):
+        home.against_wall("couch", room)
+    if home.chance(0.5):
+        home.by_wall("backpack", room)
+    for _ in range(home.count(1, 2)):
+        home.in_corner("potted plant", room)
+
+
+def _workplace(home: Layout, room: RoomArea) -> None:
+    desk = home.against_wall("desk", room)
+    if desk is None:
+        return
+    home.before("office chair" if home.chance(0.7) else "chair", desk, room, -home.uniform(-0.1, 0.2), ignore=True)
+    if home.chance(0.8):
+        home.on_top("laptop" if home.chance(0.5) else "computer", desk, room, spread=0.15, back=True)
+    home.on_top("desk lamp", desk, room, spread=0.4)
+    _things(home, desk, room, home.count(0, 2))
+
+
+def _bathroom(home: Layout, room: RoomArea) -> None:
+    if home.chance(0.7):
+        home.against_wall("bath", room)
+    home.against_wall("toilet", room)
+    for _ in range(6):
+        model = home.model("basin")
+        side, along = SIDES[home.count(0, 3)], home.uniform(0.0, 1.0)
+        if home.put("basin", model, room, home.wall_pose(model, room, side, along), model.elevation_m):
+            break
+    for kind, chance in (("washing machine", 0.6), ("bin", 0.6), ("radiator", 0.4)):
+        if home.chance(chance):
+            home.against_wall(kind, room)
+    if home.chance(0.5):
+        home.in_corner("potted plant", room)
+
+
+def _hall(home: Layout, room: RoomArea) -> None:
+    for kind, chance in (("wardrobe", 0.6), ("drawers", 0.6), ("chair", 0.7), ("bookcase", 0.3)):
+        if home.chance(chance):
+            home.against_wall(kind, room)
+    for kind, chance in (("suitcase", 0.8), ("backpack", 0.7), ("potted plant", 0.8), ("vase", 0.4)):
+        if home.chance(chance):
+            home.by_wall(kind, room)
+
+
+def _extras(home: Layout, room: RoomArea, clutter: float) -> None:
+    """What stands about in any room."""
+    if home.chance(0.35):
+        home.by_wall("vase", room)
+    for kind, chance in (("suitcase", 0.2), ("backpack", 0.2), ("floor clutter", 0.6), ("bin", 0.2)):
+        if home.chance(chance * (0.4 + clutter)):
+            home.by_wall(kind, room)
+    if home.chance(0.12):
+        home.anywhere("cat", room)
+    if home.chance(0.10):
+        home.anywhere("dog", room)
+
+
+def _things(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:
+    for _ in range(count):
+        draw = home.rng.random()
+        kind = "vase" if draw < vases * 0.6 else "small plant" if draw < vases else "table clutter"
+        home.on_top(kind, support, room, spread=0.32)
+
+
+_RECIPES: dict[str, Callable[[Layout, RoomArea], None]] = {
+    "living": _living,
+    "dining": _dining,
+    "kitchen": _kitchen,
+    "bedroom": _bedroom,
+    "study": _study,
+    "bathroom": _bathroom,
+    "hall": _hall,
+}
