@@ -26,6 +26,7 @@ from edgemap.cli.options import (
     new_map,
     open_described,
 )
+from edgemap.cli.saved_map import SavedMap, StartText, in_saved_map, where_it_was
 
 if TYPE_CHECKING:
     from edgemap.geometry.floor_map import MapObject
@@ -48,6 +49,8 @@ def command(
         Literal["default", "paper"],
         tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default",
+    saved: SavedMap = None,
+    start: StartText = None,
     out: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
     ] = None,
@@ -109,15 +112,17 @@ def command(
         pipeline = Pipeline(
             loaded, floor, motion, new_map(clustering), rule=FloorRule(mapped=mapped), confidence=confidence
         )
+        steps = in_saved_map(pipeline, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
+        record |= {"map": str(saved), "start": start} if saved else {}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
             tape = recording_sinks(recording, lossless, source, floor, odometry)
             sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest, *page.sinks, *tape]
             with stop_on_signals() as stop:
                 try:
-                    done = run(page.camera(source, stop), pipeline, sinks, frames, stop)
+                    done = run(page.camera(source, stop), steps, sinks, frames, stop)
                 except EdgemapError as error:
                     if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                         raise
@@ -125,6 +130,8 @@ def command(
                     raise type(error)(f"{error}; {so_far}") from None
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
             _summary(done, latest, stop.is_set())
+            if line := where_it_was(steps, saved):
+                print(line)
             print(f"see it:  edgemap map show {folder}")
             page.stay(stop)
 
@@ -139,7 +146,7 @@ class _Latest:
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Keep it."""
-        if self.result is not None:
+        if self.result is not None and result.relocated is None:
             before, now = self.result.pose_map_base, result.pose_map_base
             self.way_m += ((now.x_m - before.x_m) ** 2 + (now.y_m - before.y_m) ** 2) ** 0.5
         self.result, self.objects = result, objects
