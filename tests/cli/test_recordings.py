@@ -1,0 +1,157 @@
+"""Record, replay, convert, as a user types it: the map of a replay is the map of the drive, byte for byte."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.floor_map import load_map
+from edgemap.runtime.cameras import open_camera
+
+FRAMES = 25
+WHEEL = Path(__file__).parents[2] / "runtime" / "demo" / "wheel.csv"
+
+
+@pytest.fixture(scope="module")
+def driven(edgemap, painted_bundle, tmp_path_factory):
+    """Runs on FRAMES pictures of the demo, threads fixed: driven(name, *flags) -> its folder."""
+    folder = tmp_path_factory.mktemp("driven")
+
+    def drive(name, *flags):
+        out = folder / name
+        common = ("--bundle", painted_bundle, "--frames", FRAMES, "--threads", 2, "--out", out)
+        result = edgemap("run", *flags, *common)
+        assert result.returncode == 0, result.stderr
+        return out
+
+    return drive
+
+
+@pytest.fixture(scope="module")
+def live(driven, tmp_path_factory):
+    """The drive itself, which records what it sees without loss, beside its folder."""
+    tape = tmp_path_factory.mktemp("tape") / "live.mcap"
+    out = driven("live", "--record", tape, "--lossless")
+    tape.rename(out.parent / "live.mcap")
+    assert load_map(out)
+    return out
+
+
+def same(one, other, name="map.json"):
+    return (one / name).read_bytes() == (other / name).read_bytes()
+
+
+def test_a_lossless_recording_gives_the_map_of_the_drive(live, driven):
+    again = driven("again", "--camera", live.parent / "live.mcap")
+    assert same(live, again)
+    assert same(live, again, "trajectory.tum")
+    assert same(live, again, "sightings.jsonl")
+
+
+def test_a_recording_played_twice_gives_one_map(edgemap, live, driven):
+    tape = live.parent / "jpeg.mcap"
+    result = edgemap("record", "-o", tape, "--frames", FRAMES, "--wheel", WHEEL)
+    assert result.returncode == 0, result.stderr
+    assert f"{FRAMES} pictures" in result.stdout
+    once, twice = (driven(name, "--camera", tape) for name in ("once", "twice"))
+    assert same(once, twice)
+    assert not same(once, live)  # JPEG is another picture: were it the same, this test would show nothing
+    by_file = driven("by-file", "--odometry", f"wheel:{WHEEL}")
+    by_tape = driven("by-tape", "--camera", tape, "--odometry", f"wheel:{tape}")
+    assert same(by_file, by_tape, "trajectory.tum")
+    by_truth = [driven(name, *flags, "--odometry", "truth") for name, flags in (("t", ()), ("u", ("--camera", tape)))]
+    assert same(*by_truth, "trajectory.tum")
+
+
+def test_what_a_run_records_is_what_it_wrote(live):
+    rosbags = pytest.importorskip("rosbags.highlevel")
+    seen, poses, boxes = [], [], 0
+    with rosbags.AnyReader([live.parent / "live.mcap"]) as reader:
+        for connection, _, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            if connection.topic == "/odometry":
+                poses.append((message.pose.pose.position.x, message.pose.pose.position.y))
+            elif connection.topic == "/detections":
+                boxes += len(message.detections)
+            elif connection.topic == "/map/objects":
+                seen = [
+                    (item.id, item.bbox.center.position.x, item.bbox.center.position.y) for item in message.detections
+                ]
+    way = np.loadtxt(live / "trajectory.tum")
+    np.testing.assert_allclose(poses, way[:, 1:3], atol=1e-6)
+    assert boxes == 2 * FRAMES  # the painted bundle always sees a chair and a person
+    written = [(item.id, *item.position_m) for item in load_map(live)]
+    assert [item[0] for item in seen] == [item[0] for item in written]
+    np.testing.assert_allclose([item[1:] for item in seen], [item[1:] for item in written], atol=1e-6)
+
+
+def test_a_realsense_recording_is_converted(edgemap, realsense_recording, tmp_path):
+    path, pictures, stamps = realsense_recording
+    out = tmp_path / "drive.mcap"
+    result = edgemap("record", "--camera", f"realsense:{path}", "-o", out, "--lossless", "--mount", "0.6,11.5")
+    assert result.returncode == 0, result.stderr
+    with open_camera(f"realsense:{path}") as original, open_camera(str(out)) as camera:
+        assert camera.intrinsics == original.intrinsics
+        assert (camera.rate_hz, camera.frame_count, camera.size) == (30.0, 60, (640, 480))
+        assert camera.mount is not None
+        assert camera.mount.height_m == 0.6
+        for picture, stamp in zip(pictures, stamps, strict=True):
+            frame, was = camera.read(), original.read()
+            assert frame is not None
+            assert was is not None
+            assert frame.stamp_s == was.stamp_s == pytest.approx(stamp, abs=1e-6)
+            np.testing.assert_array_equal(frame.image[..., ::-1], picture)
+        assert camera.read() is None
+
+
+def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
+    out = tmp_path / "a.mcap"
+    command = [sys.executable, "-m", "edgemap.cli", "record", "--camera", str(pictures), "-o", str(out), "--realtime"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    while not out.exists():
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=30)
+    assert process.returncode == 0
+    with open_camera(str(out)) as camera:
+        count = camera.frame_count
+        assert f"{count} pictures" in said
+        for _ in range(count or 0):
+            assert camera.read() is not None
+        assert camera.read() is None  # and no word of a cut
+
+
+def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    data = (live.parent / "live.mcap").read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    result = edgemap("run", "--camera", cut, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert result.returncode == 1
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "cut off" in result.stderr
+    assert load_map(tmp_path / "run")
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["frames"] > 5
+    mended = edgemap("record", "--camera", cut, "-o", tmp_path / "mended.mcap", "--lossless")
+    assert mended.returncode == 1
+    assert "pictures so far are in" in mended.stderr
+    with open_camera(str(tmp_path / "mended.mcap")) as camera:
+        for _ in range(camera.frame_count or 0):
+            camera.read()
+        assert camera.read() is None
+
+
+@pytest.mark.parametrize("command", [("record", "-o"), ("run", "--record")])
+def test_names_that_are_refused(edgemap, tmp_path, pictures, painted_bundle, command):
+    (tmp_path / "there.mcap").write_bytes(b"x")
+    flags = ("--camera", pictures) + (("--bundle", painted_bundle) if command[0] == "run" else ())
+    for name, complaint in (("there.mcap", "exists already"), ("a.bag", "must end in .mcap")):
+        result = edgemap(*command, tmp_path / name, *flags, cwd=tmp_path)
+        assert result.returncode == 1
+        assert complaint in result.stderr
+        assert not (tmp_path / "runs").exists()
+    assert (tmp_path / "there.mcap").read_bytes() == b"x"
