@@ -30,6 +30,7 @@ from edgemap.cli.saved_map import SavedMap, StartText, in_saved_map, where_it_wa
 
 if TYPE_CHECKING:
     from edgemap.geometry.floor_map import MapObject
+    from edgemap.geometry.verdict import Verdict
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.pipeline import StepResult
 
@@ -85,11 +86,12 @@ def command(
     """Drive from a camera to a map of the objects on the floor.
 
     Frames go through detector, floor projection, odometry and map; Ctrl-C ends the run with the map saved. Writes
-    map.json, trajectory.tum, sightings.jsonl, run.json, and mount.jpg: the first picture with horizon and metre grid,
-    by which to check the mount.
+    map.json, trajectory.tum, sightings.jsonl, run.json, mount.jpg (the first picture with horizon and metre grid, by
+    which to check the mount) and report.html. Where the source knows what stands there, the map is judged by it.
     """
     from edgemap.cli.live_page import live_page
     from edgemap.cli.record import check_name, recording_sinks
+    from edgemap.cli.truth import judge_of
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.geometry.floor import FloorCamera
     from edgemap.geometry.sighting import FloorRule
@@ -97,6 +99,7 @@ def command(
     from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.report.sink import ReportFile
     from edgemap.runtime.sinks.progress import Progress
     from edgemap.runtime.sinks.run_folder import RunFolder
 
@@ -118,8 +121,11 @@ def command(
         record |= {"map": str(saved), "start": start} if saved else {}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
+            judge = None if saved else judge_of(camera, source, mapped if classes else None)
+            report = ReportFile(folder, None if saved else source.truth, judge)
+            progress = Progress(frames or source.frame_count)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
-            sinks = [RunFolder(folder, floor, record), Progress(frames or source.frame_count), latest, *page.sinks, *tape]
+            sinks = [RunFolder(folder, floor, record), report, progress, latest, *page.sinks, *tape]
             with stop_on_signals() as stop:
                 try:
                     done = run(page.camera(source, stop), steps, sinks, frames, stop)
@@ -129,10 +135,10 @@ def command(
                     so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
                     raise type(error)(f"{error}; {so_far}") from None
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
-            _summary(done, latest, stop.is_set())
+            _summary(done, latest, stop.is_set(), report.verdicts)
             if line := where_it_was(steps, saved):
                 print(line)
-            print(f"see it:  edgemap map show {folder}")
+            print(report.failure or f"see it:  {report.path}")
             page.stay(stop)
 
 
@@ -158,12 +164,12 @@ class _Latest:
         """Nothing to close."""
 
 
-def _summary(done: int, latest: _Latest, stopped: bool) -> None:
+def _summary(done: int, latest: _Latest, stopped: bool, verdicts: list[Verdict]) -> None:
+    from edgemap.cli.truth import object_lines
+
     end = "stopped" if stopped else "done"
     print(f"{end} after {done} frames, {latest.way_m:.1f} m of way")
-    for item in latest.objects:
-        x_m, y_m = item.position_m
-        print(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  seen {item.count:4d} times  conf {item.confidence:.2f}")
+    print("\n".join(object_lines(latest.objects, verdicts)))
 
 
 def _record(

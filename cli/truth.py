@@ -62,13 +62,26 @@ def judge_of(
     return judge
 
 
-def verdict_lines(rows: Sequence[Verdict]) -> list[str]:
-    """The table of verdicts for a terminal: found ones by their error only, then what is wrong, one a line."""
+def object_lines(objects: Sequence[MapObject], verdicts: Sequence[Verdict]) -> list[str]:
+    """The map for a terminal, an object a line; where the truth is known also what it says, and what is missing."""
+    import numpy as np
+
     from edgemap.geometry.verdict import tally
 
-    lines = [f"against the truth: {tally(list(rows))}"]
-    for row in rows:
-        where = "" if row.true_m is None else f"  true x {row.true_m[0]:6.2f} m  y {row.true_m[1]:6.2f} m"
-        error = "" if row.error_m is None else f"  {row.error_m:.2f} m off"
-        lines.append(f"  {row.state:<10} {row.object_id or row.label:<20}{where}{error}")
+    verdict_of = {row.object_id: row for row in verdicts if row.object_id}
+    lines = []
+    for item in objects:
+        x_m, y_m = item.position_m
+        row = verdict_of.get(item.id)
+        told = f"  {row.state}" if row else ""
+        told += f", {row.error_m:.2f} m off" if row and row.error_m is not None else ""
+        seen = f"seen {item.count:4d} times  conf {item.confidence:.2f}"
+        lines.append(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  {seen}{told}")
+    for row in verdicts:
+        if row.state == "missed" and row.true_m:
+            lines.append(f"  {row.label:<20} x {row.true_m[0]:6.2f} m  y {row.true_m[1]:6.2f} m  {'':<26}missed")
+    if verdicts:
+        errors = [row.error_m for row in verdicts if row.state == "found" and row.error_m is not None]
+        median = f"; median error {np.median(errors):.2f} m" if errors else ""
+        lines.append(f"against the truth: {tally(list(verdicts))}{median}")
     return lines

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -60,6 +60,8 @@ class History:
         stamp_s, pose = result.frame.stamp_s, result.pose_map_base
         if self.last is None:
             self.start_s = stamp_s
+        elif result.relocated is not None:  # from here on in a saved map's frame: the way so far is told in it too
+            self.stops = [replace(stop, pose_map_base=result.relocated @ stop.pose_map_base) for stop in self.stops]
         else:
             before = self.last.pose_map_base
             self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))

@@ -77,7 +77,7 @@ def test_merged_objects_hand_on_their_picture_and_memory_is_bounded():
     assert crops.of(["a-1", "b-7"]).keys() == {"a-1", "b-7"}
 
 
-def step(index, labels=("chair",), lap_ms=2.0, x_m=0.0) -> Any:
+def step(index, labels=("chair",), lap_ms=2.0, x_m=0.0, relocated=None) -> Any:
     detections = Detections(
         np.zeros((len(labels), 4)), np.ones(len(labels)), np.arange(len(labels), dtype=np.int64), tuple(labels)
     )
@@ -87,6 +87,7 @@ def step(index, labels=("chair",), lap_ms=2.0, x_m=0.0) -> Any:
         pose_covariance=np.diag([0.04, 0.01, 0.0]),
         laps_ms={"backbone": lap_ms, "map": 1.0},
         detections=detections,
+        relocated=relocated,
     )
 
 
@@ -106,6 +107,15 @@ def test_a_history_is_bounded_and_loses_no_sum():
     gaps = np.diff([stop.stamp_s for stop in way[:-1]])
     assert gaps.min() == pytest.approx(gaps.max())
     assert way[0].bound_m == pytest.approx(math.sqrt(CHI2_95 * 0.04))
+
+
+def test_a_way_that_finds_its_saved_map_is_told_in_that_map():
+    history = History()
+    history.add(step(0))
+    history.add(step(1, x_m=1.0))
+    history.add(step(2, x_m=9.0, relocated=SE2(7.0, 2.0, 0.0)))
+    assert [(stop.pose_map_base.x_m, stop.pose_map_base.y_m) for stop in history.way()] == [(7, 2), (8, 2), (9, 0)]
+    assert history.way_m == 1.0
 
 
 def item(identity, x, y, covariance):

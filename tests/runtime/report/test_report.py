@@ -165,12 +165,17 @@ def test_no_frame_at_all_still_gives_a_page(bundle, tmp_path):
     assert "Nothing was mapped" in page_of(tmp_path / "r").text
 
 
-def test_a_report_that_fails_costs_neither_map_nor_run(bundle, tmp_path, monkeypatch):
-    def broken(found):
+@pytest.mark.parametrize("where", ["report_page", "BestCrops"])
+def test_a_report_that_fails_costs_neither_map_nor_run(bundle, tmp_path, monkeypatch, where):
+    def broken(*_):
         raise ZeroDivisionError("no such luck")
 
-    monkeypatch.setattr(sink_module, "report_page", broken)
-    report = drive(bundle, tmp_path / "r")
+    if where == "report_page":
+        monkeypatch.setattr(sink_module, "report_page", broken)
+    else:
+        monkeypatch.setattr(sink_module.BestCrops, "consider", broken)
+    report = drive(bundle, tmp_path / where)
     assert "ZeroDivisionError: no such luck" in report.failure
-    assert json.loads((tmp_path / "r" / "map.json").read_text())["objects"]
-    assert json.loads((tmp_path / "r" / "run.json").read_text())["finished"]
+    assert json.loads((tmp_path / where / "map.json").read_text())["objects"]
+    record = json.loads((tmp_path / where / "run.json").read_text())
+    assert (record["finished"], record["frames"]) == (True, 30)
