@@ -19,6 +19,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
     "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),
     "record": ("record", "a camera's pictures into one MCAP file; Foxglove and ROS 2 open it"),
+    "simulate": ("simulate", "render a robot's drive through a furnished home, with its truth"),
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 

@@ -1,99 +1,104 @@
-"""Records a simulated drive with its truth as a drive folder that the runtime reads."""
+"""Records a simulated drive with its truth as a folder that the runtime reads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives.locobot import write_locobot
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
-from edgemap.simulation.apartment.apartment import Apartment, furnish
-from edgemap.simulation.errors import SimulationError, require
-from edgemap.simulation.render.light import bake
-from edgemap.simulation.render.renderer import Renderer
-from edgemap.simulation.render.view import View
-from edgemap.simulation.robot.drive import wheel_odometry
-from edgemap.simulation.truth import object_records, picture_boxes
-from edgemap.simulation.world import CameraSetup, build_scene, plan_drive
+from edgemap.simulation.apartment.credits import credits_text
+from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.frame_store import FrameStore, write_text
+from edgemap.simulation.robot.wheels import wheel_odometry
+from edgemap.simulation.shots import shots
+from edgemap.simulation.truth import object_records
+from edgemap.simulation.world import World
 
-EXPOSURE = 1.9
+Progress = Callable[[int, int], None]
+FORMAT = "edgemap.simulation/2"
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """What was recorded: the room, the base's poses in it, and the boxes of every picture."""
-
-    apartment: Apartment
-    poses_room_base: list[SE2]
-    boxes: list[list[dict[str, Any]]]
+def truth_of(world: World) -> Trajectory:
+    """Poses of the base from the first one, at the pictures' stamps."""
+    return Trajectory(world.stamps_s, tuple(world.poses())).from_start()
 
 
 def record(
-    seed: int,
-    frames: int,
-    folder: str | Path,
-    video: bool = True,
-    camera: CameraSetup | None = None,
-    progress: Callable[[int], None] = lambda _: None,
-) -> Recording:
-    """Furnish, light and drive through the room of a seed; write pictures and truth to a drive folder.
+    world: World,
+    folder: Path,
+    *,
+    layout: str = "drive",
+    video: bool = False,
+    depth: bool = False,
+    progress: Progress = lambda _done, _all: None,
+    command: str = "edgemap simulate",
+    workers: int | None = None,
+) -> None:
+    """Render a world's drive to a folder; one that was stopped goes on, and ends with the same bytes.
 
-    Pictures go to `video.mp4` (MPEG-4) or `images/000000.png` ...; truth as `write_drive` documents, in the frame of
-    the first pose. Raises SimulationError and MissingExtraError, one line each, where something is missing.
+    layout: `drive` (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres
+    along the optical axis. progress: called with the pictures done and all. Raises SimulationError and
+    MissingExtraError, one line each.
     """
-    camera, folder = camera or CameraSetup(), Path(folder)
-    for module in ("moderngl", "embreex", "PIL"):
-        require(module)
-    apartment = furnish(seed)
-    poses = plan_drive(apartment, camera, frames, seed)
-    renderer = Renderer(bake(build_scene(apartment, seed), seed), camera.intrinsics, EXPOSURE)
-    folder.mkdir(parents=True, exist_ok=True)
-    save, close = _video(folder, camera) if video else _images(folder)
-    boxes = []
-    for index, pose in enumerate(poses):
-        view = View.of_base(pose, camera.mount)
-        save(index, renderer.picture(view))
-        boxes.append(picture_boxes(renderer, view, apartment))
-        progress(index)
-    close()
-    renderer.close()
-    stamps = np.arange(frames) / camera.rate_hz
-    truth = Trajectory(stamps, tuple(poses)).from_start()
-    believed = wheel_odometry(poses, np.random.default_rng([seed, 3]))
-    wheel = [(stamp, pose.x_m, pose.y_m, pose.yaw_rad) for stamp, pose in zip(stamps, believed, strict=True)]
-    objects = object_records(apartment, poses[0], boxes)
-    write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel)
-    return Recording(apartment, poses, boxes)
+    locobot = layout == "locobot"
+    settings = _settings(world, layout, video, depth)
+    store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
+    if store.complete:
+        progress(world.frames, world.frames)
+        return
+    missing = store.missing(world.frames)
+    done = world.frames - len(missing)
+    progress(done, world.frames)
+    for number, shot in enumerate(shots(world, missing, workers), start=done + 1):
+        store.save(shot)
+        progress(number, world.frames)
+    if video:
+        _write_video(store, world.camera.rate_hz)
+    camera, truth = world.camera, truth_of(world)
+    wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
+    if locobot:
+        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
+    else:
+        boxes = store.boxes(world.frames)
+        objects = object_records(world.apartment, world.poses()[0], boxes)
+        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist())
+    write_text(folder / "README.md", credits_text(world.apartment, command))
+    store.finish()
 
 
-_Sink = tuple[Callable[[int, np.ndarray], None], Callable[[], None]]
+def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "seed": world.seed,
+        "home_seed": world.home_seed,
+        "frames": world.frames,
+        "layout": layout,
+        "video": video,
+        "depth": depth,
+        "people": len(world.walkers),
+        "effects": asdict(world.effects),
+        "light": {**asdict(world.light), "switches_s": list(world.light.switches_s[:8])},
+        "height_m": world.camera.mount.height_m,
+        "pitch_rad": world.camera.mount.pitch_rad,
+        "focal_px": world.camera.intrinsics.fx,
+    }
 
 
-def _video(folder: Path, camera: CameraSetup) -> _Sink:
-    path = folder / "video.mp4"
-    size = (camera.intrinsics.width, camera.intrinsics.height)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), camera.rate_hz, size)
+def _write_video(store: FrameStore, rate_hz: float) -> None:
+    paths = store.picture_paths()
+    unfinished, path = store.parts / "video.mp4", store.folder / "video.mp4"
+    height, width = cv2.imread(str(paths[0])).shape[:2]
+    writer = cv2.VideoWriter(str(unfinished), cv2.VideoWriter.fourcc(*"mp4v"), rate_hz, (width, height))
     if not writer.isOpened():
         raise SimulationError(f"{path}: OpenCV cannot write MPEG-4 video here")
-
-    def save(_: int, image: np.ndarray) -> None:
-        writer.write(image)
-
-    return save, writer.release
-
-
-def _images(folder: Path) -> _Sink:
-    (folder / "images").mkdir(exist_ok=True)
-
-    def save(index: int, image: np.ndarray) -> None:
-        path = folder / "images" / f"{index:06d}.png"
-        if not cv2.imwrite(str(path), image):
-            raise SimulationError(f"{path}: cannot be written")
-
-    return save, lambda: None
+    for picture in paths:
+        writer.write(cv2.imread(str(picture)))
+    writer.release()
+    unfinished.replace(path)

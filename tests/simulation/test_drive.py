@@ -1,12 +1,24 @@
-"""The way through the room, the wheels, and the truth of the boxes."""
+"""The robot's way: never into anything, within the robot's limits, with a view, the same for the same seed."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from support.hand_made_home import home
 
+from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.robot.drive import FreeSpace, Limits, drive_along, wheel_odometry
+from edgemap.simulation.camera.setup import CameraSetup
+from edgemap.simulation.robot import motion
+from edgemap.simulation.robot.explore import drive
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Motion
+from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.robot.router import Router
+from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.robot.wheels import Wheels, wheel_odometry
+
+LIMITS = Limits(speed_m_s=0.6, yaw_rate_rad_s=1.1)
+SECONDS = 90.0
 
 
 def distance_to_footprint(item, points):
@@ -16,104 +28,140 @@ def distance_to_footprint(item, points):
     return np.linalg.norm(beyond, axis=1)
 
 
+def distance_to_wall(wall, points):
+    x0, y0, x1, y1 = wall
+    beyond = np.maximum(np.maximum([x0, y0] - points, points - [x1, y1]), 0.0)
+    return np.linalg.norm(beyond, axis=1)
+
+
 @pytest.fixture(scope="module")
-def drive(furniture_catalogue):
-    from edgemap.simulation.apartment.apartment import furnish
-    from edgemap.simulation.world import CameraSetup, plan_drive
-
-    apartment = furnish(5)
-    return apartment, plan_drive(apartment, CameraSetup(), 120, 5)
-
-
-def test_drive_never_touches_anything(drive):
-    apartment, poses = drive
-    points = np.array([[pose.x_m, pose.y_m] for pose in poses])
-    radius = Limits().radius_m
-    assert points.min() > radius
-    assert (points < [apartment.shell.width_m - radius, apartment.shell.depth_m - radius]).all()
-    for item in apartment.furniture:
-        if item.on_floor:
-            assert distance_to_footprint(item, points).min() > radius, item
+def place():
+    flat = home()
+    grid = PlanGrid(flat)
+    camera = CameraSetup()
+    return flat, grid, Sight(flat, grid, camera.intrinsics, camera.mount)
 
 
-def test_drive_is_smooth_and_starts_and_ends_at_rest(drive):
-    _, poses = drive
-    limits = Limits()
-    motions = np.array([(a.inverse() @ b).vector() for a, b in pairwise(poses)]) * 10.0
-    assert np.abs(motions[:, 1]).max() < 0.05, "a differential drive does not move sideways"
-    assert motions[:, 0].max() < limits.speed_m_s * 1.02
-    assert motions[:, 0].min() >= 0.0
-    assert np.abs(motions[:, 2]).max() < limits.yaw_rate_rad_s * 1.6
-    assert np.abs(np.diff(motions[:, 0])).max() * 10.0 < limits.acceleration_m_s2 * 1.5
-    assert motions[[0, -1], 0].max() < 0.15
+@pytest.fixture(scope="module", params=[0, 1, 2])
+def driven(request, place):
+    _, grid, sight = place
+    return drive(grid, sight, LIMITS, np.random.default_rng(request.param), SECONDS)
 
 
-def test_drive_of_a_seed_is_always_the_same(drive):
-    from edgemap.simulation.world import CameraSetup, plan_drive
-
-    apartment, poses = drive
-    assert plan_drive(apartment, CameraSetup(), 120, 5) == poses
-
-
-def test_straight_way_takes_the_time_of_its_trapezium():
-    """2 m at 0.4 m/s with 0.4 m/s^2: about 5 s + 1 s for getting up to speed and stopping."""
-    way = np.stack([np.linspace(0.0, 2.0, 201), np.zeros(201)], axis=1)
-    limits = Limits(speed_m_s=0.4, acceleration_m_s2=0.4)
-    assert drive_along(way, limits, 90, 10.0) is None
-    poses = drive_along(way, limits, 62, 10.0)
-    assert poses is not None
-    assert poses[-1].x_m == pytest.approx(2.0)
-    assert poses[31].x_m == pytest.approx(1.0, abs=0.08)
+def test_the_robot_never_touches_anything(driven, place):
+    flat, _, _ = place
+    points = driven.samples[:, :2]
+    for item in flat.furniture:
+        assert distance_to_footprint(item, points).min() > LIMITS.radius_m, item
+    for wall in flat.plan.walls:
+        assert distance_to_wall(wall, points).min() > LIMITS.radius_m, wall
 
 
-def test_free_space_measures_distance_to_walls_and_furniture(drive):
-    apartment, _ = drive
-    free = FreeSpace(apartment)
-    rng = np.random.default_rng(0)
-    points = rng.uniform([0.1, 0.1], [apartment.shell.width_m - 0.1, apartment.shell.depth_m - 0.1], (400, 2))
-    walls = np.minimum(points, [apartment.shell.width_m, apartment.shell.depth_m] - points).min(axis=1)
-    pieces = [distance_to_footprint(item, points) for item in apartment.furniture if item.on_floor]
-    expected = np.minimum(walls, np.min(pieces, axis=0))
-    assert np.abs(free.clearance_m(points) - expected).max() < 0.05
+def test_speeds_and_accelerations_keep_to_the_limits(driven):
+    steps = np.diff(driven.samples, axis=0) / SAMPLE_S
+    c, s = np.cos(driven.samples[:-1, 2]), np.sin(driven.samples[:-1, 2])
+    forward, left = c * steps[:, 0] + s * steps[:, 1], c * steps[:, 1] - s * steps[:, 0]
+    assert np.abs(left).max() < 0.035, "a differential drive does not move sideways"
+    assert forward.max() < 1.02 * LIMITS.speed_m_s
+    assert forward.min() > -0.55 * LIMITS.speed_m_s
+    assert np.abs(steps[:, 2]).max() < 1.2 * LIMITS.yaw_rate_rad_s
+    smooth = np.convolve(forward, np.ones(5) / 5, mode="valid")
+    assert np.abs(np.diff(smooth)).max() / SAMPLE_S < 1.6 * LIMITS.acceleration_m_s2
+    assert np.abs(driven.samples[1] - driven.samples[0]).max() < 0.01, "it starts from rest"
+
+
+def test_it_gets_somewhere_through_the_door_and_sees_things(driven, place):
+    _, _, sight = place
+    poses = driven.at(np.arange(0.0, SECONDS, 0.1))
+    assert np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() > 0.3 * SECONDS
+    assert poses[:, 0].min() < 6.0 < poses[:, 0].max(), "both rooms"
+    seen = sight.shares(poses) > 0.4
+    assert (seen.sum(axis=0) >= 10).sum() >= 7
+    assert (seen.sum(axis=1) == 0).mean() < 0.45, "it stares at walls"
+
+
+def test_a_longer_drive_begins_as_the_shorter_one(place):
+    _, grid, sight = place
+    short = drive(grid, sight, LIMITS, np.random.default_rng(7), 20.0)
+    long = drive(grid, sight, LIMITS, np.random.default_rng(7), 60.0)
+    assert np.array_equal(long.samples[: len(short.samples)], short.samples)
+
+
+def test_clearance_is_the_distance_to_walls_and_furniture(place):
+    flat, grid, _ = place
+    points = np.random.default_rng(0).uniform([0.2, 0.2], [9.8, 4.8], (400, 2))
+    pieces = [distance_to_footprint(item, points) for item in flat.furniture]
+    walls = [distance_to_wall(wall, points) for wall in flat.plan.walls]
+    assert np.abs(grid.clearance_m(points) - np.min(pieces + walls, axis=0)).max() < 0.06
+
+
+def test_ways_keep_clear_and_hold_their_ends(place):
+    _, grid, _ = place
+    router = Router(grid, LIMITS)
+    start, goal = router.nearest(np.array([1.5, 2.0])), router.nearest(np.array([9.0, 3.9]))
+    _, before = router.reach(start)
+    way = router.rounded(router.chain(before, goal))
+    np.testing.assert_allclose(way[[0, -1]], router.nodes_m[[start, goal]], atol=0.03)
+    assert grid.clearance_m(way).min() > LIMITS.radius_m + 0.04
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 0.03
+
+
+def test_a_wall_hides_and_a_table_hides_only_what_is_lower():
+    """From 0.6 m up: a chair behind a wall is not seen; behind a table 0.5 m high its upper part is."""
+    chair = ("chair", 4.0, 2.0, 0.5, 0.5, 1.0, np.pi)
+    camera = CameraSetup(mount=Mount(0.6))
+    shares = {}
+    for name, pieces, walls in (
+        ("free", (chair,), ()),
+        ("table", (chair, ("dining table", 2.5, 2.0, 1.0, 0.6, 0.5, 0.0)), ()),
+        ("wall", (chair,), ((2.4, 1.0, 2.5, 3.0),)),
+    ):
+        flat = home(pieces, walls, 6.0, 4.0)
+        sight = Sight(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
+        shares[name] = sight.shares(np.array([[0.5, 2.0, 0.0]]))[0, 0]
+        assert sight.shares(np.array([[0.5, 2.0, np.pi]]))[0, 0] == 0.0, "behind the camera"
+    assert shares["free"] == 1.0
+    assert 0.3 < shares["table"] < 0.9
+    assert shares["wall"] == 0.0
+
+
+def test_a_turn_and_a_straight_take_the_time_of_their_trapezium():
+    """1.8 rad at 0.9 rad/s with 2 rad/s^2: 2 s and 0.45 s for getting up to speed and stopping."""
+    limits = Limits(yaw_rate_rad_s=0.9, yaw_acceleration_rad_s2=2.0)
+    pose = np.array([1.0, 2.0, 0.5])
+    turned = motion.turn(pose, -1.8, limits)
+    assert turned[-1] == pytest.approx([1.0, 2.0, 0.5 - 1.8])
+    assert len(turned) * SAMPLE_S == pytest.approx(2.45, abs=0.6)
+    back = motion.straight(pose, -0.4, limits)
+    assert back[-1] == pytest.approx([1.0 - 0.4 * np.cos(0.5), 2.0 - 0.4 * np.sin(0.5), 0.5])
+
+
+def ahead(speed_m_s=0.4, seconds=20.0):
+    samples = np.zeros((int(seconds / SAMPLE_S) + 1, 3))
+    samples[:, 0] = np.arange(len(samples)) * SAMPLE_S * speed_m_s
+    return Motion(samples)
+
+
+def test_perfect_wheels_tell_the_truth_to_a_tick():
+    perfect = Wheels(tick_m=1e-6, scale=0.0, unlike=0.0, base_scale=0.0, creep=0.0, slips_per_m=0.0)
+    turning = Motion(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
+    rows = wheel_odometry(turning, np.arange(95) / 10.0, np.random.default_rng(0), perfect)
+    np.testing.assert_allclose(rows[:, 1:3], turning.at(rows[:, 0])[:, :2], atol=2e-4)
+    assert abs(SE2(0, 0, rows[-1, 3] - turning.at(rows[-1:, 0])[0, 2]).yaw_rad) < 2e-4
 
 
 def test_wheels_drift_a_little_but_not_much():
-    poses = [SE2(0.04 * i, 0.0, 0.0) for i in range(200)]
-    ends = [wheel_odometry(poses, np.random.default_rng(seed))[-1] for seed in range(40)]
-    errors = np.array([[end.x_m - poses[-1].x_m, end.y_m] for end in ends])
-    assert 0.03 < np.abs(errors[:, 0]).mean() < 0.5
-    assert 0.05 < np.abs(errors[:, 1]).mean() < 1.0
+    stamps = np.arange(0.0, 20.0, 0.1)
+    ends = [wheel_odometry(ahead(), stamps, np.random.default_rng(seed))[-1] for seed in range(40)]
+    errors = np.array([[end[1] - 0.4 * stamps[-1], end[2]] for end in ends])
+    assert 0.03 < np.abs(errors[:, 0]).mean() < 0.4
+    assert 0.03 < np.abs(errors[:, 1]).mean() < 1.0
 
 
-def test_boxes_hold_their_pixels(world, renderer):
-    from edgemap.simulation.render.view import View
-    from edgemap.simulation.truth import picture_boxes
-    from edgemap.simulation.world import CameraSetup
-
-    apartment, _ = world
-    view = View.of_base(SE2(apartment.shell.width_m / 2, apartment.shell.depth_m / 2, -0.5), CameraSetup().mount)
-    ids, _ = renderer.ids_and_depth(view)
-    records = picture_boxes(renderer, view, apartment)
-    assert records
-    for record in records:
-        rows, columns = np.nonzero(ids == record["id"])
-        assert record["box"] == [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
-        assert 0.0 < record["visible"] <= 1.0
-
-
-def test_visible_share_falls_when_the_border_cuts(world, renderer):
-    """Turning away from the refrigerator lowers its visible share from nearly all to little."""
-    from edgemap.simulation.render.view import View
-    from edgemap.simulation.truth import picture_boxes
-    from edgemap.simulation.world import CameraSetup
-
-    apartment, _ = world
-    setup = CameraSetup()
-    chair = next(item for item in apartment.furniture if item.label == "couch")
-    spot = chair.pose_home_object @ SE2(2.6, 0.0, np.pi)
-    shares = []
-    for turn in (0.0, 0.35, 0.55):
-        records = picture_boxes(renderer, View.of_base(spot @ SE2(0.0, 0.0, turn), setup.mount), apartment)
-        shares.append({record["id"]: record["visible"] for record in records}.get(chair.id, 0.0))
-    assert shares[0] > 0.8
-    assert shares[0] > shares[1] > shares[2]
+def test_encoders_count_whole_ticks():
+    rows = wheel_odometry(
+        ahead(), np.arange(0.0, 20.0, 0.1), np.random.default_rng(1), Wheels(tick_m=0.01, slips_per_m=0.0, creep=0.0)
+    )
+    travelled = np.array([np.hypot(b[1] - a[1], b[2] - a[2]) for a, b in pairwise(rows)])
+    halves = travelled / 0.005
+    assert np.abs(halves - np.round(halves)).max() < 0.02

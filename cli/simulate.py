@@ -1,0 +1,106 @@
+"""`edgemap simulate`: drives through rendered homes, with their truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from edgemap.cli.options import MountText, OptionError, at_least, read_mount
+
+if TYPE_CHECKING:
+    from edgemap.simulation.world import Choices
+
+
+def command(
+    out: Annotated[
+        Path, tyro.conf.arg(aliases=["-o"], metavar="DIR", help="The folder; one that was stopped goes on.")
+    ],
+    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the home, the drive, the camera and the light.")] = 0,
+    frames: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures, at 10 Hz.")] = 450,
+    video: Annotated[bool, tyro.conf.arg(help="One compact video.mp4, not pictures.")] = False,
+    depth: Annotated[bool, tyro.conf.arg(help="Depth pictures too: 16 bits, millimetres.")] = False,
+    mount: MountText = None,
+    light: Annotated[
+        Literal["day", "lamp", "mixed", "dim", "changing"] | None, tyro.conf.arg(help="Drawn from the seed by default.")
+    ] = None,
+    people: Annotated[int | None, tyro.conf.arg(metavar="N", help="People walking about; drawn by default.")] = None,
+    plain: Annotated[
+        bool,
+        tyro.conf.arg(
+            help="The demo's camera: a lens without distortion, 0.60 m up and 11.5 deg down, a sharp picture without "
+            "noise, by day, nobody about."
+        ),
+    ] = False,
+    locobot: Annotated[
+        bool, tyro.conf.arg(help="The LoCoBot data set instead: 5,000 training pictures and four drives of 2,000.")
+    ] = False,
+    pictures: Annotated[
+        int | None,
+        tyro.conf.arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
+    ] = None,
+    seeds: Annotated[
+        str | None, tyro.conf.arg(metavar="A:B", help="Homes for --pictures: seeds from A up to, not including, B.")
+    ] = None,
+) -> None:
+    """Render a robot's drive through a furnished home, with poses, boxes, objects and wheel odometry.
+
+    Everything follows from the seed: home, way, lens, mount, light, people. The folder is one for `--data drive:DIR`
+    and `--camera drive:DIR`; `sim:SEED` renders the same drive live. A longer drive begins with the shorter one.
+    """
+    import shlex
+    import sys
+
+    from tqdm import tqdm
+
+    from edgemap.cli.extras import need_simulation
+
+    need_simulation()
+    at_least(1, frames=frames, pictures=pictures)
+    at_least(0, people=people, seed=seed)
+    typed = "edgemap simulate " + shlex.join(sys.argv[2:])
+    with tqdm(unit=" pictures", disable=None) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        if pictures is not None:
+            from edgemap.simulation.pictures import render_pictures
+
+            render_pictures(out, pictures, _span(seeds), progress)
+        elif locobot:
+            from edgemap.simulation.locobot import record_locobot
+
+            record_locobot(out, seed, progress)
+        else:
+            from edgemap.simulation.record import record
+            from edgemap.simulation.world import draw_world
+
+            world = draw_world(seed, frames, _choices(plain, mount, light, people))
+            record(world, out, video=video, depth=depth, progress=progress, command=typed)
+    kind = "yolo" if pictures is not None else "drive"
+    print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
+
+
+def _choices(plain: bool, mount: str | None, light: str | None, people: int | None) -> Choices:
+    from dataclasses import replace
+
+    from edgemap.simulation.camera.setup import CameraSetup
+    from edgemap.simulation.world import PLAIN, Choices
+
+    choices = PLAIN if plain else Choices()
+    if mount is not None:
+        seat = read_mount(mount, CameraSetup().mount)
+        choices = replace(choices, mount=seat)
+    if light is not None:
+        choices = replace(choices, light=light)
+    return choices if people is None else replace(choices, people=people)
+
+
+def _span(text: str | None) -> range:
+    first, colon, last = (text or "").partition(":")
+    if not (colon and first.isdecimal() and last.isdecimal() and int(first) < int(last)):
+        raise OptionError(f"--seeds {text!r}: expected A:B, homes from A up to, not including, B")
+    return range(int(first), int(last))

@@ -1,0 +1,44 @@
+"""`sim:SEED` as a camera and as data: the command line is the only room that knows both runtime and simulation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from edgemap.cli.options import OptionError
+
+if TYPE_CHECKING:
+    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.drives.camera_yaml import CameraFile
+    from edgemap.simulation.live import SimCamera
+
+PREFIX = "sim:"
+
+
+def open_simulated(
+    spec: str, frames: int | None = None, realtime: bool = False, described: CameraFile | None = None
+) -> Camera:
+    """The camera of `sim:SEED` for a run. A camera file's lens and mount go before its own."""
+    camera = simulated(spec, frames)
+    if described is not None:
+        camera.intrinsics, camera.mount = described.intrinsics, described.mount or camera.mount
+    if not realtime:
+        return camera
+    from edgemap.runtime.cameras.paced import PacedCamera
+
+    return PacedCamera(camera)
+
+
+def simulated(spec: str, frames: int | None = None) -> SimCamera:
+    """The world of `sim:SEED` as a camera; 450 frames unless told otherwise.
+
+    Raises OptionError for a seed that is no number, and MissingExtraError where the extra is missing.
+    """
+    from edgemap.cli.extras import need_simulation
+
+    seed = spec.removeprefix(PREFIX)
+    if not seed.isdecimal():
+        raise OptionError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
+    need_simulation(spec)
+    from edgemap.simulation.live import open_sim
+
+    return open_sim(int(seed), frames, spec)

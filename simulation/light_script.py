@@ -1,0 +1,44 @@
+"""How the light changes while the robot drives: lamps switched, clouds before the sun."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.simulation.render.mesh import Array
+
+# A lamp's filament and a person's hand on the switch.
+_SWITCH_S = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class LightScript:
+    """Shares of daylight and lamplight over time; 1 is bright noon and all lamps on.
+
+    switches_s: when the lamps go on or off; before the first they are as `lamp` says, after it they give `switched`,
+    then `lamp` again, and so on. clouds: how many stops (halvings) the thickest cloud takes; cloud_s: time from cloud
+    to cloud; phase_rad: where in the clouds the drive begins.
+    """
+
+    day: float = 1.0
+    lamp: float = 0.0
+    switches_s: tuple[float, ...] = ()
+    switched: float = 0.0
+    clouds: float = 0.0
+    cloud_s: float = 20.0
+    phase_rad: float = 0.0
+
+    def at(self, time_s: Array | float) -> tuple[Array, Array]:
+        """Day and lamp shares at times (N,) in seconds."""
+        time = np.asarray(time_s, dtype=np.float64)
+        turn = 2.0 * math.pi * time / self.cloud_s + self.phase_rad
+        # Two waves that never meet again in the same way.
+        cover = 0.5 + 0.3 * np.sin(turn) + 0.2 * np.sin(2.39 * turn + 1.0)
+        day = self.day * 0.5 ** (self.clouds * cover)
+        lamp = np.full(time.shape, self.lamp)
+        for number, switch_s in enumerate(self.switches_s):
+            step = (self.switched - self.lamp) * (1.0 if number % 2 == 0 else -1.0)
+            lamp = lamp + step / (1.0 + np.exp(-np.clip((time - switch_s) / (_SWITCH_S / 4.0), -50.0, 50.0)))
+        return day, lamp

@@ -1,0 +1,46 @@
+"""A simulated world as a camera that the runtime drives: `sim:SEED`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.frame import Frame
+from edgemap.simulation.record import truth_of
+from edgemap.simulation.shots import shots
+from edgemap.simulation.studio import Shot
+from edgemap.simulation.world import CONTRACT_FRAMES, World, draw_world
+
+
+class SimCamera(CameraBase):
+    """Renders a world's drive while it is read, a few pictures ahead. world: with all of its truth.
+
+    Raises SimulationError and MissingExtraError, one line each.
+    """
+
+    def __init__(self, name: str, world: World) -> None:
+        super().__init__(name, world.camera.intrinsics, world.camera.mount)
+        self.world = world
+        self.size = (world.camera.intrinsics.width, world.camera.intrinsics.height)
+        self.rate_hz, self.frame_count, self.truth = world.camera.rate_hz, world.frames, truth_of(world)
+        self._shots: Iterator[Shot] | None = None
+
+    def read(self) -> Frame | None:
+        """The next picture; None after the last. The first takes some seconds: the home is lit."""
+        if self._shots is None:
+            self._shots = shots(self.world, range(self._delivered, self.world.frames))
+        shot = next(self._shots, None)
+        if shot is None:
+            return None
+        return self.frame(shot.decoded(), shot.index / self.world.camera.rate_hz, f"{self.name} frame {shot.index}")
+
+    def close(self) -> None:
+        """Stop rendering and deliver nothing more."""
+        if self._shots is not None and hasattr(self._shots, "close"):
+            self._shots.close()  # type: ignore[attr-defined]
+        self._shots = iter(())
+
+
+def open_sim(seed: int, frames: int | None = None, name: str | None = None) -> SimCamera:
+    """The camera `sim:SEED`: 450 pictures unless told otherwise."""
+    return SimCamera(name or f"sim:{seed}", draw_world(seed, frames or CONTRACT_FRAMES))

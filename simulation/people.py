@@ -1,0 +1,95 @@
+"""People who walk about the home while the robot drives: smooth ways, a stop here and there, never into the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.robot import motion
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Motion
+from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.robot.router import Router
+
+# A person is this wide and keeps this far from the robot's middle.
+_RADIUS_M, _APART_M = 0.22, 0.75
+_TRIES = 12
+_STAND_S = (0.5, 4.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walker:
+    """A person: which of the person models, 0..1 through their list, and where at any time."""
+
+    look: float
+    motion: Motion
+
+    def pose_home(self, stamp_s: float) -> SE2:
+        """Where the person stands and which way he or she faces."""
+        return SE2(*self.motion.at(np.array([stamp_s]))[0])
+
+
+def draw_walkers(
+    grid: PlanGrid, count: int, robot: Motion, seconds: float, seed: tuple[int, ...]
+) -> tuple[Walker, ...]:
+    """That many people for that long; fewer where there is no room for them. robot: its drive, a little longer."""
+    walkers = []
+    for number in range(count):
+        rng = np.random.default_rng([*seed, number])
+        limits = Limits(_RADIUS_M, 0.05, rng.uniform(0.6, 1.1), 0.9, 2.2, 5.0)
+        try:
+            router = Router(grid, limits)
+        except SimulationError:
+            break
+        walkers.append(Walker(float(rng.random()), _walk(router, limits, robot, seconds, rng)))
+    return tuple(walkers)
+
+
+def _walk(router: Router, limits: Limits, robot: Motion, seconds: float, rng: np.random.Generator) -> Motion:
+    starts = router.nodes_m[rng.integers(len(router.nodes_m), size=30)]
+    far = np.linalg.norm(starts - robot.samples[0, :2], axis=1)
+    pose = np.array([*starts[int(np.argmax(far > min(1.5, far.max() - 1e-9)))], rng.uniform(-math.pi, math.pi)])
+    legs, count = [pose[None]], 1
+    while count * SAMPLE_S < seconds:
+        best: tuple[float, Array] | None = None
+        for _ in range(_TRIES):
+            leg = _draw_leg(router, limits, pose, rng)
+            if leg is None:
+                continue
+            apart = _apart_m(leg, count, robot)
+            if best is None or apart > best[0]:
+                best = apart, leg
+            if apart > _APART_M:
+                break
+        leg = best[1] if best is not None else motion.stand(pose, 1.0)
+        legs.append(leg)
+        count += len(leg)
+        pose = leg[-1]
+    return Motion(np.concatenate(legs))
+
+
+def _draw_leg(router: Router, limits: Limits, pose: Array, rng: np.random.Generator) -> Array | None:
+    """Stand a while, or turn and walk somewhere."""
+    if rng.random() < 0.3:
+        return motion.stand(pose, rng.uniform(*_STAND_S))
+    cost, before = router.reach(router.nearest(pose[:2]))
+    goal = int(rng.integers(len(cost)))
+    if not 1.0 < cost[goal] < 15.0:
+        return None
+    way = router.rounded(np.concatenate([pose[None, :2], router.chain(before, goal)[1:]]))
+    if way is None:
+        return None
+    left = float(motion.headings(way, pose[2])[0] - pose[2])
+    return np.concatenate([motion.turn(pose, left, limits), motion.along(way, pose[2] + left, limits)])
+
+
+def _apart_m(leg: Array, start: int, robot: Motion) -> float:
+    """The least distance to the robot while the leg lasts and two seconds on."""
+    last = np.tile(leg[-1], (int(2.0 / SAMPLE_S), 1))
+    person = np.concatenate([leg, last])[::5]
+    rows = np.minimum(start + 5 * np.arange(len(person)), len(robot.samples) - 1)
+    return float(np.linalg.norm(person[:, :2] - robot.samples[rows, :2], axis=1).min())

@@ -1,0 +1,109 @@
+"""Makes the pictures of a world, each by itself: what the camera sees, what the lens and sensor add, and the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.camera.exposure import gains
+from edgemap.simulation.camera.noise import noisy
+from edgemap.simulation.camera.shake import shaken
+from edgemap.simulation.camera.shutter import exposed, optical_twist
+from edgemap.simulation.errors import require
+from edgemap.simulation.render.light import bake
+from edgemap.simulation.render.renderer import Renderer
+from edgemap.simulation.render.scene import LitScene
+from edgemap.simulation.render.view import View
+from edgemap.simulation.truth import picture_boxes
+from edgemap.simulation.world import World, build_scene
+
+EXPOSURE = 1.9
+# Over which the velocity at a picture is taken.
+_MOMENT_S = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """One picture with its truth. picture: encoded as JPEG or PNG, `suffix` says which. boxes: as in boxes.json.
+    depth_m: (H, W) optical depth."""
+
+    index: int
+    picture: bytes
+    suffix: str
+    boxes: list[dict[str, Any]]
+    depth_m: NDArray[np.float32]
+
+    def decoded(self) -> NDArray[np.uint8]:
+        """The picture, (H, W, 3) BGR."""
+        return np.asarray(cv2.imdecode(np.frombuffer(self.picture, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)
+
+
+def lit_home(world: World) -> LitScene:
+    """The home of a world with its light: the slow part, once per world."""
+    for module in ("moderngl", "embreex", "PIL"):
+        require(module)
+    return bake(build_scene(world.apartment, world.home_seed), world.home_seed)
+
+
+class Studio:
+    """Renders any picture of a world, in any order, always the same. Raises SimulationError where OpenGL is missing."""
+
+    def __init__(self, world: World, lit: LitScene) -> None:
+        self._world = world
+        self._renderer = Renderer(lit, world.camera.intrinsics, EXPOSURE)
+        self._gains = gains(world.light, world.stamps_s, world.effects.lag_s)
+
+    def shoot(self, index: int) -> Shot:
+        """One picture, step by step as a real camera makes it: shake, light, shutter, noise, code."""
+        world, effects = self._world, self._world.effects
+        rng = np.random.default_rng([world.seed, index, 4])
+        stamp_s = index / world.camera.rate_hz
+        pose, velocity = self._moment(stamp_s)
+        mount = shaken(world.camera.mount, effects.shake_rad, velocity, rng)
+        view = View.of_base(pose, mount)
+        picture = self._renderer.picture(view)
+        _, depth_m = self._renderer.ids_and_depth(view)
+        boxes = picture_boxes(self._renderer, view, world.apartment)
+        picture = self._sensed(picture, depth_m, mount, velocity, float(self._gains[index]), rng)
+        return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, depth_m)
+
+    def close(self) -> None:
+        """Give the OpenGL context back."""
+        self._renderer.close()
+
+    def _moment(self, stamp_s: float) -> tuple[SE2, NDArray[np.float64]]:
+        """Pose at a stamp, and velocity there: forward and left m/s, yaw rad/s."""
+        before, pose, after = self._world.motion.at(stamp_s + np.array([-0.5, 0.0, 0.5]) * _MOMENT_S)
+        speed = (after - before) / _MOMENT_S
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return SE2(*pose), np.array([c * speed[0] + s * speed[1], c * speed[1] - s * speed[0], speed[2]])
+
+    def _sensed(
+        self,
+        picture: NDArray[np.uint8],
+        depth_m: NDArray[np.float32],
+        mount: Mount,
+        velocity: NDArray[np.float64],
+        gain: float,
+        rng: np.random.Generator,
+    ) -> NDArray[np.uint8]:
+        effects, lens = self._world.effects, self._world.camera.intrinsics
+        if effects.exposure_s or effects.readout_s:
+            twist = optical_twist(velocity, mount)
+            picture = exposed(picture, depth_m, lens, twist, effects.exposure_s, effects.readout_s)
+        if effects.shot or effects.read:
+            picture = noisy(picture, effects.shot, effects.read, gain, rng)
+        return picture
+
+
+def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes, str]:
+    """The picture as a file's bytes, and the file's suffix: PNG where no quality is given."""
+    if jpeg_quality is None:
+        return cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 2])[1].tobytes(), ".png"
+    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes(), ".jpg"
