@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from edgemap.cli.options import Json, OptionError, numbers
+
 if TYPE_CHECKING:
+    from edgemap.geometry.floor_map import MapObject
     from edgemap.plots.floor_map import SeenAt
     from edgemap.runtime.trajectory import Trajectory
 
@@ -22,30 +27,122 @@ def command(
             aliases=["-o"], metavar="PATH", help="Picture to write, .png or .svg; map.png beside the map by default."
         ),
     ] = None,
+    label: Annotated[str | None, tyro.conf.arg(metavar="A,B,…", help="Only objects of these classes.")] = None,
+    near: Annotated[
+        str | None, tyro.conf.arg(metavar="X,Y", help="Nearest to this point first, with distances; metres, map frame.")
+    ] = None,
+    inside: Annotated[
+        str | None,
+        tyro.conf.arg(metavar="X,Y;X,Y;…", help="Only objects whose centre lies in this polygon; metres, map frame."),
+    ] = None,
+    since: Annotated[
+        float | None, tyro.conf.arg(metavar="S", help="Only objects seen at this stamp or later; the map's seconds.")
+    ] = None,
+    json: Json = False,
 ) -> None:
     """Draw a map: all sightings, the clusters they form, their centres with 95 % ellipses, and the robot's way.
 
     A run folder has all three panels; a map.json alone has the centres only. Map frame: x forward (up), y left, m.
+    With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
+    given: the centres of the objects asked for.
     """
     from edgemap.geometry.floor_map import load_map
-    from edgemap.plots.floor_map import plot_map
 
-    if not maps or (out is not None and len(maps) > 1):
-        from edgemap.cli.options import OptionError
-
-        raise OptionError("no map given" if not maps else "--out takes one map, each of several is drawn beside itself")
+    if not maps:
+        raise OptionError("no map given")
+    if len(maps) > 1 and (out is not None or json):
+        raise OptionError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
+    question = _Question.read(label, near, inside, since)
     for path in maps:
         objects = load_map(path)
-        folder = path if path.is_dir() else path.parent
-        is_run = (folder / "sightings.jsonl").is_file()
-        way = _way(folder) if is_run else None
-        seen = _read_sightings(folder) if is_run else []
-        picture = plot_map(out or (folder / f"{'map' if path.is_dir() else path.stem}.png"), objects, seen, way)
-        for item in objects:
-            sigma_m = float(item.covariance_m2.trace() / 2) ** 0.5
-            x_m, y_m = item.position_m
-            print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_m:.2f} m  seen {item.count} times")
-        print(f"{len(objects)} objects; drawn in {picture}")
+        answers = question.answer(objects)
+        if json:
+            _print_json(path, answers)
+        else:
+            _print_lines(answers)
+        if not (question.asked or json):
+            print(f"{len(objects)} objects; drawn in {_draw(path, objects, out, with_sightings=True)}")
+            continue
+        picture = _draw(path, [item for item, _ in answers], out, with_sightings=False) if out else None
+        if not json:
+            print(f"{len(answers)} of {len(objects)} objects" + (f"; drawn in {picture}" if picture else ""))
+
+
+Answers = list[tuple["MapObject", "float | None"]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is asked of a map; None asks nothing."""
+
+    labels: tuple[str, ...] | None
+    near_m: list[float] | None
+    corners_m: list[list[float]] | None
+    since_s: float | None
+
+    @classmethod
+    def read(cls, label: str | None, near: str | None, inside: str | None, since_s: float | None) -> _Question:
+        """The question that the options ask. Raises OptionError."""
+        labels = None if label is None else tuple(name.strip() for name in label.split(",") if name.strip())
+        if labels == ():
+            raise OptionError("--label is empty")
+        near_m = None if near is None else numbers(near, "--near", "X,Y")
+        corners_m = None
+        if inside is not None:
+            corners_m = [numbers(corner, "--inside", "X,Y") for corner in inside.split(";") if corner.strip()]
+            if len(corners_m) < 3:
+                raise OptionError(f"--inside {inside!r}: a polygon has three corners or more, X,Y;X,Y;X,Y")
+        return cls(labels, near_m, corners_m, since_s)
+
+    @property
+    def asked(self) -> bool:
+        """Whether anything is asked."""
+        return self != _Question(None, None, None, None)
+
+    def answer(self, objects: list[MapObject]) -> Answers:
+        """The objects asked for, with their distance in metres where a point is given."""
+        from edgemap.geometry import queries
+
+        if self.labels is not None:
+            objects = queries.labelled(objects, *self.labels)
+        if self.corners_m is not None:
+            objects = queries.inside_polygon(objects, self.corners_m)
+        if self.since_s is not None:
+            objects = queries.since(objects, self.since_s)
+        if self.near_m is None:
+            return [(item, None) for item in objects]
+        return [(item, distance_m) for distance_m, item in queries.nearest(objects, self.near_m)]
+
+
+def _print_lines(answers: Answers) -> None:
+    for item, distance_m in answers:
+        sigma_m = float(item.covariance_m2.trace() / 2) ** 0.5
+        x_m, y_m = item.position_m
+        away = "" if distance_m is None else f"  {distance_m:6.2f} m away"
+        print(f"{item.id:<20} x {x_m:7.2f} m  y {y_m:7.2f} m  +- {sigma_m:.2f} m  seen {item.count} times{away}")
+
+
+def _print_json(path: Path, answers: Answers) -> None:
+    """One document like map.json, with `distance_m` where a point was given."""
+    import json
+
+    from edgemap.geometry.floor_map import map_document
+
+    document = map_document([item for item, _ in answers])
+    for record, (_, distance_m) in zip(document["objects"], answers, strict=True):
+        if distance_m is not None:
+            record["distance_m"] = round(distance_m, 6)
+    print(json.dumps({"map": str(path)} | document, indent=1))
+
+
+def _draw(path: Path, objects: list[MapObject], out: Path | None, with_sightings: bool) -> Path:
+    from edgemap.plots.floor_map import plot_map
+
+    folder = path if path.is_dir() else path.parent
+    is_run = (folder / "sightings.jsonl").is_file()
+    way = _way(folder) if is_run else None
+    seen = _read_sightings(folder) if is_run and with_sightings else []
+    return plot_map(out or (folder / f"{'map' if path.is_dir() else path.stem}.png"), objects, seen, way)
 
 
 def _way(folder: Path) -> Trajectory | None:
@@ -57,7 +154,7 @@ def _way(folder: Path) -> Trajectory | None:
     try:
         return parse_tum(_without_torn_end(path), str(path))
     except OdometryError as error:
-        print(f"(the way is not drawn: {error})")
+        print(f"(the way is not drawn: {error})", file=sys.stderr)
         return None
 
 

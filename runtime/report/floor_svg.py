@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.geometry.footprints import radius_m
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.verdict import Verdict
 from edgemap.runtime.colours import label_colour
@@ -72,7 +73,7 @@ def _sheet(
     points = [np.zeros((1, 2))]
     points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (way, true_way) if poses]
     for item in objects:
-        reach = max(_radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
+        reach = max(radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
     for verdict in verdicts:
         points.append(np.array(verdict.footprint_m or ([verdict.true_m] if verdict.true_m else [])).reshape(-1, 2))
@@ -84,11 +85,6 @@ def _sheet(
     deep_m = max(deep_m, 0.35 * WIDEST_PX / px_per_m)
     top, left = (high + low) / 2.0 + np.array([deep_m, wide_m]) / 2.0
     return Sheet(float(top), float(left), float(px_per_m), float(wide_m * px_per_m), float(deep_m * px_per_m))
-
-
-def _radius_m(item: MapObject) -> float:
-    """Half the object's apparent width."""
-    return float(np.clip(item.width_m / 2.0, 0.08, 1.5))
 
 
 def _axes(covariance_m2: Points) -> tuple[float, float, float]:
@@ -111,7 +107,7 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
     return el(
         "g",
         el("title", told),
-        el("circle", cx=x, cy=y, r=_radius_m(item) * scale, class_="size"),
+        el("circle", cx=x, cy=y, r=radius_m(item) * scale, class_="size"),
         el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=turned),
         el("circle", cx=x, cy=y, r=4.5, class_="spot"),
         class_="object",

@@ -1,0 +1,74 @@
+"""`edgemap map show` with questions: which objects, how near, inside what, seen since when."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.geometry.floor_map import MapObject, save_map
+
+
+@pytest.fixture
+def room(tmp_path):
+    def item(identity, x, y, last_s):
+        label = identity.rpartition("-")[0]
+        return MapObject(identity, label, np.array([x, y]), np.eye(2) * 0.01, 0.5, 0.9, 9, 0.9, 0.0, last_s)
+
+    things = [item("chair-1", 3.0, 0.0, 5.0), item("chair-2", -1.0, 0.5, 9.0), item("couch-1", 1.0, 1.0, 7.0)]
+    save_map(tmp_path / "room.json", things)
+    return tmp_path / "room.json"
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        (("--label", "chair", "--near", "-2,0.5"), [("chair-2", 1.0), ("chair-1", 5.024938)]),
+        (("--near", "0,0"), [("chair-2", 1.118034), ("couch-1", 1.414214), ("chair-1", 3.0)]),
+        (("--inside", "0,-1;4,-1;4,2;0,2"), [("chair-1", None), ("couch-1", None)]),
+        (("--inside=-2,0;2,0;2,2;-2,2", "--since", "8"), [("chair-2", None)]),
+        (("--label", "couch,bed"), [("couch-1", None)]),
+        (("--label", "bed"), []),
+        ((), [("chair-1", None), ("chair-2", None), ("couch-1", None)]),
+    ],
+)
+def test_answers_as_one_json_document(edgemap, room, question, expected):
+    result = edgemap("map", "show", room, *question, "--json")
+    assert result.returncode == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert document["format"] == "edgemap.map/1"
+    assert [(item["id"], item.get("distance_m")) for item in document["objects"]] == expected
+    assert not room.with_suffix(".png").exists()
+
+
+def test_answers_as_text_draw_only_on_request(edgemap, room, tmp_path):
+    result = edgemap("map", "show", room, "--label", "chair", "--near", "3,0")
+    lines = result.stdout.splitlines()
+    assert lines[0].startswith("chair-1")
+    assert lines[0].endswith("0.00 m away")
+    assert lines[-1] == "2 of 3 objects"
+    assert not room.with_suffix(".png").exists()
+    result = edgemap("map", "show", room, "--label", "chair", "-o", tmp_path / "some.png")
+    assert "2 of 3 objects; drawn in" in result.stdout
+    assert cv2.imread(str(tmp_path / "some.png")) is not None
+
+
+@pytest.mark.parametrize(
+    ("question", "text"),
+    [
+        (("--near", "1"), "--near '1': expected 2 numbers, X,Y"),
+        (("--near", "nan,1"), "must be finite"),
+        (("--inside", "0,0;1,1"), "three corners or more"),
+        (("--inside", "0,0;1,1;x,2"), "--inside 'x,2': expected 2 numbers"),
+        (("--label", ","), "--label is empty"),
+    ],
+)
+def test_bad_questions_are_one_line(edgemap, room, question, text):
+    result = edgemap("map", "show", room, *question)
+    assert result.returncode == 1
+    assert len(result.stderr.splitlines()) == 1
+    assert text in result.stderr
+
+
+def test_json_is_of_one_map(edgemap, room):
+    assert "--json takes one map" in edgemap("map", "show", room, room, "--json").stderr
