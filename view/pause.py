@@ -53,12 +53,13 @@ class PausableCamera:
         self._camera, self._pause, self._stopped = camera, pause, stopped
 
     def read(self) -> Frame | None:
-        """The next frame once the run is not held; None at the end or when stopped."""
+        """The next frame, handed over when the run is not held; None at the end or when stopped."""
+        frame = self._camera.read()
         while self._pause.paused:
             if self._stopped():
                 return None
             time.sleep(LOOK_EVERY_S)  # not Event.wait: a signal handler may run in here and set the same event
-        return self._camera.read()
+        return frame
 
     def close(self) -> None:
         """Close the camera behind it."""

@@ -8,6 +8,7 @@ import json
 import shutil
 import subprocess
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 from websockets.sync.client import connect
@@ -34,7 +35,8 @@ class Browser:
         address = profile / "DevToolsActivePort"
         wait_for(lambda: address.is_file() and address.read_text().count("\n") >= 1, "chromium's port")
         port, path = address.read_text().split("\n")[:2]
-        self._socket = connect(f"ws://127.0.0.1:{port}{path}", max_size=None, proxy=None)
+        self._opened = ExitStack()
+        self._socket = self._opened.enter_context(connect(f"ws://127.0.0.1:{port}{path}", max_size=None, proxy=None))
         self._numbers = itertools.count(1)
         self.events: list[dict] = []
 
@@ -63,7 +65,7 @@ class Browser:
         return page
 
     def close(self) -> None:
-        self._socket.close()
+        self._opened.close()
         self.process.terminate()
         self.process.wait(timeout=LIMIT_S)
 

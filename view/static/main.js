@@ -88,6 +88,8 @@ function notice(message) {
   noticeTimer = setTimeout(() => { place.hidden = true; }, 5000);
 }
 
+page.connection = connection;
+
 byId("pause").onclick = () => {
   const on = byId("pause").getAttribute("aria-pressed") !== "true";
   if (!info.live) return connection.say("pause", on);

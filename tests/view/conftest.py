@@ -1,0 +1,45 @@
+import pytest
+from support.steps import Steps
+
+pytest.importorskip("starlette", reason="the live page needs the extra 'view'")
+pytest.importorskip("uvicorn", reason="the live page needs the extra 'view'")
+pytest.importorskip("websockets", reason="the live page needs the extra 'view'")
+
+ABOUT = {
+    "camera": "made", "live": False, "frames": 100, "rate_hz": 10.0, "bundle": "painted", "odometry": "truth",
+    "folder": "runs/made", "picture_px": [320, 240], "view_rad": 1.0, "lens_m": [0.1, 0.0], "chi2_95": 5.991,
+    "colours": {"chair": "#0072b2", "couch": "#e69f00", "person": "#d55e00"},
+}  # fmt: skip
+
+
+class Served:
+    """A page of made-up steps on a server of its own."""
+
+    def __init__(self, folder, host="127.0.0.1", port=0, live=False):
+        from edgemap.view.page import LivePage
+        from edgemap.view.pause import Pause
+        from edgemap.view.server import PageServer
+
+        self.steps = Steps()
+        self.told = []
+        self.page = LivePage(ABOUT | {"live": live}, folder, None if live else Pause())
+        self.server = PageServer(self.page, host, port, self.told.append)
+        self.port, self.token = self.server.port, self.server.token
+        self.url = self.server.url
+
+    def step(self, count=1):
+        self.steps.into(self.page, count)
+
+
+@pytest.fixture
+def serve(tmp_path):
+    """serve(host=…, port=…, live=…) -> Served; all are closed at the end."""
+    served = []
+
+    def start(**options):
+        served.append(Served(tmp_path, **options))
+        return served[-1]
+
+    yield start
+    for one in served:
+        one.server.close()

@@ -1,0 +1,251 @@
+"""The page in a real browser: Debian's chromium without a window. Frames are counted, never seconds."""
+
+import pytest
+from support.browser import Browser, find_chromium
+
+from edgemap.geometry.floor_map import save_map
+from edgemap.view.viewer import IN_FLIGHT
+
+pytestmark = pytest.mark.skipif(find_chromium() is None, reason="no chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def look(browser):
+    """look(served, …) -> a tab at its page; all are closed at the end, and none may have complained."""
+    tabs = []
+
+    def open_tab(served, **options):
+        tabs.append(browser.open(served.url, **options))
+        tabs[-1].until("window.edgemap?.updates > 0")
+        return tabs[-1]
+
+    yield open_tab
+    for tab in tabs:
+        assert tab.said("Runtime.exceptionThrown") == []
+        tab.close()
+
+
+def shows(tab, served, count=1):
+    """Do steps, one at a time, each awaited on the screen."""
+    for _ in range(count):
+        served.step()
+        tab.until(f"edgemap.frame === {served.steps.index - 1}")
+
+
+COLOUR = """(canvas, left, top) => { const ratio = canvas.width / canvas.clientWidth;
+  return [...canvas.getContext('2d').getImageData(Math.round(left * ratio), Math.round(top * ratio), 1, 1).data]; }"""
+
+
+def test_it_shows_what_the_robot_sees_and_asks_nobody_else(serve, look):
+    served = serve()
+    served.step(5)
+    tab = look(served)
+    tab.until("edgemap.frame === 4")
+    assert tab.value("[...document.querySelectorAll('#objects li')].map(li => li.dataset.id)") == ["chair-1", "couch-1"]
+    assert (
+        tab.value("document.getElementById('caption').textContent") == "frame 5 of 100, 0.4 s3 in view, 2 on the floor"
+    )
+    assert tab.value("document.getElementById('state').textContent") == "running"
+    stages = tab.value("[...document.querySelectorAll('#stages th')].map(cell => cell.textContent)")
+    assert stages == ["preprocess", "backbone", "map"]
+    # The chair's box: 40..90 px of a picture 320 wide. Its left edge halfway down has the chair's colour.
+    scale = tab.value("document.getElementById('picture').clientWidth") / 320
+    pixel = tab.value(f"({COLOUR})(document.getElementById('boxes'), {40 * scale}, {110 * scale})")
+    assert pixel == pytest.approx([0x00, 0x72, 0xB2, 255], abs=12)
+    asked = {event["request"]["url"] for event in tab.said("Network.requestWillBeSent")}
+    assert len(asked) >= 7
+    assert all(url.startswith((served.url, "blob:", "data:")) for url in asked), asked
+    assert tab.said("Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled") == []
+
+
+def test_on_the_map_forward_is_up_and_left_is_left(serve, look):
+    """The chair stands at x 3 m ahead, y 1 m to the left; the couch at x 4 m, y 1.5 m to the right."""
+    served = serve()
+    served.step(5)
+    tab = look(served)
+    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+    left, top = tab.value("edgemap.map.view.toScreen(...edgemap.map.pose)")
+    metre = tab.value("edgemap.map.view.now.scale")
+    place = "(({{x_m, y_m}}) => edgemap.map.view.toScreen(x_m, y_m))(edgemap.map.objects.get('{}'))".format
+    at = {name: tab.value(place(name)) for name in ("chair-1", "couch-1")}
+    assert at["chair-1"] == pytest.approx((left - metre, top - 2.8 * metre), abs=0.05 * metre)
+    assert at["couch-1"] == pytest.approx((left + 1.5 * metre, top - 3.8 * metre), abs=0.05 * metre)
+    for name, colour in (("chair-1", [0x00, 0x72, 0xB2, 255]), ("couch-1", [0xE6, 0x9F, 0x00, 255])):
+        pixel = tab.value(f"({COLOUR})(document.getElementById('map'), {at[name][0]}, {at[name][1]})")
+        assert pixel == pytest.approx(colour, abs=12)
+
+
+def test_two_look_and_the_slow_one_holds_up_nobody(serve, look):
+    """One page draws no frame to its end (its answer is held back); the other sees every one."""
+    served = serve()
+    served.step()
+    slow, quick = look(served), look(served)
+    slow.until("edgemap.drawn > 0")
+    slow.value("edgemap.connection.shown = () => {}")
+    before = slow.value("edgemap.updates")
+    quick.until("edgemap.frame === 0")
+    shows(quick, served, 12)
+    assert slow.value("edgemap.updates") - before <= IN_FLIGHT
+    slow.value("delete edgemap.connection.shown; edgemap.connection.shown(); edgemap.connection.shown()")
+    slow.until("edgemap.frame === 12")  # the newest at once, nothing in between had queued
+    assert slow.value("edgemap.updates") - before <= 2 * IN_FLIGHT + 1
+
+
+def test_a_hidden_tab_gets_nothing_until_it_is_seen_again(serve, look, browser):
+    served = serve()
+    tab = look(served)
+    shows(tab, served, 2)
+    cover = browser.open("about:blank", new_window=False)
+    browser.call("Target.activateTarget", targetId=cover.target)
+    tab.until("document.hidden")
+    shows_before = tab.value("edgemap.drawn")
+    second = look(served, new_window=True)
+    received = tab.value("edgemap.updates")
+    shows(second, served, 8)
+    assert tab.value("edgemap.updates") - received <= IN_FLIGHT
+    assert tab.value("edgemap.drawn") == shows_before
+    browser.call("Target.activateTarget", targetId=tab.target)
+    tab.until("edgemap.frame === 9")
+    cover.close()
+
+
+def test_it_comes_back_by_itself_after_the_robot_was_restarted(serve, look):
+    first = serve()
+    first.step(5)
+    tab = look(first)
+    tab.until("edgemap.frame === 4")
+    first.server.close()
+    tab.until("edgemap.state === 'lost'")
+    assert "trying again" in tab.value("document.getElementById('state').textContent")
+    second = serve(port=first.port)
+    tab.until("edgemap.state === 'running'")
+    assert tab.value("edgemap.map.objects.size + edgemap.map.trail.length") == 0  # the old run's map is gone
+    shows(tab, second, 3)
+    assert tab.value("edgemap.map.trail.length") == 3
+
+
+def test_pause_holds_the_run_for_all_and_resumes(serve, look):
+    served = serve()
+    served.step(2)
+    one, other = look(served), look(served)
+    one.click("pause")
+    other.until("edgemap.state === 'paused'")
+    assert served.page.pause.paused
+    assert other.value("document.getElementById('pause').textContent") == "Resume"
+    other.click("pause")
+    one.until("edgemap.state === 'running'")
+    assert not served.page.pause.paused
+
+
+def test_of_a_live_camera_pause_holds_the_page_only(serve, look):
+    served = serve(live=True)
+    tab, other = look(served), look(served)
+    shows(tab, served)
+    tab.click("pause")
+    tab.until("edgemap.state === 'held'")
+    shows(other, served, 5)
+    assert tab.value("edgemap.frame") == 0
+    assert other.value("edgemap.state") == "running"
+    tab.click("pause")
+    tab.until("edgemap.frame === 5 && edgemap.state === 'running'")
+
+
+def test_the_download_is_map_json_and_saving_keeps_a_copy(serve, look, tmp_path):
+    served = serve()
+    served.step(12)
+    tab = look(served)
+    tab.until("edgemap.frame === 11")
+    save_map(tmp_path / "map.json", served.page.objects)
+    assert tab.value("document.getElementById('download').download") == "map.json"
+    got = tab.value("fetch(document.getElementById('download').href).then((answer) => answer.text())")
+    assert got == (tmp_path / "map.json").read_text()
+    tab.click("save")
+    tab.until("!document.getElementById('notice').hidden")
+    assert (tmp_path / "map-000011.json").read_text() == got
+
+
+def test_sightings_come_and_go_and_faults_appear(serve, look):
+    served = serve()
+    served.step(6)
+    tab = look(served)
+    for _ in range(2):
+        tab.click("sightings")
+        tab.until("edgemap.map.sightings.length === 12")
+        tab.click("sightings")
+        tab.until("edgemap.map.sightings.length === 0")
+    served.page.write(*served.steps.next("planar odometry: 3 corners on the floor"))
+    tab.until("document.getElementById('faults').textContent === 'frame 6planar odometry: 3 corners on the floor'")
+    served.page.close()
+    tab.until("edgemap.state === 'finished'")
+    assert tab.value("document.getElementById('pause').disabled")
+
+
+def test_on_a_phone_all_fits_and_two_fingers_zoom(serve, look):
+    served = serve()
+    served.step(5)
+    tab = look(served, width=390, height=844)
+    tab.until("edgemap.frame === 4 && !edgemap.map.asked")
+    assert tab.value("document.documentElement.scrollWidth") <= 390
+    assert tab.value("Math.min(...[...document.querySelectorAll('button, .button')].map(b => b.offsetHeight))") >= 34
+    tab.value("document.getElementById('map').scrollIntoView()")
+    left, top, before = (
+        tab.value("""(() => { const {left, top, width, height} = document.getElementById('map').getBoundingClientRect();
+        return [left + width / 2, top + height / 2, edgemap.map.view.now.scale]; })()""")
+    )
+
+    def touch(kind, *reach):
+        points = [{"x": left + sign * way, "y": top, "id": row} for way in reach for row, sign in enumerate((-1, 1))]
+        tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    touch("touchStart", 30)
+    touch("touchMove", 45)
+    touch("touchMove", 60)
+    touch("touchEnd")
+    tab.until("edgemap.map.view.mode === 'free'")
+    assert tab.value("edgemap.map.view.now.scale") == pytest.approx(2 * before, rel=0.05)
+
+
+def test_the_mouse_drags_the_floor_and_the_wheel_zooms_about_the_pointer(serve, look):
+    served = serve()
+    served.step(5)
+    tab = look(served)
+    tab.until("edgemap.frame === 4 && !edgemap.map.asked")
+    box = tab.value("(({left, top}) => [left, top])(document.getElementById('map').getBoundingClientRect())")
+    under = "edgemap.map.view.toFloor({}, {})".format
+
+    def mouse(kind, x, y, **more):
+        tab.call("Input.dispatchMouseEvent", type=kind, x=box[0] + x, y=box[1] + y, **more)
+
+    held = tab.value(under(200, 300))
+    mouse("mousePressed", 200, 300, button="left", clickCount=1)
+    mouse("mouseMoved", 260, 350, button="left", buttons=1)
+    mouse("mouseReleased", 260, 350, button="left")
+    tab.until("edgemap.map.view.mode === 'free'")
+    assert tab.value(under(260, 350)) == pytest.approx(held, abs=0.02)
+    held, scale = tab.value(under(400, 250)), tab.value("edgemap.map.view.now.scale")
+    mouse("mouseWheel", 400, 250, deltaX=0, deltaY=-200)
+    tab.until(f"edgemap.map.view.now.scale > {1.2 * scale}")
+    assert tab.value(under(400, 250)) == pytest.approx(held, abs=0.02)
+    tab.click("fit")
+    tab.until(f"Math.abs(edgemap.map.view.now.scale - {scale}) < 1")
+
+
+def test_a_browser_is_let_in_by_the_token_and_keeps_it_to_itself(serve, look, browser):
+    served = serve(host="0.0.0.0")
+    port = served.port
+    stranger = browser.open(f"http://127.0.0.1:{port}/")
+    stranger.until("document.body && document.body.innerText.includes('needs its token')")
+    stranger.close()
+    served.url = f"http://127.0.0.1:{port}/?token={served.token}"
+    tab = look(served)
+    shows(tab, served, 2)
+    assert tab.value("location.href") == f"http://127.0.0.1:{port}/"
+    assert tab.value("document.cookie") == ""  # scripts cannot read it

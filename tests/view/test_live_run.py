@@ -1,0 +1,124 @@
+"""`edgemap run --view` as a user starts it: a process with a page beside it."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from support import painted
+from support.live import raw_viewer
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    scene = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)]
+    return painted.write_painted(tmp_path_factory.mktemp("painted") / "bundle", scene, odometry=False)
+
+
+@pytest.fixture
+def start(tmp_path, bundle):
+    """start("--frames", "3") -> (process, port): a run with a page, once it has said where; the process is killed."""
+    processes = []
+
+    def begin(*arguments):
+        command = [
+            sys.executable,
+            "-u",
+            "-m",
+            "edgemap.cli",
+            "run",
+            "--view",
+            "--view-port",
+            "0",
+            "--bundle",
+            str(bundle),
+        ]
+        command += ["--out", str(tmp_path / f"run{len(processes)}"), *arguments]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        processes.append(process)
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line.startswith("live page:  http://127.0.0.1:"), line + process.communicate()[1]
+        return process, int(line.rsplit(":", 1)[1].strip().rstrip("/"))
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def read_until(process, text):
+    """Lines that it prints, up to the one that holds the text."""
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if text in line:
+            return lines
+    raise AssertionError(f"never said {text!r}: {lines} {process.stderr.read()}")
+
+
+def test_the_page_stays_after_the_last_frame_until_ctrl_c(start, tmp_path):
+    process, port = start("--camera", "demo", "--frames", "3")
+    read_until(process, f"the page stays at http://127.0.0.1:{port}/")
+    with raw_viewer(port) as viewer:
+        assert viewer.hello["camera"] == "demo"
+        viewer.say("stream")
+        update = viewer.update()
+        assert (update["frame"], update["state"]) == (2, "finished")
+        assert (tmp_path / "run0" / "map.json").is_file()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
+        assert process.stderr.read() == ""
+
+
+def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_path):
+    process, port = start("--camera", "demo")
+    with raw_viewer(port) as viewer:
+
+        def until(condition):
+            while not condition(update := viewer.update()):
+                viewer.say("shown")
+            viewer.say("shown")
+            return update
+
+        viewer.say("stream")
+        until(lambda update: update.get("frame", 0) >= 2)
+        viewer.say("pause")
+        until(lambda update: update["state"] == "paused")
+        held, after = until(lambda update: True), until(lambda update: True)  # the frame under way, and a sign of life
+        assert after["frame"] == held["frame"]
+        viewer.say("pause", on=False)
+        last = until(lambda update: update["frame"] >= held["frame"] + 3)["frame"]
+        viewer.say("pause")
+        until(lambda update: update["state"] == "paused")
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=20)
+    assert process.returncode == 0, errors
+    assert "the page stays" not in output
+    stamps = np.loadtxt(tmp_path / "run0" / "trajectory.tum")[:, 0]
+    assert last < len(stamps) < 200
+    np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-6)  # every frame, in order, none twice
+    assert json.loads((tmp_path / "run0" / "run.json").read_text())["finished"]
+
+
+def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path):
+    _, port = start("--camera", "demo")
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--view", "--view-port", str(port), "--bundle", str(bundle)]
+    result = subprocess.run([*command, "--out", str(tmp_path / "other")], capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert f"127.0.0.1:{port} (Address already in use)" in result.stderr
+    assert not (tmp_path / "other").exists()
+
+
+def test_without_the_extra_the_flag_names_it(bundle):
+    code = (
+        "import sys\nfrom importlib import util\nfind = util.find_spec\n"
+        "util.find_spec = lambda name, *more: None if name == 'uvicorn' else find(name, *more)\n"
+        f"from edgemap.cli import main\nmain(['run', '--view', '--bundle', {str(bundle)!r}])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert "pip install 'edgemap[view]'" in result.stderr

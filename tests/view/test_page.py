@@ -1,0 +1,172 @@
+import threading
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.steps import Steps
+
+from edgemap.geometry.floor_map import load_map, save_map
+from edgemap.runtime.cameras.paced import PacedCamera
+from edgemap.runtime.frame import Frame
+from edgemap.view.page import LivePage
+from edgemap.view.pause import PausableCamera, Pause
+from edgemap.view.tail import Tail
+from edgemap.view.updates import WIDEST_PX, Pictures
+
+
+@given(st.integers(1, 6), st.lists(st.tuples(st.booleans(), st.integers(1, 4)), max_size=40))
+def test_readers_of_a_tail_get_every_item_that_is_still_there_once(limit, moves):
+    """Against a plain list: each read gives the items from where the last stopped, less those that fell off."""
+    tail, everything, read, number = Tail(limit), [], [], 0
+    for is_read, most in moves:
+        if is_read:
+            kept_from = max(number, len(everything) - limit)
+            items, number = tail.since(number, most)
+            assert items == everything[kept_from : kept_from + most]
+            read += items
+        else:
+            tail.append(len(everything))
+            everything.append(len(everything))
+    assert read == sorted(set(read))
+
+
+def test_the_newest_step_takes_the_slot_and_nothing_is_copied(tmp_path):
+    page, steps = LivePage({}, tmp_path), Steps()
+    steps.into(page, 2)
+    result, objects = steps.next()
+    page.write(result, objects)
+    assert page.newest is not None
+    assert page.newest.result is result
+    assert page.newest.objects is objects
+
+
+def test_a_waiting_viewer_is_woken_once(tmp_path):
+    page, steps, calls = LivePage({}, tmp_path), Steps(), []
+    steps.into(page, 3)
+    page.wake_once(lambda: calls.append(page.revision))
+    steps.into(page, 3)
+    assert calls == [4]
+
+
+def test_the_trail_is_the_way_and_a_lasting_fault_is_told_once(tmp_path):
+    page, steps = LivePage({}, tmp_path), Steps()
+    for fault in ("", "few corners", "few corners", "", "few corners"):
+        page.write(*steps.next(fault))
+    trail, _ = page.trail.since(0, 99)
+    np.testing.assert_allclose(trail, [(0.05 * i, 0.0) for i in range(5)])
+    assert [(fault.frame, fault.text) for fault in page.faults.since(0, 99)[0]] == [
+        (1, "few corners"),
+        (4, "few corners"),
+    ]
+
+
+def test_a_robot_that_stands_leaves_no_trail(tmp_path):
+    page, steps = LivePage({}, tmp_path), Steps()
+    result, objects = steps.next()
+    for _ in range(5):
+        page.write(result, objects)
+    assert len(page.trail.since(0, 99)[0]) == 1
+
+
+def test_a_saved_map_is_the_map(tmp_path):
+    page, steps = LivePage({}, tmp_path), Steps()
+    steps.into(page, 12)
+    saved = page.save()
+    assert saved.name == "map-000011.json"
+    save_map(tmp_path / "map.json", page.objects)
+    assert saved.read_text() == (tmp_path / "map.json").read_text() == page.map_text()
+    assert [item.id for item in load_map(saved)] == ["chair-1", "couch-1"]
+
+
+def test_the_state_follows_pause_and_end(tmp_path):
+    page = LivePage({}, tmp_path, Pause())
+    assert page.state == "running"
+    page.set_paused(True)
+    assert page.state == "paused"
+    page.set_paused(False)
+    page.close()
+    page.set_paused(True)
+    assert page.state == "finished"
+    live = LivePage({}, tmp_path, None)
+    live.set_paused(True)
+    assert live.state == "running"
+
+
+def test_paused_time_does_not_count():
+    now = [10.0]
+    pause = Pause(lambda: now[0])
+    now[0] = 12.0
+    pause.set(True)
+    now[0] = 20.0
+    assert pause.running_s() == 12.0
+    pause.set(True)  # twice is once
+    pause.set(False)
+    now[0] = 21.0
+    assert pause.running_s() == 13.0
+
+
+class FiveFrames:
+    name, live, size = "five", False, (4, 4)
+    intrinsics = mount = rate_hz = frame_count = truth = None
+
+    def __init__(self):
+        self.given = 0
+
+    def read(self):
+        if self.given == 5:
+            return None
+        self.given += 1
+        return Frame(self.given - 1, float(self.given - 1), np.zeros((4, 4, 3), np.uint8))
+
+    def close(self):
+        pass
+
+
+def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
+    """Stamps are 1 s apart; the clock is the test's own, and sleeping moves it. A pause of 30 s between two frames."""
+    now, waits = [0.0], []
+
+    def sleep(seconds):
+        waits.append(seconds)
+        now[0] += seconds
+
+    pause = Pause(lambda: now[0])
+    camera = PausableCamera(PacedCamera(FiveFrames(), pause.running_s, sleep), pause, lambda: False)
+    assert [camera.read().index, camera.read().index] == [0, 1]
+    pause.set(True)
+    now[0] += 30.0
+    pause.set(False)
+    assert [camera.read().index for _ in range(3)] == [2, 3, 4]
+    assert camera.read() is None
+    assert waits == pytest.approx([1.0] * 4)
+
+
+def test_a_held_camera_gives_nothing_until_resumed_and_ends_when_stopped():
+    pause, stop, frames = Pause(), threading.Event(), []
+    camera = PausableCamera(FiveFrames(), pause, stop.is_set)
+    pause.set(True)
+    reader = threading.Thread(target=lambda: frames.append(camera.read()))
+    reader.start()
+    reader.join(0.2)
+    assert reader.is_alive()
+    pause.set(False)
+    reader.join(10)
+    assert frames[0].index == 0
+    pause.set(True)
+    stop.set()
+    assert camera.read() is None
+
+
+def test_a_frame_is_encoded_once_and_shrunk_to_the_screen():
+    pictures = Pictures()
+    image = np.zeros((600, 2 * WIDEST_PX, 3), np.uint8)
+    image[:, WIDEST_PX:] = (0, 0, 255)  # the right half is red
+    frame = Frame(0, 0.0, image)
+    jpeg = pictures.jpeg(frame)
+    assert pictures.jpeg(frame) is jpeg
+    shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert shown.shape == (300, WIDEST_PX, 3)
+    np.testing.assert_allclose(shown[150, WIDEST_PX - 20], (0, 0, 255), atol=6)
+    np.testing.assert_allclose(shown[150, 20], (0, 0, 0), atol=6)

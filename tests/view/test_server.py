@@ -1,0 +1,275 @@
+"""The server as any program meets it: who is let in, what is sent, and what a slow or rude viewer does to others."""
+
+import http.client
+import json
+
+import pytest
+from support.live import raw_viewer
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from edgemap.view.errors import ViewError
+from edgemap.view.server import PageServer
+from edgemap.view.viewer import IN_FLIGHT
+
+
+def ask(port, path="/", method="GET", **headers):
+    """Status, headers and text of one request; headers as given, with - for _."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    given = {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.request(method, path, headers=given)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, dict(answer.getheaders()), text
+
+
+def test_the_page_names_nothing_from_elsewhere(serve):
+    served = serve()
+    for path in (
+        "/",
+        "/style.css",
+        "/main.js",
+        "/map.js",
+        "/picture.js",
+        "/connection.js",
+        "/panels.js",
+        "/viewport.js",
+    ):
+        status, headers, text = ask(served.port, path)
+        assert status == 200
+        assert "default-src 'self'" in headers["content-security-policy"]
+        assert "http://" not in text
+        assert "https://" not in text
+    assert ask(served.port, "/../page.py")[0] == 404
+    assert ask(served.port, "/map.json", "POST")[0] == 405
+
+
+def test_a_name_that_was_made_to_point_here_is_refused(serve):
+    port = serve().port
+    for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", f"localhost.evil:{port}"):
+        assert ask(port, Host=host)[0] == 400, host
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}", "localhost:9000"):  # 9000: a tunnel's port
+        assert ask(port, Host=host)[0] == 200, host
+
+
+@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1", "http://localhost"])
+def test_another_sites_script_gets_neither_map_nor_socket(serve, origin):
+    port = serve().port
+    assert ask(port, "/map.json", Origin=origin)[0] == 403
+    with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, origin=origin):
+        pass
+    own = f"http://127.0.0.1:{port}"
+    assert ask(port, "/map.json", Origin=own)[0] == 200
+    with raw_viewer(port, origin=own) as viewer:
+        assert viewer.hello["camera"] == "made"
+
+
+def test_beyond_loopback_nothing_comes_without_the_token(serve):
+    served = serve(host="0.0.0.0")
+    port, token = served.port, served.token
+    assert len(token) >= 20
+    assert served.url.endswith(f"/?token={token}")
+    wrong = ("", "?token=", "?token=wrong", f"?token={token[:-1]}", f"?token={token}x", "?token=%C3%A4%FF")
+    for query in wrong:
+        for path in ("/", "/map.json", "/main.js", "/socket", "/nowhere"):
+            assert ask(port, path + query)[0] == 401, path + query
+        with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, query):
+            pass
+    assert token not in ask(port)[2]
+    assert ask(port, "/map.json", Authorization="Bearer wrong")[0] == 401
+    assert ask(port, "/map.json", Cookie=f"edgemap-{port}=wrong")[0] == 401
+
+
+def test_the_token_lets_in_and_leaves_the_address_bar(serve):
+    served = serve(host="0.0.0.0")
+    port, token = served.port, served.token
+    status, headers, _ = ask(port, f"/?token={token}")
+    assert (status, headers["location"]) == (303, "/")
+    cookie = headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    kept = cookie.split(";")[0]
+    assert ask(port, Cookie=kept)[0] == 200
+    assert ask(port, f"/map.json?token={token}")[0] == 200
+    assert ask(port, "/map.json", Authorization=f"Bearer {token}")[0] == 200
+    with raw_viewer(port, additional_headers={"Cookie": kept}) as viewer:
+        assert viewer.hello["type"] == "hello"
+    with (
+        pytest.raises(InvalidStatus),
+        raw_viewer(port, origin="http://evil.example", additional_headers={"Cookie": kept}),
+    ):
+        pass
+
+
+def test_two_runs_have_two_tokens_and_loopback_has_none(serve):
+    assert serve(host="0.0.0.0").token != serve(host="0.0.0.0").token
+    assert serve().token == ""
+
+
+def test_a_taken_port_and_a_foreign_address_are_one_line_each(serve, tmp_path):
+    served = serve()
+    with pytest.raises(
+        ViewError, match=rf"127.0.0.1:{served.port} \(Address already in use\); choose another --view-port"
+    ):
+        PageServer(served.page, "127.0.0.1", served.port)
+    with pytest.raises(ViewError, match="Cannot assign requested address"):
+        PageServer(served.page, "192.0.2.7", 0)
+    with pytest.raises(ViewError, match="not a name or address"):
+        PageServer(served.page, "no.such.host.invalid", 0)
+    with pytest.raises(ViewError, match="--view-port 70000: must be 0 to 65535"):
+        PageServer(served.page, "127.0.0.1", 70000)
+
+
+def test_an_update_is_what_changed_since_the_last(serve):
+    served = serve()
+    served.step(4)
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        first = viewer.update()
+        assert (first["frame"], first["state"]) == (3, "running")
+        assert {item["id"] for item in first["changed"]} == {"chair-1", "couch-1"}
+        assert len(first["trail"]) == 4
+        assert first["jpeg"].startswith(b"\xff\xd8")
+        by_label = {box["label"]: box for box in first["boxes"]}
+        assert by_label["person"]["distance_m"] is None
+        assert by_label["chair"]["object"] == "chair-1"
+        assert by_label["chair"]["distance_m"] == pytest.approx((2.85**2 + 1.0) ** 0.5, abs=1e-3)
+        viewer.say("shown")
+        served.step()
+        second = viewer.update()
+        assert (second["frame"], len(second["trail"])) == (4, 1)
+        viewer.say("shown")
+        served.page.fault("the camera fell off")
+        third = viewer.update()
+        assert third["faults"] == [{"frame": 4, "text": "the camera fell off"}]
+        assert third["jpeg"] == b""  # the same picture is not sent twice
+        assert third["changed"] == []
+
+
+def test_a_viewer_that_shows_nothing_is_sent_two_and_stops_nobody(serve):
+    """Frames are counted: the fast viewer sees all twenty, the slow one gets two, and then the newest."""
+    served = serve()
+    with raw_viewer(served.port) as slow, raw_viewer(served.port) as fast:
+        slow.say("stream")
+        fast.say("stream")
+        seen = []
+        for frame in range(20):
+            served.step()
+            while not seen or seen[-1] < frame:
+                seen.append(fast.update().get("frame", -1))
+                fast.say("shown")
+        assert set(range(20)) <= set(seen)
+        numbers = [slow.update()["number"] for _ in range(IN_FLIGHT)]
+        assert numbers == list(range(IN_FLIGHT))
+        with pytest.raises(TimeoutError):
+            slow.update(limit_s=0.2)
+        slow.say("shown")
+        caught_up = slow.update()
+        assert (caught_up["frame"], caught_up["number"]) == (19, IN_FLIGHT)
+        assert served.page.newest.result.frame.index == 19
+
+
+def test_nothing_is_sent_or_encoded_while_nobody_looks(serve):
+    served = serve()
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        viewer.update()
+        viewer.say("shown")
+        viewer.say("stream", on=False)
+        viewer.drain(1.3)  # what was under way; longer than a sign of life takes
+        served.step(5)
+        assert served.page._wake is None  # no call into the server's thread from here on
+        with pytest.raises(TimeoutError):
+            viewer.update(limit_s=0.2)
+        viewer.say("stream")
+        assert viewer.update()["frame"] == 4
+
+
+def test_every_sighting_on_request_and_again_from_the_first(serve):
+    served = serve()
+    served.step(6)
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        assert "sightings" not in viewer.update()
+        for _ in range(2):
+            viewer.say("shown")
+            viewer.say("sightings")
+            while not (found := viewer.update().get("sightings")):
+                viewer.say("shown")
+            assert len(found) == 12  # a chair and a couch in each of six frames
+            assert found[0][:2] == ["chair", "chair-1"]
+            assert found[0][2:] == pytest.approx([3.0, 1.0])
+            viewer.say("shown")
+            viewer.say("sightings", on=False)
+
+
+def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
+    served = serve()
+    served.step()
+    with raw_viewer(served.port) as good:
+        for rude in ("no json", '{"do":"format the disk"}', '{"do":"pause","on":3}', b"\x00\x01", "x" * 10_000):
+            with raw_viewer(served.port) as viewer:
+                viewer.socket.send(rude)
+                with pytest.raises(ConnectionClosed):
+                    viewer.socket.recv(timeout=10)
+        good.say("stream")
+        assert good.update()["frame"] == 0
+
+
+def test_there_is_an_end_to_how_many_may_look(serve):
+    from contextlib import ExitStack
+
+    from edgemap.view.app import MOST_VIEWERS
+
+    served = serve()
+    with ExitStack() as opened:
+        for _ in range(MOST_VIEWERS):
+            opened.enter_context(raw_viewer(served.port))
+        with pytest.raises(ConnectionClosed, match="viewers are looking already"), raw_viewer(served.port):
+            pass
+    with raw_viewer(served.port) as viewer:  # they have gone
+        assert viewer.hello["type"] == "hello"
+
+
+def test_a_server_that_dies_says_so_in_one_line(serve, monkeypatch):
+    import uvicorn
+
+    def die(self, sockets=None):
+        raise OSError("too many open files")
+
+    monkeypatch.setattr(uvicorn.Server, "run", die)
+    served = serve()
+    served.server._thread.join(10)
+    assert served.told == ["the live page is gone (OSError: too many open files); the run goes on"]
+    served.step(2)
+
+
+def test_closing_frees_the_port_even_with_viewers(serve):
+    served = serve()
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        served.step()
+        viewer.update()
+        served.server.close()
+        assert not served.server._thread.is_alive()
+        again = serve(port=served.port)
+        assert again.port == served.port
+        with pytest.raises(ConnectionClosed):
+            viewer.drain(10.0)
+
+
+def test_pause_and_save_come_from_the_page(serve, tmp_path):
+    served = serve()
+    served.step(3)
+    with raw_viewer(served.port) as viewer:
+        viewer.say("pause")
+        viewer.say("save")
+        told = json.loads(viewer.socket.recv(timeout=10))
+        assert told == {"type": "notice", "text": f"saved {tmp_path / 'map-000002.json'}"}
+        assert served.page.state == "paused"
+        assert (tmp_path / "map-000002.json").read_text() == ask(served.port, "/map.json")[2]
+        viewer.say("stream")
+        assert viewer.update()["state"] == "paused"
+        viewer.say("shown")
+        viewer.say("pause", on=False)
+        while viewer.update()["state"] == "paused":
+            viewer.say("shown")
