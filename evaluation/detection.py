@@ -20,7 +20,10 @@ class EvaluationError(EdgemapError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredPicture:
-    """Truth and detections of one picture. Boxes (N, 4) xyxy px; labels index a common list; scores (N,)."""
+    """Truth and detections of one picture. Boxes (N, 4) xyxy px; labels index a common list; scores (N,).
+
+    ignored: true boxes that nobody is asked for, bool (N,); None where all count.
+    """
 
     width: int
     height: int
@@ -29,13 +32,15 @@ class ScoredPicture:
     boxes: NDArray[np.float64]
     labels: NDArray[np.int64]
     scores: NDArray[np.float64]
+    ignored: NDArray[np.bool_] | None = None
 
 
 def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
     """AP (IoU 0.50:0.95) and AP50 over all classes with truth, and of each: `ap`, `ap50`, `per_class`.
 
-    At most 100 detections a picture, as COCO counts. Raises EvaluationError for no truth at all or without the
-    extra `evaluation`.
+    At most 100 detections a picture, as COCO counts. An ignored box is neither hit nor miss: like COCO's crowds, it
+    takes every box of its class that lies in it to more than the threshold and belongs to no other. Raises
+    EvaluationError for no truth at all or without the extra `evaluation`.
     """
     try:
         from faster_coco_eval import COCO, COCOeval_faster
@@ -43,17 +48,21 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
         raise EvaluationError("detection figures need faster-coco-eval: pip install 'edgemap[evaluation]'") from None
     truth, found = [], []
     for number, picture in enumerate(pictures, start=1):
-        for box, label in zip(picture.true_boxes, picture.true_labels, strict=True):
+        ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
+        for box, label, crowd in zip(picture.true_boxes, picture.true_labels, ignored, strict=True):
             record = _record(number, box, label)
-            truth.append(record | {"id": len(truth) + 1, "iscrowd": 0, "area": record["bbox"][2] * record["bbox"][3]})
+            about = {"id": len(truth) + 1, "iscrowd": int(crowd), "area": record["bbox"][2] * record["bbox"][3]}
+            truth.append(record | about)
         for box, label, score in zip(picture.boxes, picture.labels, picture.scores, strict=True):
             found.append(_record(number, box, label) | {"score": float(score)})
-    if not truth:
+    asked = [record for record in truth if not record["iscrowd"]]
+    if not asked:
         raise EvaluationError(f"no true boxes in {len(pictures)} pictures: nothing to score")
-    used = sorted({record["category_id"] for record in truth})
+    used = sorted({record["category_id"] for record in asked})
+    counts = {"pictures": len(pictures), "boxes_true": len(asked), "boxes_ignored": len(truth) - len(asked)}
     if not found:
         none = {names[label - 1]: {"ap": 0.0, "ap50": 0.0} for label in used}
-        return {"ap": 0.0, "ap50": 0.0, "per_class": none, "pictures": len(pictures), "boxes_true": len(truth)}
+        return {"ap": 0.0, "ap50": 0.0, "per_class": none, **counts}
     document = {
         "info": {},
         "images": [{"id": n, "width": p.width, "height": p.height} for n, p in enumerate(pictures, start=1)],
@@ -76,8 +85,7 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
         "ap": _mean(precision[:, :, columns]),
         "ap50": _mean(precision[0][:, columns]),
         "per_class": per_class,
-        "pictures": len(pictures),
-        "boxes_true": len(truth),
+        **counts,
     }
 
 

@@ -32,10 +32,17 @@ class LabelledBoxes:
 
     def seen_ids(self) -> set[str]:
         """Objects that this picture counts as having seen; a visibility that is not known counts as whole."""
+        return {identity for identity, counts in zip(self.ids, self.seen(), strict=False) if counts}
+
+    def seen(self) -> NDArray[np.bool_]:
+        """Which boxes this picture counts as having seen, (N,)."""
         visible = np.ones(len(self.boxes)) if self.visible is None else self.visible
         sides_px = (self.boxes[:, 2:] - self.boxes[:, :2]).max(axis=1, initial=0.0)
-        seen = (visible >= SEEN_SHARE) & (sides_px >= SEEN_SIDE_PX)
-        return {identity for identity, counts in zip(self.ids, seen, strict=False) if counts}
+        return (visible >= SEEN_SHARE) & (sides_px >= SEEN_SIDE_PX)
+
+    def ignorable(self) -> NDArray[np.bool_]:
+        """Which boxes a detector is not asked for, (N,): seen too little; none where visibility is unknown."""
+        return np.zeros(len(self.boxes), dtype=bool) if self.visible is None else ~self.seen()
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,3 +52,16 @@ def test_nothing_found_is_zero_and_nothing_true_is_an_error():
     assert average_precision([picture([], [], [])], NAMES)["ap"] == 0.0
     with pytest.raises(EvaluationError, match="no true boxes in 1 pictures"):
         average_precision([picture(TRUE, [0, 0], [0.9, 0.8], np.zeros((0, 4)), ())], NAMES)
+
+
+def test_an_ignored_box_is_neither_hit_nor_miss():
+    """Half of the truth is ignored: finding the other half is perfect, and boxes on the ignored one cost nothing."""
+    half = np.array([False, True])
+    one = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE[:1], np.array([0]), np.array([0.5]), half)
+    both = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE[::-1], np.array([0, 0]), np.array([0.9, 0.5]), half)
+    for case in (one, both):
+        figures = average_precision([case], NAMES)
+        assert (figures["ap50"], figures["boxes_true"], figures["boxes_ignored"]) == (1.0, 1, 1)
+    nobody = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), ~half | half)
+    with pytest.raises(EvaluationError, match="no true boxes"):
+        average_precision([nobody], NAMES)

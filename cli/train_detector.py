@@ -1,0 +1,98 @@
+"""`edgemap train detector`: pictures with boxes to a small detector."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+def command(
+    data: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="KIND:DIR...", help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json."),
+    ],
+    output: Annotated[
+        Path,
+        tyro.conf.arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
+    ],
+    validation: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="KIND:DIR...", help="Other labelled pictures, that choose best.pt; other rooms!"),
+    ],
+    start: Annotated[
+        str,
+        tyro.conf.arg(
+            metavar="NAME|FILE",
+            help="yolox-nano (its COCO weights, fetched where needed), its .onnx file, an earlier best.pt, or none.",
+        ),
+    ] = "yolox-nano",
+    minutes: Annotated[
+        float | None, tyro.conf.arg(metavar="M", help="Budget of training time; goes before --epochs.")
+    ] = None,
+    epochs: Annotated[int, tyro.conf.arg(metavar="N", help="Budget in passes over the pictures.")] = 10,
+    resume: Annotated[bool, tyro.conf.arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
+    input: Annotated[int, tyro.conf.arg(metavar="PX", help="Side of the square input, a multiple of 32.")] = 416,
+    batch: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures per step.")] = 16,
+    rate: Annotated[
+        float | None, tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.001, from scratch 0.004.")
+    ] = None,
+    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
+    validate_minutes: Annotated[
+        float | None,
+        tyro.conf.arg(metavar="M", help="Training time between validations; by default one after every epoch."),
+    ] = None,
+    validate_pictures: Annotated[
+        int, tyro.conf.arg(metavar="N", help="Validation pictures of each folder, evenly chosen.")
+    ] = 300,
+) -> None:
+    """Train edgemap-nano on labelled pictures: mosaics, colour, scale, blur; moving average; cosine schedule.
+
+    The classes are COCO's household ones. Interrupted runs go on with --resume: with a budget in epochs exactly as if
+    nothing had happened.
+    """
+    from edgemap.cli.extras import need_export
+    from edgemap.cli.options import OptionError, at_least
+
+    need_export("edgemap train detector")
+    at_least(1, epochs=epochs, batch=batch, validate_pictures=validate_pictures)
+    at_least(64, input=input)
+    if input % 32:
+        raise OptionError(f"--input {input}: must be a multiple of 32")
+    for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
+        if value is not None and not 0.0 < value < 1e6:
+            raise OptionError(f"--{name} {value}: must be above 0")
+    from edgemap.export.detector.begin import SCRATCH, begin
+    from edgemap.export.detector.classes import NAMES
+    from edgemap.export.detector.store import load_examples
+    from edgemap.export.detector.train import Settings, Trainer
+
+    scratch = start == SCRATCH
+    settings = Settings(
+        size=input,
+        batch=batch,
+        seed=seed,
+        minutes=minutes,
+        epochs=epochs,
+        rate=rate or (0.004 if scratch else 0.001),
+        trunk_rate=1.0 if scratch else 0.5,
+        frozen=() if scratch else ("stem", "down4"),
+        validate_minutes=validate_minutes,
+    )
+    network = begin(start, NAMES, input, seed)
+    print(f"reading {', '.join(data)} …", flush=True)
+    examples = load_examples(data, NAMES, input)
+    held_back = load_examples(validation, NAMES, input, validate_pictures)
+    print(
+        f"{len(examples)} pictures with {sum(len(e.boxes) for e in examples)} boxes to train on, "
+        f"{len(held_back)} to validate on",
+        flush=True,
+    )
+    trainer = Trainer(network, examples, held_back, output, settings)
+    if resume:
+        trainer.resume()
+    best = trainer.run()
+    print(
+        f"{output / 'best.pt'}: AP50 {best['ap50']:.3f} on the validation pictures, after {best['minutes']:g} minutes"
+    )

@@ -1,0 +1,117 @@
+"""What training does to pictures: mosaics of four, scale, shift, flip, colour, blur, noise. Seeded by the caller."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from edgemap.export.detector.store import Example
+
+PAD = 114  # grey of the letterbox, as YOLOX pads
+MOSAIC_SCALES = (0.35, 1.15)  # of the picture's own size
+SINGLE_SCALES = (0.6, 1.5)
+
+
+def mosaic(examples: Sequence[Example], size: int, generator: Generator) -> Example:
+    """Four pictures round a random point of a square canvas, each at its own scale."""
+    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
+    centre = generator.uniform(0.3, 0.7, 2) * size
+    parts = []
+    for position, example in enumerate(examples):
+        scale = generator.uniform(*MOSAIC_SCALES)
+        width, height = example.image.shape[1] * scale, example.image.shape[0] * scale
+        corner = centre - [width * (position % 2 == 0), height * (position < 2)]
+        x0, x1 = (0.0, centre[0]) if position % 2 == 0 else (centre[0], size)
+        y0, y1 = (0.0, centre[1]) if position < 2 else (centre[1], size)
+        parts.append(_paste(canvas, example, scale, corner, np.array([x0, y0, x1, y1])))
+    return _join(canvas, parts)
+
+
+def single(example: Example, size: int, generator: Generator) -> Example:
+    """One picture at a random scale, where it is larger than the canvas a random part of it."""
+    scale = float(np.exp(generator.uniform(*np.log(SINGLE_SCALES)))) * size / max(example.image.shape[:2])
+    width, height = example.image.shape[1] * scale, example.image.shape[0] * scale
+    room = np.array([size - width, size - height])
+    corner = np.where(room < 0, generator.uniform(0.0, 1.0, 2) * room, generator.uniform(0.0, 1.0, 2) ** 2 * room)
+    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
+    return _join(canvas, [_paste(canvas, example, scale, corner, np.array([0.0, 0.0, size, size]))])
+
+
+def plain(example: Example, size: int) -> Example:
+    """As the robot sees it: top left on grey, unchanged."""
+    canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
+    return _join(canvas, [_paste(canvas, example, 1.0, np.zeros(2), np.array([0.0, 0.0, size, size]))])
+
+
+def flip(example: Example) -> Example:
+    """Left for right."""
+    boxes = example.boxes.copy()
+    boxes[:, [0, 2]] = example.image.shape[1] - example.boxes[:, [2, 0]]
+    return Example(np.ascontiguousarray(example.image[:, ::-1]), boxes, example.labels, example.visible)
+
+
+def recolour(image: NDArray[np.uint8], generator: Generator) -> NDArray[np.uint8]:
+    """Hue, saturation, value, gamma and contrast; sometimes grey, colour cast, blur, sensor noise."""
+    hue, saturation, value = generator.uniform(-1, 1, 3) * (0.03, 0.5, 0.35) + (0, 1, 1)
+    levels = np.arange(256, dtype=np.float32)
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    gamma = np.exp(generator.uniform(-0.4, 0.4))
+    tables = (
+        (levels + hue * 180) % 180,
+        np.clip(levels * saturation, 0, 255),
+        np.clip((levels / 255.0) ** gamma * 255.0 * value, 0, 255),
+    )
+    hsv = cv2.LUT(hsv, np.stack(tables, axis=-1).astype(np.uint8)[None])
+    image = np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), dtype=np.uint8)
+    if generator.random() < 0.05:
+        image = np.asarray(cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    if generator.random() < 0.3:
+        gains = generator.uniform(0.85, 1.15, 3)
+        image = cv2.LUT(image, np.clip(levels[:, None] * gains, 0, 255).astype(np.uint8)[None])
+    if generator.random() < 0.15:
+        image = cv2.GaussianBlur(image, (0, 0), generator.uniform(0.4, 1.6))
+    if generator.random() < 0.2:
+        noise = np.empty(image.shape, dtype=np.int8)
+        spread = generator.uniform(2.0, 10.0)
+        cv2.setRNGSeed(int(generator.integers(1 << 31)))
+        cv2.randn(noise, 0, spread)
+        image = cv2.add(image, noise, dtype=cv2.CV_8U)
+    return np.asarray(image, dtype=np.uint8)
+
+
+_Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32]]
+
+
+def _paste(canvas: NDArray[np.uint8], example: Example, scale: float, corner: NDArray, window: NDArray) -> _Part:
+    """Draw a scaled picture at `corner` inside `window` (xyxy); its boxes there, and what share of each is seen."""
+    left, top, right, bottom = (int(v) for v in np.rint(window))
+    matrix = np.array([[scale, 0.0, corner[0]], [0.0, scale, corner[1]]])
+    # From outer edges of pixels to their centres, which OpenCV counts in.
+    matrix[:, 2] += (scale - 1.0) / 2.0
+    x0, y0 = (int(max(low, np.floor(at))) for low, at in zip((left, top), corner, strict=True))
+    far = corner + np.array(example.image.shape[1::-1]) * scale
+    x1, y1 = (int(min(high, np.ceil(at))) for high, at in zip((right, bottom), far, strict=True))
+    if x1 > x0 and y1 > y0:
+        matrix[:, 2] -= (x0, y0)
+        canvas[y0:y1, x0:x1] = cv2.warpAffine(
+            example.image, matrix, (x1 - x0, y1 - y0), borderMode=cv2.BORDER_CONSTANT, borderValue=(PAD, PAD, PAD)
+        )
+    moved = example.boxes * scale + np.tile(corner, 2)
+    clipped = np.clip(moved, [left, top, left, top], [right, bottom, right, bottom])
+    before, after = ((b[:, 2:] - b[:, :2]).prod(axis=1) for b in (moved, clipped))
+    share = after / np.maximum(before, 1e-6)
+    keep = after > 0.0
+    return (
+        clipped[keep].astype(np.float32),
+        example.labels[keep],
+        (example.visible * share)[keep].astype(np.float32),
+    )
+
+
+def _join(canvas: NDArray[np.uint8], parts: Sequence[_Part]) -> Example:
+    boxes, labels, visible = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Example(canvas, boxes, labels, visible)

@@ -1,0 +1,102 @@
+"""Batches for training, made one ahead in a thread; every picture's changes are seeded by epoch and position."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from edgemap.export.detector.assign import Targets
+from edgemap.export.detector.augment import flip, mosaic, plain, recolour, single
+from edgemap.export.detector.store import Example
+
+AHEAD = 4  # batches
+
+
+class Batches:
+    """Batches of one epoch in an order drawn from (seed, epoch): the same again after a resume, from any batch on.
+
+    mosaic_share: of pictures made of four. size: side of the square input, px.
+    """
+
+    def __init__(self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic_share: float) -> None:
+        self._examples, self._size, self._batch = examples, size, batch
+        self._seed, self._mosaic = seed, mosaic_share
+
+    def __len__(self) -> int:
+        """Whole batches of one epoch."""
+        return max(1, len(self._examples) // self._batch)
+
+    def epoch(self, number: int, first: int = 0) -> Iterator[tuple[Tensor, Targets]]:
+        """Batches `first` to the last: pictures (B, 3, size, size) float32 BGR 0..255, and their truth."""
+        ready: queue.Queue[tuple[Tensor, Targets] | BaseException | None] = queue.Queue(AHEAD)
+        stop = threading.Event()
+        worker = threading.Thread(target=self._fill, args=(ready, stop, number, first), daemon=True)
+        worker.start()
+        try:
+            while (item := ready.get()) is not None:
+                if isinstance(item, BaseException):
+                    raise item
+                yield item
+        finally:
+            stop.set()
+            while worker.is_alive():
+                try:
+                    ready.get(timeout=0.05)
+                except queue.Empty:
+                    continue
+
+    def make(self, epoch: int, index: int) -> tuple[Tensor, Targets]:
+        """One batch of an epoch."""
+        order = np.random.default_rng([self._seed, epoch]).permutation(len(self._examples))
+        picked = [self._one(epoch, int(at), order) for at in range(index * self._batch, (index + 1) * self._batch)]
+        return collate(picked)
+
+    def _one(self, epoch: int, position: int, order: np.ndarray) -> Example:
+        generator = np.random.default_rng([self._seed, epoch, position])
+        example = self._examples[order[position % len(order)]]
+        if generator.random() < self._mosaic:
+            others = generator.integers(0, len(self._examples), 3)
+            made = mosaic([example, *(self._examples[at] for at in others)], self._size, generator)
+        elif generator.random() < 0.7:
+            made = single(example, self._size, generator)
+        else:
+            made = plain(example, self._size)
+        if generator.random() < 0.5:
+            made = flip(made)
+        return Example(recolour(made.image, generator), made.boxes, made.labels, made.visible)
+
+    def _fill(self, ready: queue.Queue, stop: threading.Event, epoch: int, first: int) -> None:
+        try:
+            for index in range(first, len(self)):
+                if stop.is_set():
+                    return
+                ready.put(self.make(epoch, index))
+            ready.put(None)
+        except BaseException as error:
+            ready.put(error)
+
+
+def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
+    """Pictures of one size as one tensor, their boxes padded to the longest list."""
+    images = torch.from_numpy(np.stack([example.image for example in examples])).permute(0, 3, 1, 2)
+    most = max(1, *(len(example.boxes) for example in examples))
+    shape = (len(examples), most)
+    targets = Targets(
+        torch.zeros(*shape, 4),
+        torch.zeros(shape, dtype=torch.int64),
+        torch.zeros(shape, dtype=torch.bool),
+        torch.zeros(shape, dtype=torch.bool),
+    )
+    for row, example in enumerate(examples):
+        count, ignored = len(example.boxes), torch.from_numpy(example.ignored())
+        targets.boxes[row, :count] = torch.from_numpy(example.boxes)
+        targets.labels[row, :count] = torch.from_numpy(example.labels)
+        targets.valid[row, :count] = ~ignored
+        targets.ignored[row, :count] = ignored
+    # NHWC memory is what oneDNN's convolutions want; the permutation above gives it for free.
+    return images.float(), targets

@@ -1,0 +1,78 @@
+"""Training pictures in memory: decoded once, at the size that the network sees, with their boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.export.errors import ExportError
+from edgemap.runtime.drives.drive import SEEN_SHARE, LabelledBoxes
+from edgemap.runtime.drives.labelled import LabelledPictures
+from edgemap.runtime.drives.open import open_drive
+from edgemap.runtime.drives.pictures import read_picture
+
+SMALLEST_PX = 10.0  # longer side at the network's input; what is smaller is no object to learn, nor background
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Example:
+    """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the share of each that is seen (N,).
+
+    unasked: boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None once a picture was changed.
+    """
+
+    image: NDArray[np.uint8]
+    boxes: NDArray[np.float32]
+    labels: NDArray[np.int64]
+    visible: NDArray[np.float32]
+    unasked: NDArray[np.bool_] | None = None
+
+    def ignored(self) -> NDArray[np.bool_]:
+        """Boxes too small or too hidden to be asked for."""
+        sides_px = (self.boxes[:, 2:] - self.boxes[:, :2]).max(axis=1, initial=0.0)
+        return (self.visible < SEEN_SHARE) | (sides_px < SMALLEST_PX)
+
+
+def load_examples(specs: Sequence[str], names: Sequence[str], size: int, limit: int | None = None) -> list[Example]:
+    """All labelled pictures of `KIND:DIR...`, longer side `size` px; boxes of other classes than `names` are left out.
+
+    limit: at most so many, evenly over each folder. Raises CameraError, or ExportError where there is no box at all.
+    """
+    number = {name: index for index, name in enumerate(names)}
+    examples: list[Example] = []
+    for spec in specs:
+        drive = open_drive(spec)
+        if not drive.images:
+            examples += [_example(image, boxes, number, size) for image, boxes in LabelledPictures(drive, limit)]
+            continue
+        count = min(len(drive.images), len(drive.boxes))
+        chosen = np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)) if count else []
+        with ThreadPoolExecutor(2) as pool:
+            examples += pool.map(
+                lambda at, drive=drive: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen
+            )
+    if not any(len(example.boxes) for example in examples):
+        raise ExportError(f"{', '.join(specs)}: no true box of {', '.join(names)} in {len(examples)} pictures")
+    return examples
+
+
+def _example(image: NDArray[np.uint8], truth: LabelledBoxes, number: dict[str, int], size: int) -> Example:
+    height, width = image.shape[:2]
+    scale = size / max(height, width)
+    if scale != 1.0:
+        small = max(1, int(width * scale + 1e-9)), max(1, int(height * scale + 1e-9))
+        image = np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR))
+    rows = [row for row, label in enumerate(truth.labels) if label in number]
+    visible = np.ones(len(truth.labels)) if truth.visible is None else truth.visible
+    return Example(
+        image,
+        (truth.boxes[rows].reshape(-1, 4) * scale).astype(np.float32),
+        np.array([number[truth.labels[row]] for row in rows], dtype=np.int64),
+        visible[rows].astype(np.float32),
+        truth.ignorable()[rows],
+    )

@@ -1,0 +1,264 @@
+"""Trains `edgemap-nano`: batches, loss, moving average, validation, and files that a resume goes on from."""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+from tqdm import tqdm
+
+from edgemap.export.detector.checkpoint import (
+    RESUME_FORMAT,
+    DetectorCheckpoint,
+    average_into,
+    read_torch,
+    save_detector,
+    save_whole,
+)
+from edgemap.export.detector.curves import write_curves
+from edgemap.export.detector.loader import Batches
+from edgemap.export.detector.loss import detection_loss
+from edgemap.export.detector.network import Head, Nano
+from edgemap.export.detector.schedule import NO_MOSAIC, Schedule
+from edgemap.export.detector.store import Example
+from edgemap.export.detector.validate import validate
+from edgemap.export.errors import ExportError
+
+SAVE_EVERY_S = 120.0
+AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
+CLIP_NORM = 20.0
+PARTS = ("total", "box", "objectness", "classes")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to train. rate: highest learning rate of the heads' last layers; the trunk learns at `trunk_rate` of it.
+
+    pull: how strongly weights are drawn back to their start values (from scratch: to zero), per step and rate.
+    frozen: parts of the network that keep their start values. validate_minutes: between two validations; None: after
+    every epoch.
+    """
+
+    size: int = 416
+    batch: int = 16
+    seed: int = 0
+    minutes: float | None = None
+    epochs: int = 10
+    rate: float = 1e-3
+    trunk_rate: float = 0.5
+    pull: float = 0.02
+    mosaic: float = 0.5
+    frozen: tuple[str, ...] = ()
+    validate_minutes: float | None = None
+    threads: int = 2
+
+
+class Trainer:
+    """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
+
+    start: the network as it starts, with its origin; train, validation: examples as `load_examples` gives.
+    """
+
+    def __init__(
+        self,
+        start: DetectorCheckpoint,
+        train: Sequence[Example],
+        validation: Sequence[Example],
+        folder: Path,
+        settings: Settings,
+    ) -> None:
+        torch.set_num_threads(settings.threads)
+        self.start, self.settings, self.folder = start, settings, folder
+        self.train, self.validation = train, validation
+        self.network = start.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        for part in settings.frozen:
+            self.network.get_submodule(part).requires_grad_(False)
+        self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
+        self.origin = [parameter.detach().clone() for parameter in self.learning]
+        if start.start == "none":
+            self.origin = [torch.zeros_like(tensor) for tensor in self.origin]
+        self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+        self.optimizer = torch.optim.AdamW(_groups(self.network, settings), weight_decay=0.0)
+        self.schedule = Schedule(settings.minutes, settings.epochs)
+        self.epoch, self.index, self.steps, self.trained_s = 0, 0, 0, 0.0
+        self.best, self.rows = -1.0, []  # type: ignore[var-annotated]
+        self._sums, self._count = dict.fromkeys(PARTS, 0.0), 0
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def resume(self) -> None:
+        """Go on from `last.pt`. Raises ExportError where it belongs to another run."""
+        path = self.folder / "last.pt"
+        state = read_torch(path)
+        if state.get("format") != RESUME_FORMAT:
+            raise ExportError(f"{path}: format {state.get('format')!r}, expected {RESUME_FORMAT!r}")
+        if tuple(state["names"]) != self.start.names or state["start"] != self.start.start:
+            raise ExportError(
+                f"{path}: started from {state['start']} for {len(state['names'])} classes, not this run's"
+            )
+        self.network.load_state_dict(state["network"])
+        self.average = state["average"]
+        self.origin = state["origin"]
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.epoch, self.index, self.steps = state["epoch"], state["index"], state["steps"]
+        self.trained_s, self.best, self.rows = state["trained_s"], state["best"], state["rows"]
+        self._sums, self._count = state["sums"], state["count"]
+        torch.set_rng_state(state["random"])
+
+    def run(self) -> dict[str, Any]:
+        """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
+        batches = self._batches()
+        validated = saved = self.trained_s
+        every_s = None if self.settings.validate_minutes is None else 60.0 * self.settings.validate_minutes
+        bar = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed} {postfix}", mininterval=2.0)
+        try:
+            while self.progress() < 1.0:
+                mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
+                loader = Batches(self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic)
+                for images, targets in loader.epoch(self.epoch, self.index):
+                    began = time.perf_counter()
+                    self._step(images, targets)
+                    self.index += 1
+                    self.trained_s += time.perf_counter() - began
+                    self._show(bar)
+                    if every_s is not None and self.trained_s - validated >= every_s:
+                        validated = self.trained_s
+                        self._validate()
+                    if self.trained_s - saved >= SAVE_EVERY_S:
+                        saved = self.trained_s
+                        self.save()
+                    if self.progress() >= 1.0 or (mosaic > 0.0 and self.progress() >= NO_MOSAIC):
+                        break
+                if self.index >= batches:
+                    self.epoch, self.index = self.epoch + 1, 0
+                    if every_s is None:
+                        self._validate()
+            self._validate()
+        finally:
+            bar.close()
+            self.save()
+        return max(self.rows, key=lambda row: row["ap50"])
+
+    def progress(self) -> float:
+        """Share of the budget that is spent."""
+        return self.schedule.progress(self.trained_s, self.epoch + self.index / self._batches())
+
+    def save(self) -> None:
+        """Write `last.pt`."""
+        state = {
+            "format": RESUME_FORMAT,
+            "names": list(self.start.names),
+            "start": self.start.start,
+            "settings": asdict(self.settings),
+            "network": self.network.state_dict(),
+            "average": self.average,
+            "origin": self.origin,
+            "optimizer": self.optimizer.state_dict(),
+            "epoch": self.epoch,
+            "index": self.index,
+            "steps": self.steps,
+            "trained_s": self.trained_s,
+            "best": self.best,
+            "rows": self.rows,
+            "sums": self._sums,
+            "count": self._count,
+            "random": torch.get_rng_state(),
+        }
+        save_whole(state, self.folder / "last.pt")
+
+    def _batches(self) -> int:
+        return max(1, len(self.train) // self.settings.batch)
+
+    def _step(self, images: torch.Tensor, targets: Any) -> None:
+        factor = self.schedule.rate(self.progress())
+        for group in self.optimizer.param_groups:
+            group["lr"] = group["highest"] * factor
+        self.network.train()
+        losses = detection_loss(self.network(images), targets)
+        if not math.isfinite(losses["total"].item()):
+            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
+        self.optimizer.zero_grad(set_to_none=True)
+        losses["total"].backward()
+        nn.utils.clip_grad_norm_(self.learning, CLIP_NORM)
+        self.optimizer.step()
+        with torch.no_grad():
+            rates = {id(p): group["lr"] for group in self.optimizer.param_groups for p in group["params"]}
+            for parameter, origin in zip(self.learning, self.origin, strict=True):
+                if parameter.ndim > 1:
+                    parameter.lerp_(origin, rates[id(parameter)] * self.settings.pull)
+        self.steps += 1
+        average_into(self.average, self.network, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
+        for part in PARTS:
+            self._sums[part] += losses[part].item()
+        self._count += 1
+
+    def _show(self, bar: tqdm) -> None:
+        bar.n = round(100 * self.progress(), 1)
+        mean = self._sums["total"] / max(1, self._count)
+        text = f"epoch {self.epoch} step {self.steps} loss {mean:.3f} best AP50 {max(0.0, self.best):.3f}"
+        bar.set_postfix_str(text, refresh=False)
+        bar.update(0)
+
+    def averaged(self) -> Nano:
+        """The network with its averaged weights."""
+        network = copy.deepcopy(self.network)
+        network.load_state_dict(self.average)
+        return network.eval()
+
+    def _validate(self) -> None:
+        network = self.averaged()
+        figures = validate(network, self.validation, self.start.names, self.settings.size)
+        row = {
+            "minutes": round(self.trained_s / 60.0, 2),
+            "epoch": round(self.epoch + self.index / self._batches(), 2),
+            "pictures": self.steps * self.settings.batch,
+            **{part: round(self._sums[part] / max(1, self._count), 4) for part in PARTS},
+            "ap": figures["ap"],
+            "ap50": figures["ap50"],
+        }
+        self._sums, self._count = dict.fromkeys(PARTS, 0.0), 0
+        self.rows.append(row)
+        tqdm.write("  ".join(f"{key} {value}" for key, value in row.items()))
+        if figures["ap50"] > self.best:
+            self.best = figures["ap50"]
+            measured = {
+                "training": {"pictures": len(self.train), "settings": asdict(self.settings), **row},
+                "validation": figures,
+            }
+            save_detector(
+                DetectorCheckpoint(
+                    network,
+                    self.start.names,
+                    self.settings.size,
+                    self.start.start,
+                    self.start.licence,
+                    self.start.sources,
+                    measured,
+                ),
+                self.folder / "best.pt",
+            )
+        write_curves(self.rows, self.folder)
+
+
+def _groups(network: Nano, settings: Settings) -> list[dict[str, Any]]:
+    """Two groups: the trunk with the heads' branches, and the heads' last layers."""
+    final = [
+        parameter
+        for head in network.heads
+        if isinstance(head, Head)
+        for layer in (head.classes, head.boxes, head.objectness)
+        for parameter in layer.parameters()
+    ]
+    last = {id(parameter) for parameter in final}
+    trunk = [p for p in network.parameters() if p.requires_grad and id(p) not in last]
+    rate = settings.rate
+    return [
+        {"params": trunk, "lr": rate, "highest": rate * settings.trunk_rate},
+        {"params": final, "lr": rate, "highest": rate},
+    ]
