@@ -45,7 +45,7 @@ def floor_svg(
 ) -> Markup:
     """Objects with size, 95 % ellipse and id; the way with start and end; what really stands there; grid and scale."""
     sheet = _sheet(objects, way, true_way, verdicts)
-    marks = [_object(sheet, item) for item in objects]
+    marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top
     spots = [sheet.at(item.position_m) for item in objects]
     marked = [(item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
     names = place_labels(marked, sheet.width_px, sheet.height_px)
@@ -188,14 +188,14 @@ def _grid(sheet: Sheet) -> Markup:
     for n in range(math.ceil(low_x / step), math.floor(sheet.top_x_m / step) + 1):
         _, y = sheet.at([n * step, 0.0])
         lines.append(el("line", x1=0, y1=y, x2=sheet.width_px, y2=y, class_="axis" if n == 0 else None))
-        if 14 < y < sheet.height_px - 20:
+        if 36 < y < sheet.height_px - 20:
             texts.append(el("text", f"{n * step:g}", x=5, y=y - 4))
     for n in range(math.ceil(right_y / step), math.floor(sheet.left_y_m / step) + 1):
         x, _ = sheet.at([0.0, n * step])
         lines.append(el("line", x1=x, y1=0, x2=x, y2=sheet.height_px, class_="axis" if n == 0 else None))
         if 24 < x < sheet.width_px - 14:
             texts.append(el("text", f"{n * step:g}", x=x + 4, y=sheet.height_px - 6))
-    texts.append(el("text", "x forward, m", x=5, y=14, class_="unit"))
+    texts.append(el("text", "x forward, m", x=5, y=6, class_="unit"))
     return joined(el("g", lines, class_="grid"), el("g", texts, class_="ticks"))
 
 

@@ -75,7 +75,9 @@ def verdict_table(verdicts: Sequence[Verdict]) -> Markup:
         for verdict in verdicts
     ]
     heads = ("", "object", "error", "in its 95 % ellipse", "true x, y")
-    return el("table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="plain")
+    return el(
+        "table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="plain verdicts"
+    )
 
 
 def stage_table(stages_ms: Mapping[str, Mapping[str, float]], total: Mapping[str, float]) -> Markup:
