@@ -11,7 +11,12 @@ from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, Threads, at_le
 
 def command(
     data: Annotated[
-        str, tyro.conf.arg(metavar="KIND:DIR", help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json.")
+        str,
+        tyro.conf.arg(
+            aliases=["--camera"],
+            metavar="yolo:DIR|drive:DIR|sim:SEED",
+            help="Labelled pictures, a drive with boxes.json, or one that is rendered: 450 frames by default.",
+        ),
     ],
     bundle: BundleName = DEFAULT_BUNDLE,
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N pictures.")] = None,
@@ -29,6 +34,7 @@ def command(
     import numpy as np
     from tqdm import tqdm
 
+    from edgemap.cli.simulated import as_data
     from edgemap.evaluation.detection import ScoredPicture, average_precision
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
@@ -40,14 +46,15 @@ def command(
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
     number = {name: index for index, name in enumerate(loaded.names)}
     pictures, unknown = [], 0
-    for image, truth in tqdm(labelled_pictures(data, frames), unit=" pictures", disable=json or None):
-        known = [row for row, label in enumerate(truth.labels) if label in number]
-        unknown += len(truth.labels) - len(known)
-        found = detector(image)
-        labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
-        boxes = truth.boxes[known].reshape(-1, 4)
-        height, width = image.shape[:2]
-        pictures.append(ScoredPicture(width, height, boxes, labels, found.boxes, found.class_ids, found.scores))
+    with as_data(data, frames, quiet=json) as spec:
+        for image, truth in tqdm(labelled_pictures(spec, frames), unit=" pictures", disable=json or None):
+            known = [row for row, label in enumerate(truth.labels) if label in number]
+            unknown += len(truth.labels) - len(known)
+            found = detector(image)
+            labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
+            boxes = truth.boxes[known].reshape(-1, 4)
+            height, width = image.shape[:2]
+            pictures.append(ScoredPicture(width, height, boxes, labels, found.boxes, found.class_ids, found.scores))
     document = {"data": data, "bundle": loaded.manifest.name, **average_precision(pictures, loaded.names)}
     document["boxes_of_unknown_classes"] = unknown
     if json:

@@ -30,7 +30,12 @@ if TYPE_CHECKING:
 
 def command(
     data: Annotated[
-        str, tyro.conf.arg(metavar="demo|KIND:DIR", help="A drive with poses and objects.json: demo, or drive:DIR.")
+        str,
+        tyro.conf.arg(
+            aliases=["--camera"],
+            metavar="demo|drive:DIR|sim:SEED",
+            help="A drive with poses and objects.json, or one that is rendered: 450 frames unless --frames says more.",
+        ),
     ] = "demo",
     bundle: BundleName = DEFAULT_BUNDLE,
     odometry: OdometrySpec = "planar",
@@ -54,40 +59,41 @@ def command(
     from itertools import pairwise
     from math import degrees
 
+    from edgemap.cli.simulated import as_data
     from edgemap.cli.truth import true_objects
     from edgemap.evaluation.objects import score_map, scored
-    from edgemap.runtime.cameras.open import DEMO
     from edgemap.runtime.drives import open_drive
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
-    drive = open_drive(f"drive:{DEMO}" if data == "demo" else data)
-    if not drive.objects or drive.truth is None or drive.mount is None:
-        raise OptionError(f"{data}: eval map needs true poses, a mount and objects.json")
-    truth = true_objects(drive, frames)
-    wanted = scored(truth)
-    count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
-    way = drive.truth.poses[:count]
-    path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(way))
-    document: dict[str, Any] = {
-        "data": data,
-        "bundle": loaded.manifest.name,
-        "odometry": odometry,
-        "clustering": clustering,
-        "frames": count,
-        "path_m": round(path_m, 3),
-        "objects_true": len(wanted),
-        "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
-    }
-    for name, spec in (("true", "truth"), ("estimated", odometry)):
-        objects = _map_of(drive, loaded, spec, clustering, confidence, count)
-        document[name] = score_map(objects, truth)
-        if plot:
-            from edgemap.plots.floor_map import plot_map
+    with as_data(data, frames, quiet=json) as spec:
+        drive = open_drive(spec)
+        if not drive.objects or drive.truth is None or drive.mount is None:
+            raise OptionError(f"{data}: eval map needs true poses, a mount and objects.json")
+        truth = true_objects(drive, frames)
+        wanted = scored(truth)
+        count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
+        way = drive.truth.poses[:count]
+        path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(way))
+        document: dict[str, Any] = {
+            "data": data,
+            "bundle": loaded.manifest.name,
+            "odometry": odometry,
+            "clustering": clustering,
+            "frames": count,
+            "path_m": round(path_m, 3),
+            "objects_true": len(wanted),
+            "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
+        }
+        for name, poses in (("true", "truth"), ("estimated", odometry)):
+            objects = _map_of(drive, loaded, poses, clustering, confidence, count)
+            document[name] = score_map(objects, truth)
+            if plot:
+                from edgemap.plots.floor_map import plot_map
 
-            places = [(item.label, item.x_m, item.y_m) for item in wanted]
-            plot_map(plot / f"{name}.png", objects, way=drive.truth, truth=places)
+                places = [(item.label, item.x_m, item.y_m) for item in wanted]
+                plot_map(plot / f"{name}.png", objects, way=drive.truth, truth=places)
     if json:
         import json as json_module
 

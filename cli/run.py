@@ -108,7 +108,7 @@ def command(
     check_name(recording)
     loaded = find_bundle(bundle, threads)
     mapped = choose_classes(classes, loaded)
-    with open_described(camera, camera_file, realtime and not view) as source:
+    with open_described(camera, camera_file, realtime and not view, frames) as source:
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)

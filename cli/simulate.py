@@ -69,11 +69,11 @@ def command(
         if pictures is not None:
             from edgemap.simulation.pictures import render_pictures
 
-            render_pictures(out, pictures, _span(seeds), progress)
+            render_pictures(out, pictures, _span(seeds), progress, command=typed)
         elif locobot:
             from edgemap.simulation.locobot import record_locobot
 
-            record_locobot(out, seed, progress)
+            record_locobot(out, seed, progress, command=typed)
         else:
             from edgemap.simulation.record import record
             from edgemap.simulation.world import draw_world

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from edgemap.cli.options import OptionError
@@ -42,3 +44,29 @@ def simulated(spec: str, frames: int | None = None) -> SimCamera:
     from edgemap.simulation.live import open_sim
 
     return open_sim(int(seed), frames, spec)
+
+
+@contextmanager
+def as_data(spec: str, frames: int | None = None, quiet: bool = False) -> Iterator[str]:
+    """`KIND:DIR` for whatever a command got as its data; `demo` is the demo's own.
+
+    `sim:SEED` is rendered once, with all of its truth, to a folder that is there as long as the block.
+    """
+    from edgemap.runtime.cameras.open import DEMO
+
+    if not spec.startswith(PREFIX):
+        yield f"drive:{DEMO}" if spec == "demo" else spec
+        return
+    import tempfile
+    from pathlib import Path
+
+    from tqdm import tqdm
+
+    camera = simulated(spec, frames)
+    from edgemap.simulation.record import record
+
+    with tempfile.TemporaryDirectory(prefix="edgemap-sim-") as name:
+        folder = Path(name) / "drive"
+        with tqdm(total=camera.world.frames, unit=" pictures", desc=spec, disable=quiet or None) as bar:
+            record(camera.world, folder, progress=lambda done, _: bar.update(done - bar.n))
+        yield f"drive:{folder}"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
@@ -23,9 +25,9 @@ _STAND_S = (0.5, 4.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walker:
-    """A person: which of the person models, 0..1 through their list, and where at any time."""
+    """A person: of which model, and where at any time."""
 
-    look: float
+    model: Model
     motion: Motion
 
     def pose_home(self, stamp_s: float) -> SE2:
@@ -34,9 +36,12 @@ class Walker:
 
 
 def draw_walkers(
-    grid: PlanGrid, count: int, robot: Motion, seconds: float, seed: tuple[int, ...]
+    grid: PlanGrid, models: Sequence[Model], count: int, robot: Motion, seconds: float, seed: tuple[int, ...]
 ) -> tuple[Walker, ...]:
-    """That many people for that long; fewer where there is no room for them. robot: its drive, a little longer."""
+    """That many people of some of the models for that long; fewer where there is no room for them.
+
+    robot: its drive, a little longer.
+    """
     walkers = []
     for number in range(count):
         rng = np.random.default_rng([*seed, number])
@@ -45,7 +50,8 @@ def draw_walkers(
             router = Router(grid, limits)
         except SimulationError:
             break
-        walkers.append(Walker(float(rng.random()), _walk(router, limits, robot, seconds, rng)))
+        model = models[int(rng.integers(len(models)))]
+        walkers.append(Walker(model, _walk(router, limits, robot, seconds, rng)))
     return tuple(walkers)
 
 

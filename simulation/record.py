@@ -15,9 +15,9 @@ from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.frame_store import FrameStore, write_text
 from edgemap.simulation.robot.wheels import wheel_odometry
 from edgemap.simulation.shots import shots
+from edgemap.simulation.store import FrameStore, write_text
 from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import World
 
@@ -53,7 +53,7 @@ def record(
     if store.complete:
         progress(world.frames, world.frames)
         return
-    missing = store.missing(world.frames)
+    missing = store.missing(range(world.frames))
     done = world.frames - len(missing)
     progress(done, world.frames)
     for number, shot in enumerate(shots(world, missing, workers), start=done + 1):
@@ -66,10 +66,10 @@ def record(
     if locobot:
         write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
     else:
-        boxes = store.boxes(world.frames)
+        boxes = [store.read(index) for index in range(world.frames)]
         objects = object_records(world.apartment, world.poses()[0], boxes)
         write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist())
-    write_text(folder / "README.md", credits_text(world.apartment, command))
+    write_text(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
 

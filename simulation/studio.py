@@ -9,12 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.camera.exposure import gains
-from edgemap.simulation.camera.noise import noisy
+from edgemap.simulation.camera.film import encoded, sensed
 from edgemap.simulation.camera.shake import shaken
-from edgemap.simulation.camera.shutter import exposed, optical_twist
 from edgemap.simulation.errors import require
 from edgemap.simulation.render.light import bake
 from edgemap.simulation.render.renderer import Renderer
@@ -70,7 +68,8 @@ class Studio:
         picture = self._renderer.picture(view)
         _, depth_m = self._renderer.ids_and_depth(view)
         boxes = picture_boxes(self._renderer, view, world.apartment)
-        picture = self._sensed(picture, depth_m, mount, velocity, float(self._gains[index]), rng)
+        gain, lens = float(self._gains[index]), world.camera.intrinsics
+        picture = sensed(picture, depth_m, lens, mount, velocity, effects, gain, rng)
         return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, depth_m)
 
     def close(self) -> None:
@@ -83,27 +82,3 @@ class Studio:
         speed = (after - before) / _MOMENT_S
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return SE2(*pose), np.array([c * speed[0] + s * speed[1], c * speed[1] - s * speed[0], speed[2]])
-
-    def _sensed(
-        self,
-        picture: NDArray[np.uint8],
-        depth_m: NDArray[np.float32],
-        mount: Mount,
-        velocity: NDArray[np.float64],
-        gain: float,
-        rng: np.random.Generator,
-    ) -> NDArray[np.uint8]:
-        effects, lens = self._world.effects, self._world.camera.intrinsics
-        if effects.exposure_s or effects.readout_s:
-            twist = optical_twist(velocity, mount)
-            picture = exposed(picture, depth_m, lens, twist, effects.exposure_s, effects.readout_s)
-        if effects.shot or effects.read:
-            picture = noisy(picture, effects.shot, effects.read, gain, rng)
-        return picture
-
-
-def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes, str]:
-    """The picture as a file's bytes, and the file's suffix: PNG where no quality is given."""
-    if jpeg_quality is None:
-        return cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 2])[1].tobytes(), ".png"
-    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes(), ".jpg"

@@ -12,7 +12,8 @@ import numpy as np
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import Apartment, Placed, furnish
+from edgemap.simulation.apartment.apartment import HELD_OUT_FROM_SEED, Apartment, Placed, furnish
+from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.shell import build_shell
 from edgemap.simulation.camera.setup import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope, light_of
@@ -20,7 +21,7 @@ from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
-from edgemap.simulation.robot.explore import drive
+from edgemap.simulation.robot.explore import Habits, drive
 from edgemap.simulation.robot.motion import Limits, Motion
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.sight import Sight
@@ -47,6 +48,7 @@ class Choices:
     light: str | None = None
     people: int | None = None
     limits: Limits | None = None
+    habits: Habits | None = None
     contract: bool = True
 
 
@@ -71,6 +73,10 @@ class World:
     def stamps_s(self) -> np.ndarray:
         """Middles of the exposures, (frames,)."""
         return np.arange(self.frames) / self.camera.rate_hz
+
+    def models(self) -> list[Model]:
+        """All furniture models and people that may be seen, for the credits."""
+        return [item.model for item in (*self.apartment.furniture, *self.walkers)]
 
     def poses(self) -> list[SE2]:
         """Of the base in the home frame, one per picture."""
@@ -132,14 +138,19 @@ def _draw_drive(
     sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2]
     try:
-        motion = drive(grid, sight, limits, np.random.default_rng(way), CONTRACT_FRAMES / camera.rate_hz)
+        motion = drive(
+            grid, sight, limits, np.random.default_rng(way), CONTRACT_FRAMES / camera.rate_hz, choices.habits
+        )
         if choices.contract and not _fulfils(motion, sight, camera):
             return None
-        motion = drive(grid, sight, limits, np.random.default_rng(way), frames / camera.rate_hz + _SPARE_S)
+        seconds = frames / camera.rate_hz + _SPARE_S
+        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people
-    walkers = draw_walkers(grid, people, motion, frames / camera.rate_hz, (seed, home_seed, number, 5))
+    models = furniture.people(home_seed >= HELD_OUT_FROM_SEED)
+    seconds = frames / camera.rate_hz
+    walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5))
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 

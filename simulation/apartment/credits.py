@@ -1,38 +1,44 @@
-"""Who made the furniture that a room shows: the README that goes with every shipped rendering."""
+"""Who made the furniture that pictures show: the README that goes with every rendering."""
 
 from __future__ import annotations
 
-from edgemap.simulation.apartment.apartment import Apartment
+from collections.abc import Iterable
+
+from edgemap.simulation.apartment.furniture import Model
 
 _LICENCE_LINKS = {
     "CC0 1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
     "CC BY 3.0": "https://creativecommons.org/licenses/by/3.0/",
     "CC BY 3.0 US": "https://creativecommons.org/licenses/by/3.0/us/",
 }
+DRIVE = """# A simulated drive
+
+A rendered drive of a small robot through a furnished home, with exact truth: the pictures (or `video.mp4`),
+`camera.yaml`, `poses.tum` (base poses from the first one), wheel odometry, and boxes and objects where the layout has
+them."""
+PICTURES = """# Rendered pictures with labels
+
+Unrelated views of furnished homes: `images/`, YOLO text labels with COCO's class numbers in `labels/`, and
+`boxes.json` with the visible share and the whole box of everything in view."""
 
 
-def credits_text(apartment: Apartment, command: str) -> str:
-    """Markdown: how the drive was made, and each distinct model with creator, library and licence."""
-    rows = sorted(
-        {
-            f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{m.licence}]({_LICENCE_LINKS[m.licence]}) |"
-            for m in (item.model for item in apartment.furniture)
-        }
-    )
-    return f"""# A simulated drive
-
-A rendered drive of a small robot through one furnished room, with exact truth: `video.mp4` (or `images/`),
-`camera.yaml`, `poses.tum` (base poses from the first one), `boxes.json`, `objects.json` and `wheel.csv`.
+def credits_text(models: Iterable[Model], command: str, about: str = DRIVE) -> str:
+    """Markdown: what it is, how it was made, and each distinct model with creator, library and licence."""
+    rows = {
+        f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{m.licence}]({_LICENCE_LINKS[m.licence]}) |"
+        for m in models
+    }
+    return f"""{about}
 Nothing in it was photographed or recorded. Made with
 
     {command}
 
-Floors, walls, rug, painting and light are the project's own. The furniture comes from Sweet Home 3D's libraries
-(Debian package `sweethome3d-furniture`); the models were scaled, placed, lit and rendered into pictures:
+Floors, walls, rugs, pictures and light are the project's own. The furniture comes from Sweet Home 3D's libraries
+(Debian package `sweethome3d-furniture`); the models were scaled, tinted, placed, lit and rendered into pictures:
 
 | model | creator | library | licence |
 | --- | --- | --- | --- |
-{chr(10).join(rows)}
+{chr(10).join(sorted(rows))}
 
 Under these licences the pictures may be shared and changed as long as the creators above are credited.
 """

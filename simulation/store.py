@@ -1,0 +1,107 @@
+"""Finished parts of a rendering on disk, so that one that was stopped goes on where it was."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from edgemap.simulation.errors import SimulationError
+from edgemap.simulation.studio import Shot
+
+# Says what the folder holds; written first, and with `complete` set as the very last thing.
+RECORD_NAME = "simulation.json"
+_PARTS = ".parts"
+_MOST_DEPTH_MM = 65535
+
+
+class PartStore:
+    """A folder that is rendered part by part. settings: all that decides about its content; folders: made in it.
+
+    Raises SimulationError where the folder holds something else, which is left alone.
+    """
+
+    def __init__(self, folder: Path, settings: dict[str, Any], folders: Sequence[str] = ()) -> None:
+        self.folder, self._settings = folder, settings
+        self.parts = folder / _PARTS
+        self.complete = False
+        record = folder / RECORD_NAME
+        if record.is_file():
+            known = json.loads(record.read_text())
+            self.complete = bool(known.pop("complete", False))
+            if known != settings:
+                differing = [name for name in settings if known.get(name) != settings[name]]
+                raise SimulationError(
+                    f"{folder} holds another rendering (it differs in {', '.join(differing) or 'its format'}): "
+                    "choose another folder, or remove it"
+                )
+        elif folder.is_dir() and any(folder.iterdir()):
+            raise SimulationError(f"{folder} is not empty and holds no rendering to go on with: choose another folder")
+        if self.complete:
+            return
+        try:
+            for path in (self.parts, *(folder / name for name in folders)):
+                path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SimulationError(f"{folder}: cannot be written ({error.strerror})") from None
+        write_text(record, json.dumps(settings, indent=1))
+
+    @staticmethod
+    def part_of(folder: Path, number: int) -> Path:
+        """The file whose presence says that a part is done, and which holds its truth."""
+        return folder / _PARTS / f"{number:06d}.json"
+
+    def missing(self, numbers: Sequence[int]) -> list[int]:
+        """Those parts that are still to be made."""
+        return [number for number in numbers if not self.part_of(self.folder, number).is_file()]
+
+    def read(self, number: int) -> Any:
+        """What a part's file holds."""
+        return json.loads(self.part_of(self.folder, number).read_text())
+
+    def finish(self) -> None:
+        """Everything is written: forget the parts."""
+        write_text(self.folder / RECORD_NAME, json.dumps({**self._settings, "complete": True}, indent=1))
+        shutil.rmtree(self.parts)
+
+
+class FrameStore(PartStore):
+    """A drive, picture by picture. pictures: the folder they go to, None for ones that become a video."""
+
+    def __init__(self, folder: Path, settings: dict[str, Any], pictures: str | None, depth: bool) -> None:
+        super().__init__(folder, settings, [name for name in (pictures, "depth" if depth else None) if name])
+        self._depth = depth
+        self._pictures = folder / pictures if pictures else self.parts
+
+    def save(self, shot: Shot) -> None:
+        """Keep a picture; its truth comes last, and only with it the picture counts as made."""
+        name = f"{shot.index:06d}"
+        write_bytes(self._pictures / (name + shot.suffix), shot.picture)
+        if self._depth:
+            millimetres = np.clip(shot.depth_m * 1000.0 + 0.5, 0, _MOST_DEPTH_MM).astype(np.uint16)
+            write_bytes(self.folder / "depth" / f"{name}.png", cv2.imencode(".png", millimetres)[1].tobytes())
+        write_text(self.part_of(self.folder, shot.index), json.dumps(shot.boxes))
+
+    def picture_paths(self) -> Sequence[Path]:
+        """The pictures in order."""
+        return sorted(path for path in self._pictures.iterdir() if path.suffix in (".png", ".jpg"))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all. Raises SimulationError where that cannot be done."""
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    try:
+        unfinished.write_bytes(data)
+        unfinished.replace(path)
+    except OSError as error:
+        raise SimulationError(f"{path}: cannot be written ({error.strerror})") from None
