@@ -1,0 +1,148 @@
+"""What the simulated camera adds to a picture: shutter, noise, exposure, shake; each against a number apart."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.camera.exposure import gains
+from edgemap.simulation.camera.noise import noisy
+from edgemap.simulation.camera.shake import shaken
+from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
+from edgemap.simulation.envelope import LIGHTS, Envelope, light_of
+from edgemap.simulation.light_script import LightScript
+
+LENS = Intrinsics(160, 120, 150.0, 145.0, 81.0, 57.0)
+MOUNT = Mount.from_degrees(0.5, 12.0, roll_deg=3.0, forward_m=0.2, left_m=-0.05)
+
+
+def test_flow_is_how_points_move_when_the_robot_does():
+    """Against the geometry itself: points at their depths, seen from poses 1 ms apart."""
+    velocity, step_s = np.array([0.5, 0.0, -0.8]), 1e-3
+    depth = np.random.default_rng(0).uniform(0.6, 5.0, (120, 160)).astype(np.float32)
+    flow = flow_px_s(depth, LENS, *optical_twist(velocity, MOUNT))
+    rotation, arm = MOUNT.rotation_base_optical(), MOUNT.position_base_m()
+    for row, column in ((3, 5), (60, 80), (110, 150), (20, 140)):
+        point = LENS.rays([[column, row]])[0] * depth[row, column]
+        base = rotation @ point + arm
+        ahead = SE2(velocity[0] * step_s, 0.0, velocity[2] * step_s)
+        moved = np.append(ahead.inverse().apply(base[:2]), base[2])
+        expected = (LENS.project((moved - arm) @ rotation)[0] - [column, row]) / step_s
+        np.testing.assert_allclose(flow[row, column], expected, rtol=0.01, atol=0.3)
+
+
+def edge():
+    picture = np.zeros((120, 160, 3), np.uint8)
+    picture[:, 80:] = 200
+    return picture, np.full((120, 160), 3.0, np.float32)
+
+
+def test_a_turn_smears_an_edge_over_focal_length_times_angle():
+    """0.8 rad/s for 50 ms at 150 px focal length: 6 px from dark to bright."""
+    picture, depth = edge()
+    level = Mount(0.5)
+    blurred = exposed(picture, depth, LENS, optical_twist(np.array([0.0, 0.0, 0.8]), level), 0.05, 0.0)
+    smeared = (blurred[60, :, 0] > 2) & (blurred[60, :, 0] < 198)
+    assert 4 <= smeared.sum() <= 8
+    assert int(blurred[60, 80, 0]) == pytest.approx(100, abs=45)
+    again = exposed(picture, depth, LENS, optical_twist(np.array([0.0, 0.0, 0.8]), level), 0.05, 0.0)
+    assert np.array_equal(blurred, again)
+
+
+def test_a_rolling_shutter_leans_an_edge():
+    """Turning left, the scene goes right: later rows have it further right, 150 px x 1 rad/s x 40 ms = 6 px in all."""
+    picture, depth = edge()
+    leaning = exposed(picture, depth, LENS, optical_twist(np.array([0.0, 0.0, 1.0]), Mount(0.5)), 0.0, 0.04)
+    at = [int(np.argmax(leaning[row, :, 0] > 100)) for row in (2, 60, 117)]
+    assert at[2] - at[0] == pytest.approx(6, abs=1)
+    assert at[1] == pytest.approx(80, abs=1)
+
+
+def test_a_camera_at_rest_takes_a_sharp_picture():
+    picture, depth = edge()
+    assert exposed(picture, depth, LENS, optical_twist(np.zeros(3), MOUNT), 0.05, 0.02) is picture
+
+
+def test_noise_has_the_sensors_variance_and_repeats():
+    """Mid grey, shot 0.05 and read 0.01 at gain 2: the variance in linear light, back through gamma's slope."""
+    picture = np.full((200, 200, 3), 128, np.uint8)
+    taken = noisy(picture, 0.05, 0.01, 2.0, np.random.default_rng(3))
+    light = (128 / 255) ** 2.2
+    slope = (128 / 255) ** (1.0 - 2.2) / 2.2
+    expected = 255 * slope * math.sqrt(0.05**2 * 2.0 * light + 0.02**2)
+    assert taken.std() == pytest.approx(expected, rel=0.05)
+    assert taken.mean() == pytest.approx(128.0, abs=0.3)
+    assert np.array_equal(taken, noisy(picture, 0.05, 0.01, 2.0, np.random.default_rng(3)))
+
+
+def test_exposure_follows_a_switched_lamp_with_its_lag():
+    script = LightScript(day=0.0, lamp=0.8, switches_s=(10.0,), switched=0.1)
+    before, after, settled = gains(script, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
+    assert before < after < settled
+    share = math.log(after / before) / math.log(settled / before)
+    assert share == pytest.approx(1.0 - math.exp(-0.7 / 0.5), abs=0.08)
+    longer = gains(script, np.array([9.5, 10.7, 20.0, 60.0]), 0.5)
+    np.testing.assert_allclose(longer[:3], [before, after, settled])
+
+
+def test_a_lamp_goes_off_and_on_again():
+    script = LightScript(day=0.3, lamp=0.9, switches_s=(5.0, 9.0), switched=0.1)
+    day, lamp = script.at(np.array([0.0, 4.5, 6.0, 8.5, 10.0]))
+    np.testing.assert_allclose(day, 0.3)
+    np.testing.assert_allclose(lamp, [0.9, 0.9, 0.1, 0.1, 0.9], atol=1e-3)
+
+
+def test_only_a_robot_that_moves_shakes():
+    rng = np.random.default_rng(0)
+    assert shaken(MOUNT, 0.01, np.zeros(3), rng) == MOUNT
+    pitches = [shaken(MOUNT, 0.01, np.array([0.6, 0.0, 0.0]), rng).pitch_rad for _ in range(400)]
+    assert np.std(pitches) == pytest.approx(0.01, rel=0.15)
+    assert np.mean(pitches) == pytest.approx(MOUNT.pitch_rad, abs=0.002)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_draws_stay_in_the_envelope(seed):
+    rng, envelope = np.random.default_rng(seed), Envelope()
+    camera = envelope.draw_camera(rng)
+    assert 0.15 <= camera.mount.height_m <= 1.3
+    assert -5.0 <= math.degrees(camera.mount.pitch_rad) <= 30.0
+    lens = camera.intrinsics
+    assert 55.0 <= 2 * math.degrees(math.atan(320 / lens.fx)) <= 90.0
+    corners = np.array([[0, 0], [639, 0], [0, 479], [639, 479]], dtype=float)
+    np.testing.assert_allclose(lens.project(lens.rays(corners)), corners, atol=0.01)
+    light = envelope.draw_light(rng)
+    day, lamp = light.at(np.arange(0.0, 300.0, 0.5))
+    assert (day >= 0).all()
+    assert (day <= 1).all()
+    assert (lamp >= 0).all()
+    assert (lamp <= 1).all()
+    assert 0.0 < envelope.draw_effects(rng, light).exposure_s <= 0.033
+
+
+def test_low_cameras_look_less_far_down():
+    cameras = [Envelope().draw_camera(np.random.default_rng(seed)).mount for seed in range(300)]
+    heights, pitches = np.array([[m.height_m, math.degrees(m.pitch_rad)] for m in cameras]).T
+    assert np.corrcoef(heights, pitches)[0, 1] > 0.5
+    assert pitches[heights < 0.3].max() < 10.0
+    assert heights.min() < 0.25
+    assert heights.max() > 1.2
+    assert pitches.max() > 20.0
+    assert pitches.min() < -3.0
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_lights_by_name_are_what_they_say(name):
+    day, lamp = light_of(name, np.random.default_rng(1)).at(np.arange(0.0, 60.0, 0.1))
+    if name == "lamp":
+        assert day.max() == 0.0
+        assert lamp.min() > 0.5
+    if name == "dim":
+        assert (day + lamp).max() < 0.35
+    if name == "changing":
+        assert np.ptp(lamp) > 0.2
