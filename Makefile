@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run test lint bench demo clean
+.PHONY: setup system run view test lint bench demo clean
 
 setup: system $(STAMP)
 
@@ -28,7 +28,15 @@ run: setup
 	$(BIN)/edgemap run
 	$(BIN)/edgemap map show "$$(ls -d runs/*/ | tail -n 1)"
 
+# The demo's live page: open the address that it prints; Ctrl-C ends it. Beyond this machine: make view VIEW_HOST=0.0.0.0
+VIEW_HOST ?= 127.0.0.1
+VIEW_PORT ?= 8090
+view: setup
+	$(BIN)/edgemap run --view --view-host $(VIEW_HOST) --view-port $(VIEW_PORT)
+
+# The live page's tests drive a real browser; without one they are skipped and say so.
 test: setup
+	@scripts/system-packages chromium
 	$(BIN)/python -m pytest
 
 lint: setup

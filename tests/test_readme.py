@@ -44,7 +44,7 @@ def test_every_shown_command_exists_with_its_flags(line):
         assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", help_text), f"{line}: {flag} is unknown"
 
 
-@pytest.mark.parametrize("target", ["setup", "run", "test", "lint", "bench", "demo"])
+@pytest.mark.parametrize("target", ["setup", "run", "view", "test", "lint", "bench", "demo"])
 def test_make_targets_exist(target):
     result = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr

@@ -52,7 +52,11 @@ export class FloorMap {
 
   extent() {
     const xs = [0, 1.5, this.pose?.[0] ?? 0], ys = [0, this.pose?.[1] ?? 0];
-    for (const { x_m, y_m } of this.objects.values()) { xs.push(x_m); ys.push(y_m); }
+    for (const { x_m, y_m, covariance_m2: [[xx], [, yy]] } of this.objects.values()) {
+      const [ahead, aside] = [xx, yy].map((variance) => Math.min(1, Math.sqrt(this.info.chi2_95 * variance)));
+      xs.push(x_m - ahead, x_m + ahead);
+      ys.push(y_m - aside, y_m + aside);
+    }
     for (const [x, y] of this.trail) { xs.push(x); ys.push(y); }
     const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
     return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };

@@ -76,7 +76,7 @@ export class Panels {
     const silent = state === "running" && age_s > SILENT_S;
     const still = state !== "running";
     mark(this.camera, silent ? "bad" : still ? "still" : "", silent ? `silent for ${age_s.toFixed(0)} s` : still ? state : "delivering", this.info.camera);
-    const at = `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${(pose[2] * 180 / Math.PI).toFixed(0)}°`;
+    const at = `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${(pose[2] * 180 / Math.PI).toFixed(0)}°`.replaceAll("-", "−");
     const sure = `± ${pose_sigma[0].toFixed(2)} m, ± ${(pose_sigma[1] * 180 / Math.PI).toFixed(1)}°`;
     mark(this.odometry, motion_fault ? "bad" : still ? "still" : "", motion_fault || at, `${this.info.odometry}, ${sure}`);
   }

@@ -37,7 +37,7 @@ export class Viewport {
   // Show a box of the floor {x0, y0, x1, y1} in metres, with room for labels.
   fit({ x0, y0, x1, y1 }) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    const scale = Math.min((width - 130) / Math.max(y1 - y0, 1), (height - 120) / Math.max(x1 - x0, 1), 160);
+    const scale = Math.min((width - 90) / Math.max(y1 - y0, 1), (height - 110) / Math.max(x1 - x0, 1), 160);
     this.goal = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale: clamp(scale) };
   }
 
