@@ -1,5 +1,6 @@
-"""README.md and models/README.md tell the truth: commands exist with their flags, links lead somewhere."""
+"""The pages tell the truth: commands exist with their flags, Python runs, links lead somewhere."""
 
+import os
 import re
 import shlex
 import subprocess
@@ -7,11 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.painted import write_painted
 
 from edgemap.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "models" / "README.md"]
+PAGES = [ROOT / "README.md", ROOT / "models" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def shown_commands():
@@ -44,13 +46,36 @@ def test_every_shown_command_exists_with_its_flags(line):
         assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", help_text), f"{line}: {flag} is unknown"
 
 
+def shown_python():
+    """Every block of Python with its page."""
+    return [
+        pytest.param(block, id=f"{page.relative_to(ROOT)}-{number}")
+        for page in PAGES
+        for number, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.S))
+    ]
+
+
+@pytest.mark.parametrize("block", shown_python())
+def test_shown_python_runs(block, tmp_path):
+    """In a process of its own, in an empty folder, with a painted bundle (a chair in every picture) under the name that
+    the block loads: what is tested is the block, not a network."""
+    for name in re.findall(r'bundle_folder\("([^"]+)"\)', block):
+        write_painted(tmp_path / "cache" / "bundles" / name, [("chair", 32.0, 44.0, 10.0, 20.0, 0.9)], odometry=False)
+    result = subprocess.run(
+        [sys.executable, "-c", block], cwd=tmp_path, env={**os.environ, "EDGEMAP_CACHE": str(tmp_path / "cache")},
+        capture_output=True, text=True, timeout=200, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "chair-1" in result.stdout
+
+
 @pytest.mark.parametrize("target", ["setup", "run", "view", "test", "lint", "bench", "demo"])
 def test_make_targets_exist(target):
     result = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.parent.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
         if "://" not in target:
