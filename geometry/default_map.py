@@ -6,9 +6,10 @@ that turn out to be one (close, and never seen side by side) merge, and the olde
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +22,32 @@ from edgemap.geometry.sighting import PlacedSighting
 Array = NDArray[np.float64]
 
 
+VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
+
+
 @dataclass(slots=True)
 class _Object:
-    """together: ids of objects seen beside it in one frame. updated: number of the last frame that saw it."""
+    """together: ids of objects seen beside it in one frame. updated: number of the last frame that saw it. views:
+    squares that it was seen from. most: confidence that it may show."""
 
     id: str
     estimate: Estimate
     updated: int
     together: set[str] = field(default_factory=set)
     shown: MapObject | None = None
+    views: set[tuple[int, int]] = field(default_factory=set)
+    most: float = 1.0
+
+    def as_map_object(self, label: str, rule: AssociationRule) -> MapObject:
+        """The object as the map shows it."""
+        estimate = self.estimate
+        plain = estimate.sums.as_object(self.id, label, estimate.position_m, estimate.covariance(rule))
+        places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in sorted(self.views))
+        return replace(plain, confidence=min(plain.confidence, self.most), seen_from_m=places)
+
+
+def _square(place_m: Sequence[float] | Array) -> tuple[int, int]:
+    return math.floor(place_m[0] / VIEW_M), math.floor(place_m[1] / VIEW_M)
 
 
 class _Class:
@@ -103,6 +121,7 @@ class FloorMap:
         for item in saved:
             kind = floor_map._classes.setdefault(item.label, _Class())
             known = _Object(item.id, Estimate.of_saved(item, floor_map.rule), 0, shown=item)
+            known.views = {_square(place) for place in item.seen_from_m}
             for other in kind.objects:  # the earlier map has told them apart
                 other.together.add(known.id)
                 known.together.add(other.id)
@@ -127,12 +146,22 @@ class FloorMap:
         for label, kind in self._classes.items():
             for item in kind.objects:
                 if item.shown is None and item.estimate.shows(self.rule):
-                    estimate = item.estimate
-                    covariance = estimate.covariance(self.rule)
-                    item.shown = estimate.sums.as_object(item.id, label, estimate.position_m, covariance)
+                    item.shown = item.as_map_object(label, self.rule)
                 if item.shown is not None:
                     found.append(item.shown)
         return sorted(found, key=lambda item: id_order(item.id))
+
+    def doubt(self, identity: str, most: float) -> None:
+        """Show an object with this confidence at most."""
+        for kind in self._classes.values():
+            for item in kind.objects:
+                if item.id == identity and item.most != most:
+                    item.most, item.shown = most, None
+
+    def drop(self, identity: str) -> None:
+        """Forget an object; its id is not given again."""
+        for kind in self._classes.values():
+            kind.keep([item.id != identity for item in kind.objects])
 
     def _update_label(self, label: str, sightings: list[PlacedSighting]) -> list[str]:
         kind = self._classes.setdefault(label, _Class())
@@ -147,6 +176,7 @@ class FloorMap:
                 item.estimate.add(placed)
                 item.updated = self._frames
                 kind.moved(row)
+            item.views.add(_square(placed.position_map_m - placed.lever_m))
             seen.append(item)
         for item in seen:
             item.together.update(other.id for other in seen if other is not item)
@@ -173,6 +203,8 @@ class FloorMap:
                 older, younger = sorted((item, other), key=lambda o: id_order(o.id))
                 older.estimate.join(younger.estimate)
                 older.together |= younger.together
+                older.views |= younger.views
+                older.most = max(older.most, younger.most)
                 older.updated = max(older.updated, younger.updated)
                 gone.add(younger.id)
                 renamed[younger.id] = older.id

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -26,7 +27,8 @@ CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
 class MapObject:
     """One object on the floor. position_m: (2,) x, y in the map frame; covariance_m2: (2, 2) of it.
 
-    width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds.
+    width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
+    places that it was seen from, half a metre apart; a map may not know them.
     """
 
     id: str
@@ -39,6 +41,7 @@ class MapObject:
     confidence: float
     first_seen_s: float
     last_seen_s: float
+    seen_from_m: tuple[tuple[float, float], ...] = ()
 
 
 class ObjectMap(Protocol):
@@ -115,8 +118,10 @@ def id_order(identity: str) -> tuple[str, int]:
 
 
 def map_document(objects: list[MapObject]) -> dict:
-    """The map as the JSON document that `map.json` holds."""
-    return {
+    """The map as the JSON document that `map.json` holds. `seen_from_m`, where known: id to places it was seen from."""
+    seen = [item for item in objects if item.seen_from_m]
+    views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
+    document = {
         "format": FORMAT,
         "frame": "map",
         "objects": [
@@ -136,6 +141,7 @@ def map_document(objects: list[MapObject]) -> dict:
             for item in objects
         ],
     }
+    return document | ({"seen_from_m": views} if views else {})
 
 
 def write_atomically(path: Path, text: str | bytes) -> None:
@@ -182,12 +188,13 @@ def load_map(path: Path) -> list[MapObject]:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise MapError(f"{path}: not an {FORMAT} document")
     try:
-        return [_object_of(record) for record in document["objects"]]
-    except (KeyError, TypeError, ValueError) as error:
+        views = document.get("seen_from_m", {})
+        return [_object_of(record, views.get(record["id"], ())) for record in document["objects"]]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise MapError(f"{path}: damaged map ({type(error).__name__}: {error})") from None
 
 
-def _object_of(record: dict) -> MapObject:
+def _object_of(record: dict, views: Sequence[Sequence[float]]) -> MapObject:
     covariance = np.array(record["covariance_m2"], dtype=np.float64)
     position = np.array([record["x_m"], record["y_m"]], dtype=np.float64)
     if covariance.shape != (2, 2) or not (np.isfinite(covariance).all() and np.isfinite(position).all()):
@@ -195,5 +202,5 @@ def _object_of(record: dict) -> MapObject:
     return MapObject(
         str(record["id"]), str(record["label"]), position, covariance, float(record["width_m"]),
         float(record["height_m"]), int(record["count"]), float(record["confidence"]),
-        float(record["first_seen_s"]), float(record["last_seen_s"]),
+        float(record["first_seen_s"]), float(record["last_seen_s"]), tuple((float(x), float(y)) for x, y in views),
     )  # fmt: skip

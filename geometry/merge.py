@@ -22,7 +22,8 @@ def moved(item: MapObject, alignment: Alignment) -> MapObject:
     pose = alignment.pose_a_b
     rotation, wrt_pose = pose.rotation(), jacobian(pose, item.position_m)
     covariance = rotation @ item.covariance_m2 @ rotation.T + wrt_pose @ alignment.covariance @ wrt_pose.T
-    return replace(item, position_m=pose.apply(item.position_m), covariance_m2=covariance)
+    views = tuple((float(x), float(y)) for x, y in pose.apply(np.reshape(item.seen_from_m, (-1, 2))))
+    return replace(item, position_m=pose.apply(item.position_m), covariance_m2=covariance, seen_from_m=views)
 
 
 def merge_maps(
@@ -78,4 +79,5 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
         share * ours.width_m + (1 - share) * theirs.width_m, share * ours.height_m + (1 - share) * theirs.height_m,
         count, 1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
         min(ours.first_seen_s, theirs.first_seen_s), max(ours.last_seen_s, theirs.last_seen_s),
+        ours.seen_from_m + theirs.seen_from_m,
     )  # fmt: skip

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor import FloorCamera
 from edgemap.geometry.floor_map import MapObject, ObjectMap
+from edgemap.geometry.forgetting import Forgetter, NeverForgets
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.sighting import FloorRule, PlacedSighting, sightings_of
 from edgemap.runtime.decode import Decoder
@@ -56,9 +57,11 @@ class Pipeline:
         *,
         rule: FloorRule | None = None,
         confidence: float = 0.3,
+        forgetter: Forgetter | NeverForgets | None = None,
     ) -> None:
         self.camera, self.odometry, self.map = camera, odometry, object_map
         self.rule = rule or FloorRule(mapped=bundle.mapped)
+        self.forgetter = forgetter or NeverForgets()
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
@@ -83,6 +86,7 @@ class Pipeline:
         lap("odometry")
         placed = [sighting.placed(self.pose_map_base, self.pose_covariance) for sighting in sightings]
         object_ids = self.map.update(placed)
+        self.forgetter.look(self.map, detections, self.pose_map_base, object_ids)
         lap("map")
         return StepResult(
             frame=frame,

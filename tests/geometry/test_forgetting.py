@@ -1,0 +1,165 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from support.drives import round_trip
+from support.rooms import furnished
+from support.seen import CAMERA, box_of, look
+
+from edgemap.geometry.default_map import FloorMap
+from edgemap.geometry.detections import Detections
+from edgemap.geometry.forgetting import Forgetter, NeverForgets
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.sighting import FloorRule, sightings_of
+from edgemap.geometry.visibility import ViewRule, covered_share, expected_boxes, in_plain_view, iou
+
+NOTHING = Detections.none(("chair",))
+
+
+def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
+    """The map after a drive with true poses, in the frame of its first one; saved objects are gone on with."""
+    floor_map = FloorMap() if saved is None else FloorMap.continued(saved)
+    forgetter = forgetter or NeverForgets()
+    left = {}
+    for number, pose in enumerate(way):
+        detections, _ = look(room, pose, random, rate)
+        here = way[0].inverse() @ pose
+        found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
+        ids = floor_map.update([sighting.placed(here, np.zeros((3, 3))) for sighting in found])
+        for identity in forgetter.look(floor_map, detections, here, ids):
+            left[identity] = forgetter.looks[identity] if isinstance(forgetter, Forgetter) else 0
+    return floor_map, left
+
+
+def chair_map(distance_m=2.0, frames=20):
+    """A chair straight ahead of a standing robot, and the map that knows it."""
+    random = np.random.default_rng(0)
+    return drive([("chair", distance_m, 0.0)], [SE2()] * frames, random, rate=1.0)[0]
+
+
+def test_the_expected_box_is_the_projected_cylinder():
+    (chair,) = chair_map().objects()
+    (box,) = expected_boxes([chair], CAMERA, SE2())
+    x, y = chair.position_m
+    true = box_of("chair", x, y, SE2())
+    assert true is not None
+    assert box == pytest.approx(true, abs=12.0)  # radius 0.28 m against 0.25 m, mean height against 0.7 m
+    assert iou(true, box[None])[0] > 0.8
+    assert np.isnan(expected_boxes([chair], CAMERA, SE2(0.0, 0.0, math.pi))).all()
+
+
+@pytest.mark.parametrize(
+    ("pose", "plain"),
+    [
+        (SE2(), True),
+        (SE2(-0.3, 0.0, 0.1), False),  # farther than 0.9 of what it was ever seen from
+        (SE2(0.3, 0.0, 0.0), True),
+        (SE2(0.0, 0.0, 0.75), False),  # beside the picture
+        (SE2(1.2, 0.0, 0.0), False),  # never seen from there: a wall may stand between
+        (SE2(0.0, 0.0, math.pi), False),
+    ],
+)
+def test_plain_view_is_whole_near_and_known_from_here(pose, plain):
+    objects = chair_map(2.2).objects()
+    boxes = expected_boxes(objects, CAMERA, pose)
+    rule = ViewRule(range_share=1.1)
+    assert in_plain_view(objects, boxes, CAMERA, pose, NOTHING, rule).tolist() == [plain]
+
+
+def test_what_stands_nearer_hides_and_what_stands_behind_does_not():
+    objects = chair_map().objects()
+    boxes = expected_boxes(objects, CAMERA, SE2())
+    x0, y0, x1, y1 = boxes[0]
+
+    def plain(box):
+        seen = Detections(np.array([box]), np.array([0.9]), np.array([0]), ("person",))
+        return bool(in_plain_view(objects, boxes, CAMERA, SE2(), seen, ViewRule(range_share=1.1))[0])
+
+    middle = (x0 + x1) / 2
+    assert not plain([middle, y0, x1 + 50, y1 + 20])
+    assert plain([middle, y0 - 30, x1 + 50, y1 - 10])
+    assert plain([x1 - 5, y0, x1 + 50, y1 + 20])
+
+
+def test_shares_of_boxes_by_hand():
+    box = np.array([0.0, 0.0, 10.0, 10.0])
+    others = np.array([[5.0, 0.0, 15.0, 10.0], [0.0, 8.0, 10.0, 30.0], [np.nan] * 4])
+    assert covered_share(box, others) == pytest.approx(0.5)
+    assert covered_share(box, np.zeros((0, 4))) == 0.0
+    assert iou(box, others[:2]) == pytest.approx([50 / 150, 20 / 300])
+
+
+def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not_given_again():
+    floor_map, forgetter = chair_map(), Forgetter(CAMERA)
+    nearer = SE2(0.3, 0.0, 0.0)
+    confidences = [floor_map.objects()[0].confidence]
+    while floor_map.objects():
+        forgetter.look(floor_map, NOTHING, nearer, [])
+        confidences += [item.confidence for item in floor_map.objects()]
+        assert len(confidences) < 12
+    assert len(confidences) > 4  # one miss is no reason
+    assert confidences[0] == pytest.approx(1.0, abs=1e-3)
+    assert all(after < before for before, after in pairwise(confidences))
+    found = sightings_of(look([("chair", 2.0, 0.0)], SE2(), np.random.default_rng(2), 1.0)[0], CAMERA, FloorRule())
+    assert floor_map.update([found[0].placed(SE2(), np.zeros((3, 3)))]) == ["chair-2"]
+
+
+def test_a_hit_restores_and_a_box_of_its_like_in_its_place_is_no_miss():
+    floor_map, forgetter = chair_map(), Forgetter(CAMERA)
+    nearer = SE2(0.3, 0.0, 0.0)
+    for _ in range(4):
+        forgetter.look(floor_map, NOTHING, nearer, [])
+    doubted = floor_map.objects()[0].confidence
+    assert doubted < 0.9
+    forgetter.look(floor_map, NOTHING, nearer, ["chair-1"])
+    forgetter.look(floor_map, NOTHING, nearer, ["chair-1"])
+    assert floor_map.objects()[0].confidence > doubted
+    box = expected_boxes(floor_map.objects(), CAMERA, nearer)
+    there = Detections(box, np.array([0.9]), np.array([0]), ("chair",))
+    before = floor_map.objects()[0].confidence
+    for _ in range(30):
+        forgetter.look(floor_map, there, nearer, ["chair-7"])
+    assert floor_map.objects()[0].confidence == before
+
+
+def test_furniture_moved_between_two_drives():
+    """Issue's figures in pure geometry: 80 % detections; four of about twelve things move to elsewhere in the room."""
+    removed = gone = present = lost = appeared = moved = 0
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        way = round_trip(160, radius_m=1.5, turns=1.9)
+        room = [t for t in furnished(random, 18, apart_m=0.9) if min(_away(t, p) for p in way) > 0.7]
+        floor_map, early = drive(room[:-4], way, random, forgetter=Forgetter(CAMERA))
+        saved = floor_map.objects()
+        forgetter = Forgetter(CAMERA)
+        later, left = drive(room[4:], way, random, saved=saved, forgetter=forgetter)
+        present, lost = present + len(saved), lost + len(early)
+        for item in saved:
+            if _nearest(room, way[0].apply(item.position_m), item.label) < 4:
+                clear = left.get(item.id, forgetter.looks[item.id])
+                removed += clear >= 10 or item.id in left
+                gone += item.id in left and clear <= 10
+            else:
+                present, lost = present + 1, lost + (item.id in left)
+        seen, _ = drive(room[-4:], way, random, rate=1.0)
+        moved += len(seen.objects())
+        for new in seen.objects():
+            appeared += any(
+                item.label == new.label and np.linalg.norm(item.position_m - new.position_m) < 0.3
+                for item in later.objects()
+            )
+    assert removed >= 15
+    assert gone / removed >= 0.9
+    assert lost / present <= 0.02
+    assert appeared / moved >= 0.8
+
+
+def _away(thing, pose):
+    return math.hypot(thing[1] - pose.x_m, thing[2] - pose.y_m)
+
+
+def _nearest(room, place, label):
+    return min((math.hypot(place[0] - x, place[1] - y), row) for row, (name, x, y) in enumerate(room) if name == label)[
+        1
+    ]
