@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from edgemap.evaluation.objects import TrueObject
@@ -19,22 +19,20 @@ def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
     """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
     from collections import Counter
 
-    from edgemap.evaluation.objects import TrueObject
-
     seen: Counter[str] = Counter()
     for boxes in drive.boxes[:frames]:
         seen.update(boxes.seen_ids())
-    return [
-        TrueObject(
-            item["label"],
-            item["x_m"],
-            item["y_m"],
-            item["on_floor"],
-            seen[str(item["id"])] if drive.boxes else int(item.get("visible_frames") or 0),
-            tuple((float(x_m), float(y_m)) for x_m, y_m in item.get("footprint_m") or ()),
-        )
-        for item in drive.objects
-    ]
+    frames_seen = seen if drive.boxes else None
+    return [_true_object(item, frames_seen) for item in drive.objects]
+
+
+def _true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:
+    """A record of objects.json; seen: in how many frames each id was seen, None to believe the record."""
+    from edgemap.evaluation.objects import TrueObject
+
+    frames = int(record.get("visible_frames") or 0) if seen is None else seen.get(str(record["id"]), 0)
+    footprint = tuple((float(x_m), float(y_m)) for x_m, y_m in record.get("footprint_m") or ())
+    return TrueObject(record["label"], record["x_m"], record["y_m"], record["on_floor"], frames, footprint)
 
 
 def judge_of(
@@ -49,15 +47,15 @@ def judge_of(
     from edgemap.runtime.drives import open_drive
 
     spec = f"drive:{DEMO}" if spec == "demo" else spec
-    if camera.truth is None or spec.partition(":")[0] not in DRIVES_WITH_OBJECTS:
-        return None
-    drive = open_drive(spec)
-    if not drive.objects:
+    # What sim:SEED knows, which is more with every picture that it renders; other cameras know nothing.
+    records: Callable[[], list[dict[str, Any]]] = getattr(camera, "object_records", list)
+    drive = open_drive(spec) if spec.partition(":")[0] in DRIVES_WITH_OBJECTS else None
+    if records is list and (drive is None or not drive.objects or camera.truth is None):
         return None
 
     def judge(objects: list[MapObject], frames: int) -> list[Verdict]:
-        truth = [item for item in true_objects(drive, frames) if labels is None or item.label in labels]
-        return verdicts(objects, truth)
+        truth = true_objects(drive, frames) if drive else [_true_object(record) for record in records()]
+        return verdicts(objects, [item for item in truth if labels is None or item.label in labels])
 
     return judge
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.frame import Frame
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
+from edgemap.simulation.truth import object_records
 from edgemap.simulation.world import CONTRACT_FRAMES, World, draw_world
 
 
@@ -24,6 +26,7 @@ class SimCamera(CameraBase):
         self.size = (world.camera.intrinsics.width, world.camera.intrinsics.height)
         self.rate_hz, self.frame_count, self.truth = world.camera.rate_hz, world.frames, truth_of(world)
         self._shots: Iterator[Shot] | None = None
+        self._boxes: list[list[dict[str, Any]]] = []
 
     def read(self) -> Frame | None:
         """The next picture; None after the last. The first takes some seconds: the home is lit."""
@@ -32,7 +35,12 @@ class SimCamera(CameraBase):
         shot = next(self._shots, None)
         if shot is None:
             return None
+        self._boxes.append(shot.boxes)
         return self.frame(shot.decoded(), shot.index / self.world.camera.rate_hz, f"{self.name} frame {shot.index}")
+
+    def object_records(self) -> list[dict[str, Any]]:
+        """What stands there, as in objects.json, and in how many of the pictures delivered so far each was seen."""
+        return object_records(self.world.apartment, self.world.poses()[0], self._boxes)
 
     def close(self) -> None:
         """Stop rendering and deliver nothing more."""

@@ -80,7 +80,8 @@ class ReportFile:
 
     def _mount(self) -> bytes | None:
         """mount.jpg, small."""
-        picture = cv2.imread(str(self._folder / "mount.jpg"))
+        path = self._folder / "mount.jpg"
+        picture = cv2.imread(str(path)) if path.is_file() else None
         if picture is None:
             return None
         share = _MOUNT_WIDTH_PX / picture.shape[1]
