@@ -116,12 +116,20 @@ class Envelope:
             return Distortion()
         k1, share = rng.uniform(*self.k1), rng.uniform(*self.k2_per_k1)
         tangential = rng.uniform(*self.tangential, 2)
-        # The picture's corner must stay on the rising part of the polynomial, or the lens folds over.
-        corner2 = 1.15 * (self.width_px**2 + self.height_px**2) / 4.0 / focal_px**2
-        while 1.0 + 3.0 * k1 * corner2 + 5.0 * share * k1 * corner2**2 < 0.35:
+        corner = math.hypot(self.width_px, self.height_px) / 2.0 / focal_px
+        while not _reaches(1.05 * corner, k1, share * k1):
             k1 *= 0.8
         numbers = (k1, share * k1, *tangential)
         return Distortion("brown_conrady", tuple(round(float(number), 6) for number in numbers))
+
+
+def _reaches(radius: float, k1: float, k2: float) -> bool:
+    """Whether a lens still bends outwards, and no more than three times too little, where the picture ends."""
+    ideal = np.linspace(0.0, 2.0 * radius, 400)
+    distorted = ideal * (1.0 + k1 * ideal**2 + k2 * ideal**4)
+    slope = 1.0 + 3.0 * k1 * ideal**2 + 5.0 * k2 * ideal**4
+    first = int(np.argmax(distorted >= radius))
+    return bool(distorted[first] >= radius and slope[: first + 1].min() > 0.35)
 
 
 LIGHTS = ("day", "lamp", "mixed", "dim", "changing")

@@ -1,0 +1,167 @@
+"""Recordings: what was stopped goes on and ends with the same bytes; what they hold fits together."""
+
+import json
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+pytest.importorskip("moderngl")
+pytest.importorskip("embreex")
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.cameras import Camera
+from edgemap.runtime.drives import open_drive
+from edgemap.simulation.errors import SimulationError
+
+FRAMES = 5
+
+
+@pytest.fixture(scope="module")
+def drawn(furniture_catalogue):
+    from edgemap.simulation.world import Choices, draw_world
+
+    return draw_world(9107, FRAMES, Choices(people=1, contract=False))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick_light():
+    """Coarse light, and once for all recordings."""
+    from edgemap.simulation import studio
+    from edgemap.simulation.render.light import BakeSettings
+
+    real, lit = studio.bake, {}
+    coarse = BakeSettings(texel_m=0.3, vertex_spacing_m=1.0, lamp_samples=1, hemisphere_samples=2, bounces=1)
+
+    def bake(scene, seed, *_):
+        if seed not in lit:
+            lit[seed] = real(scene, seed, coarse)
+        return lit[seed]
+
+    patch = pytest.MonkeyPatch()
+    patch.setattr(studio, "bake", bake)
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def recorded(drawn, tmp_path_factory):
+    from edgemap.simulation.record import record
+
+    folder = tmp_path_factory.mktemp("whole") / "drive"
+    try:
+        record(drawn, folder, depth=True, workers=1)
+    except EdgemapError as error:
+        pytest.skip(str(error))
+    return folder
+
+
+def contents(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_recording_is_a_drive_with_all_of_its_truth(recorded, drawn):
+    drive = open_drive(f"drive:{recorded}")
+    assert len(drive.images) == len(drive.boxes) == len(drive.stamps_s) == FRAMES
+    assert drive.intrinsics == drawn.camera.intrinsics
+    assert drive.mount.height_m == drawn.camera.mount.height_m
+    assert drive.mount.pitch_rad == pytest.approx(drawn.camera.mount.pitch_rad)
+    motion = drawn.poses()[0].inverse() @ drawn.poses()[-1]
+    assert drive.truth.poses[-1].vector() == pytest.approx(motion.vector(), abs=1e-6)
+    assert drive.wheel is not None
+    assert "CC BY" in (recorded / "README.md").read_text()
+    assert len(list((recorded / "depth").iterdir())) == FRAMES
+
+
+def test_a_recording_that_was_killed_goes_on_and_ends_the_same(recorded, drawn, tmp_path):
+    from edgemap.simulation.record import record
+
+    class Killed(Exception):
+        pass
+
+    def kill(done, _total):
+        if done == 2:
+            raise Killed
+
+    folder = tmp_path / "drive"
+    with pytest.raises(Killed):
+        record(drawn, folder, depth=True, workers=1, progress=kill)
+    assert not (folder / "poses.tum").exists()
+    (folder / "images" / ".000002.jpg.unfinished").write_bytes(b"half a pict")
+    counts = []
+    record(drawn, folder, depth=True, workers=1, progress=lambda done, _: counts.append(done))
+    assert counts[0] == 2
+    (folder / "images" / ".000002.jpg.unfinished").unlink(missing_ok=True)
+    assert contents(folder) == contents(recorded)
+
+
+def test_a_finished_recording_is_left_as_it_is_and_another_is_refused(recorded, drawn):
+    from edgemap.simulation.record import record
+
+    before = contents(recorded)
+    record(drawn, recorded, depth=True, workers=1)
+    assert contents(recorded) == before
+    other = replace(drawn, seed=drawn.seed + 1)
+    with pytest.raises(SimulationError, match=r"holds another rendering \(it differs in seed\)"):
+        record(other, recorded, depth=True, workers=1)
+
+
+def test_a_folder_with_other_things_is_left_alone(drawn, tmp_path):
+    from edgemap.simulation.record import record
+
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(SimulationError, match="not empty"):
+        record(drawn, tmp_path, workers=1)
+    assert contents(tmp_path) == {"thesis.txt": b"mine"}
+
+
+def test_the_live_camera_delivers_the_recorded_pictures(recorded, drawn):
+    import cv2
+
+    from edgemap.simulation.live import SimCamera
+
+    with SimCamera("sim:9107", drawn) as camera:
+        assert isinstance(camera, Camera)
+        assert (camera.size, camera.rate_hz, camera.frame_count, camera.live) == ((640, 480), 10.0, FRAMES, False)
+        assert camera.mount == drawn.camera.mount
+        stamps = []
+        paths = sorted((recorded / "images").iterdir())
+        while (frame := camera.read()) is not None:
+            assert np.array_equal(frame.image, cv2.imread(str(paths[frame.index])))
+            stamps.append(frame.stamp_s)
+        assert stamps == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+        assert camera.read() is None
+        assert len(camera.truth.poses) == FRAMES
+        camera.close()
+        assert camera.read() is None
+
+
+def test_any_picture_can_be_made_by_itself(recorded, drawn):
+    from edgemap.simulation.shots import shots
+
+    (third,) = islice(shots(drawn, [3], workers=1), 1)
+    assert (recorded / "images" / f"000003{third.suffix}").read_bytes() == third.picture
+
+
+def test_boxes_lie_in_the_picture_and_name_objects(recorded):
+    frames = json.loads((recorded / "boxes.json").read_text())["frames"]
+    known = {item["id"] for item in json.loads((recorded / "objects.json").read_text())["objects"]}
+    for record in (record for frame in frames for record in frame):
+        x0, y0, x1, y1 = record["box"]
+        assert 0 <= x0 < x1 <= 640
+        assert 0 <= y0 < y1 <= 480
+        assert 0.0 < record["visible"] <= 1.0
+        assert record["id"] in known or record["label"] == "person"
+
+
+def test_locobot_set_is_readable(drawn, tmp_path):
+    from edgemap.simulation.locobot import parts
+    from edgemap.simulation.record import record
+
+    assert [part.frames for part in parts(0)] == [1000] * 5 + [2000] * 4
+    assert all(part.seed < 8000 or part.name.startswith("test-") for part in parts(0))
+    record(drawn, tmp_path / "one", layout="locobot", workers=1)
+    drive = open_drive(f"locobot:{tmp_path / 'one'}")
+    assert len(drive.images) == len(drive.depth) == FRAMES
+    assert drive.notes["truth"] == "poses.tum"
