@@ -16,7 +16,8 @@ __all__ = ["Apartment", "Placed", "furnish"]
 HELD_OUT_FROM_SEED = 9000
 # A home with fewer labelled pieces on its floor gets more of what can stand anywhere.
 _LEAST_PIECES = 15
-_FILLERS = ("potted plant", "chair", "suitcase", "armchair", "vase", "backpack")
+_FILLERS = ("potted plant", "chair", "armchair", "chair", "stool", "suitcase", "potted plant", "vase", "backpack")
+_SEATS = {"chair", "armchair", "stool"}
 _NOT_FURNITURE = {"person", "cat", "dog"}
 
 
@@ -39,5 +40,7 @@ def furnish(seed: int) -> Apartment:
     for _ in range(3 * _LEAST_PIECES):
         if sum(item.on_floor and item.label not in {"", *_NOT_FURNITURE} for item in home.placed) >= _LEAST_PIECES:
             break
-        home.by_wall(_FILLERS[home.count(0, len(_FILLERS) - 1)], plan.rooms[home.count(0, len(plan.rooms) - 1)])
+        room = plan.rooms[home.count(0, len(plan.rooms) - 1)]
+        kind = _FILLERS[home.count(0, len(_FILLERS) - 1)]
+        home.against_wall(kind, room) if kind in _SEATS else home.by_wall(kind, room)
     return Apartment(plan, tuple(home.placed))

@@ -68,7 +68,7 @@ def walls(kind: str, rng: np.random.Generator) -> dict[str, tuple[Material, floa
 def _wall(kind: str, rng: np.random.Generator) -> tuple[Material, float]:
     pale = rng.random() < 0.65
     saturation, value = (rng.uniform(0.0, 0.15), rng.uniform(0.8, 0.95)) if pale else (
-        rng.uniform(0.1, 0.5), rng.uniform(0.45, 0.85))  # fmt: skip
+        rng.uniform(0.1, 0.42), rng.uniform(0.45, 0.85))  # fmt: skip
     colour, draw = hsv(rng.random(), saturation, value), rng.random()
     if kind == "bathroom" and draw < 0.6:
         return Material(_WHITE, textures.tiles(rng, colour, int(rng.integers(4, 9))), gloss=0.25), 1.2

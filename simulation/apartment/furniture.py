@@ -15,6 +15,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from edgemap.simulation.apartment.simplify import simplified
 from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Mesh, Part
@@ -28,6 +29,8 @@ LICENCES = {
     "Reallusion": "CC BY 3.0 US",
     "Scopia": "CC BY 3.0",
 }
+# A home of some fifty pieces stays below a quarter of a million.
+_MOST_TRIANGLES = 9000
 _SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 
 
@@ -75,11 +78,15 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Interchangeable models. label: their COCO class, "" for mere decoration. held_out: for testing only."""
+    """Interchangeable models. label: their COCO class, "" for mere decoration. held_out: for testing only.
+
+    scale: by key, of real pieces against the catalogue's sizes.
+    """
 
     label: str
     training: tuple[str, ...]
     held_out: tuple[str, ...]
+    scale: dict[str, float]
 
     def choices(self, held_out: bool) -> tuple[str, ...]:
         """Keys to draw from: the training models, or the held-out ones where the kind has any."""
@@ -95,7 +102,8 @@ def kinds() -> dict[str, Kind]:
 
 def _kind(entry: dict[str, Any]) -> Kind:
     models, held_out = ([_full(key) for key in entry.get(part, ())] for part in ("models", "held_out"))
-    return Kind(entry.get("label", ""), tuple(key for key in models if key not in held_out), tuple(held_out))
+    scale = {_full(key): float(factor) for key, factor in entry.get("scale", {}).items()}
+    return Kind(entry.get("label", ""), tuple(key for key in models if key not in held_out), tuple(held_out), scale)
 
 
 def _full(key: str) -> str:
@@ -138,13 +146,14 @@ def _dressed(part: Part, scale: float, tint: Tint | None) -> Part:
 def load(key: str) -> Mesh:
     """A model's mesh at the catalogue's size.
 
-    Metres, REP-103 (x out of its front, y left, z up), origin on the floor at the box's centre. Raises SimulationError for an unknown key.
+    Metres, REP-103 (x out of its front, y left, z up), origin on the floor at the box's centre.
+    Raises SimulationError for an unknown key.
     """
     if key not in catalogue():
         raise SimulationError(f"no furniture model {key!r} in {LIBRARIES}")
     model = catalogue()[key]
     size = (model.width_m, model.height_m, model.depth_m)
-    return read_obj(_archive(model.library), model.path, model.rotation, size)
+    return simplified(read_obj(_archive(model.library), model.path, model.rotation, size), _MOST_TRIANGLES)
 
 
 @lru_cache(maxsize=8)

@@ -52,9 +52,10 @@ class Layout:
         """A model of a kind in its own size. usual: the one this home has many of, such as the chairs of a table."""
         if usual and kind in self._usual:
             return self._usual[kind]
-        keys = furniture.kinds()[kind].choices(self.held_out)
-        model = furniture.catalogue()[keys[int(self.rng.integers(len(keys)))]]
-        model = model.scaled(float(self.rng.uniform(0.92, 1.08)))
+        pool = furniture.kinds()[kind]
+        keys = pool.choices(self.held_out)
+        key = keys[int(self.rng.integers(len(keys)))]
+        model = furniture.catalogue()[key].scaled(pool.scale.get(key, 1.0) * self.uniform(0.92, 1.08))
         return self._usual.setdefault(kind, model) if usual else model
 
     def put(
@@ -66,8 +67,12 @@ class Layout:
         z_m: float = 0.0,
         ignore: Iterable[Placed] = (),
         like: Placed | None = None,
+        spare_m: tuple[float, float] = (0.0, 0.0),
     ) -> Placed | None:
-        """Place a model unless it would leave the room, meet something (but what is to be ignored) or block a way."""
+        """Place a model unless it would leave the room, meet something (but what is to be ignored) or block a way.
+
+        like: whose tint it shares. spare_m: how much must be free around and above it as well.
+        """
         label = furniture.kinds()[kind].label
         tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
         item = Placed(len(self.placed) + 1, label, model, pose, z_m, tint, kind)
@@ -75,7 +80,9 @@ class Layout:
         if (corners < [room.x0, room.y0]).any() or (corners > [room.x1, room.y1]).any():
             return None
         top = z_m + model.height_m
-        if top > self.plan.height_m or self.boxes.meets(corners, z_m, top, tuple(other.id for other in ignore)):
+        around = corners + spare_m[0] * np.sign(corners - corners.mean(axis=0))
+        ignored = tuple(other.id for other in ignore)
+        if top > self.plan.height_m or self.boxes.meets(around, z_m, top + spare_m[1], ignored):
             return None
         if not self.floor.takes(corners, z_m):
             return None
@@ -84,13 +91,14 @@ class Layout:
         return item
 
     def against_wall(
-        self, kind: str, room: RoomArea, sides: Iterable[str] = SIDES, z_m: float = 0.0, gap_m: float = 0.015
+        self, kind: str, room: RoomArea, sides: Iterable[str] = SIDES, z_m: float = 0.0, above_m: float = 0.0
     ) -> Placed | None:
-        """Back to one of the walls, anywhere along it."""
+        """Back to one of the walls, anywhere along it, with so much free above it."""
         sides = list(sides)
         for _ in range(_TRIES):
             model, side = self.model(kind), sides[int(self.rng.integers(len(sides)))]
-            item = self.put(kind, model, room, self.wall_pose(model, room, side, self.uniform(0.0, 1.0), gap_m), z_m)
+            pose = self.wall_pose(model, room, side, self.uniform(0.0, 1.0))
+            item = self.put(kind, model, room, pose, z_m, spare_m=(0.0, above_m))
             if item is not None:
                 return item
         return None

@@ -67,13 +67,15 @@ def _facing(home: Layout, kind: str, anchor: Placed, room: RoomArea) -> None:
 
 def _television(home: Layout, room: RoomArea, side: str) -> None:
     if home.chance(0.75):
-        stand = home.against_wall("tv stand", room, [side])
+        stand = home.against_wall("tv stand", room, [side], above_m=0.8) or home.against_wall(
+            "tv stand", room, above_m=0.8
+        )
         if stand is not None:
             home.on_top("tv", stand, room, spread=0.1, back=True)
             if home.chance(0.4):
                 home.on_top("vase", stand, room, spread=0.45)
             return
-    home.against_wall("tv", room, [side], z_m=home.uniform(0.75, 1.15), gap_m=0.01)
+    home.against_wall("tv", room, [side], z_m=home.uniform(0.75, 1.15))
 
 
 def _dining(home: Layout, room: RoomArea) -> None:
@@ -93,12 +95,13 @@ def _dining(home: Layout, room: RoomArea) -> None:
 def _dining_group(home: Layout, room: RoomArea) -> None:
     """A table with two to six like chairs round it: pushed in, pulled out, askew."""
     table = None
-    for _ in range(40):
+    for attempt in range(40):
         model = home.model("dining table")
         x = home.uniform(room.x0 + 0.7, room.x1 - 0.7)
         y = home.uniform(room.y0 + 0.7, room.y1 - 0.7)
         yaw = math.radians(90.0 * home.count(0, 3) + (home.uniform(-20, 20) if home.chance(0.15) else 0.0))
-        table = home.put("dining table", model, room, SE2(x, y, yaw))
+        # The tighter the room, the less must be free around the table; chairs that don't fit are left out.
+        table = home.put("dining table", model, room, SE2(x, y, yaw), spare_m=(0.6 - 0.013 * attempt, 0.0))
         if table is not None:
             break
     if table is None:
@@ -118,7 +121,7 @@ def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
     for index in home.rng.permutation(len(spots))[:wanted]:
         tucked = home.uniform(0.02, 0.45) if home.chance(0.7) else -home.uniform(0.05, 0.35)
         reach = chair.depth_m * (tucked - 0.5)
-        pose = spots[index] @ SE2(reach, home.uniform(-0.04, 0.04), home.uniform(-0.12, 0.12))
+        pose = table.pose_home_object @ spots[index] @ SE2(reach, home.uniform(-0.04, 0.04), home.uniform(-0.12, 0.12))
         if tucked < 0.0:
             pose = pose @ SE2(0.0, 0.0, home.uniform(-0.5, 0.5))
         # Chairs reach under the table they stand at, as far as their backs allow.
@@ -158,16 +161,18 @@ def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
 
 def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
     low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
-    at, cabinet = low + 0.02, home.model("lower cabinet")
+    at, cabinet, like = low + 0.02, home.model("lower cabinet"), None
     for kind in kinds:
         model = cabinet if kind == "lower cabinet" else home.model(kind)
         while at + model.width_m < high:
             span = high - low - model.width_m - 0.02
             along = (at - low - 0.01) / span if span > 0 else 0.0
-            item = home.put(kind, model, room, home.wall_pose(model, room, side, along))
+            front = like if "cabinet" in kind else None
+            item = home.put(kind, model, room, home.wall_pose(model, room, side, along), like=front)
             if item is not None:
                 at += model.width_m + 0.005
                 if kind == "lower cabinet":
+                    like = like or item
                     _above(home, item, room, side)
                 break
             at += 0.15
@@ -180,7 +185,7 @@ def _above(home: Layout, item: Placed, room: RoomArea, side: str) -> None:
         home.on_top("microwave" if home.chance(0.35) else "counter clutter", item, room, spread=0.1)
     upper = home.model("upper cabinet", usual=True)
     along = (middle - low - upper.width_m / 2.0 - 0.01) / max(high - low - upper.width_m - 0.02, 0.1)
-    home.put("upper cabinet", upper, room, home.wall_pose(upper, room, side, along), upper.elevation_m)
+    home.put("upper cabinet", upper, room, home.wall_pose(upper, room, side, along), upper.elevation_m, like=item)
 
 
 def _bedroom(home: Layout, room: RoomArea) -> None:
@@ -236,10 +241,11 @@ def _bathroom(home: Layout, room: RoomArea) -> None:
     if home.chance(0.7):
         home.against_wall("bath", room)
     home.against_wall("toilet", room)
-    for _ in range(6):
-        model = home.model("basin")
+    kind = "basin" if home.chance(0.75) else "vanity"
+    for _ in range(12):
+        model = home.model(kind)
         side, along = SIDES[home.count(0, 3)], home.uniform(0.0, 1.0)
-        if home.put("basin", model, room, home.wall_pose(model, room, side, along), model.elevation_m):
+        if home.put(kind, model, room, home.wall_pose(model, room, side, along), model.elevation_m):
             break
     for kind, chance in (("washing machine", 0.6), ("bin", 0.6), ("radiator", 0.4)):
         if home.chance(chance):
