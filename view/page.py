@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from edgemap.geometry.floor_map import MapObject, map_text, save_map
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pipeline import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
@@ -45,6 +48,7 @@ class LivePage:
         self.about, self.folder, self.pause = about, folder, pause
         self.newest: Moment | None = None
         self.revision = 0
+        self.epoch = 0  # counts how often everything told before has moved
         self.finished = False
         self.trail: Tail[tuple[float, float]] = Tail(20_000)
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
@@ -58,6 +62,8 @@ class LivePage:
         """Keep the step's result in place of the one before."""
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
+        if result.relocated is not None:
+            self._relocate(result.relocated)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             x_m, y_m = placed.position_map_m
@@ -117,6 +123,17 @@ class LivePage:
         path = self.folder / f"map-{self.newest.result.frame.index if self.newest else 0:06d}.json"
         save_map(path, self.objects)
         return path
+
+    def _relocate(self, pose_map_start: SE2) -> None:
+        """The run has found itself in a saved map: way and sightings so far move into that map's frame."""
+
+        def moved(x_m: float, y_m: float) -> tuple[float, float]:
+            x_map_m, y_map_m = pose_map_start.apply(np.array([x_m, y_m]))
+            return float(x_map_m), float(y_map_m)
+
+        self.trail.replace(lambda place: moved(*place))
+        self.sightings.replace(lambda seen: (*seen[:2], *moved(*seen[2:])))
+        self.epoch += 1
 
     def _extend_trail(self, result: StepResult) -> None:
         x_m, y_m = result.pose_map_base.x_m, result.pose_map_base.y_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from itertools import islice
 from typing import Generic, TypeVar
 
@@ -23,6 +24,11 @@ class Tail(Generic[T]):
         with self._lock:
             self._items.append(item)
             self._total += 1
+
+    def replace(self, change: Callable[[T], T]) -> None:
+        """Put a changed item in the place of each one."""
+        with self._lock:
+            self._items = deque(map(change, self._items), maxlen=self._items.maxlen)
 
     def since(self, number: int, most: int) -> tuple[list[T], int]:
         """At most so many items from `number` on, oldest first, and the number to ask for next."""

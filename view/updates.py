@@ -74,7 +74,7 @@ class Cursor:
         self._with_sightings = False
         self._frame: Frame | None = None
         self._objects: dict[str, MapObject] = {}
-        self._trail = self._sightings = self._faults = 0
+        self._trail = self._sightings = self._faults = self._epoch = 0
 
     def want_sightings(self, wanted: bool) -> None:
         """Send every sighting from the first on, or none."""
@@ -83,11 +83,15 @@ class Cursor:
     def update(self, page: LivePage, pictures: Pictures, vitals: Vitals, number: int) -> bytes:
         """The next message: all that changed since the one before."""
         self.revision = page.revision
+        moved, self._epoch = self._epoch != page.epoch, page.epoch
+        if moved:
+            self._trail, self._sightings, self._objects = 0, 0, {}
         moment = page.newest
         trail, self._trail = page.trail.since(self._trail, MOST_ITEMS)
         faults, self._faults = page.faults.since(self._faults, MOST_ITEMS)
         document: dict[str, Any] = {
-            "number": number, "state": page.state, "trail": trail, "faults": faults, "vitals": vitals.now(),
+            "number": number, "state": page.state, "moved": moved,
+            "trail": trail, "faults": faults, "vitals": vitals.now(),
         }  # fmt: skip
         if self._with_sightings:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MOST_ITEMS)

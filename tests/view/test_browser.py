@@ -39,8 +39,10 @@ def shows(tab, served, count=1):
         tab.until(f"edgemap.frame === {served.steps.index - 1}")
 
 
+# The most opaque of five pixels side by side: a line's middle, wherever it falls between two pixels.
 COLOUR = """(canvas, left, top) => { const ratio = canvas.width / canvas.clientWidth;
-  return [...canvas.getContext('2d').getImageData(Math.round(left * ratio), Math.round(top * ratio), 1, 1).data]; }"""
+  const { data } = canvas.getContext('2d').getImageData(Math.round(left * ratio) - 2, Math.round(top * ratio), 5, 1);
+  return [0, 4, 8, 12, 16].map(i => [...data.slice(i, i + 4)]).sort((a, b) => b[3] - a[3])[0]; }"""
 
 
 def test_it_shows_what_the_robot_sees_and_asks_nobody_else(serve, look):

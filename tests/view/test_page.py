@@ -1,4 +1,6 @@
+import math
 import threading
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from support.steps import Steps
 
 from edgemap.geometry.floor_map import load_map, save_map
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.frame import Frame
@@ -69,6 +72,22 @@ def test_a_robot_that_stands_leaves_no_trail(tmp_path):
     for _ in range(5):
         page.write(result, objects)
     assert len(page.trail.since(0, 99)[0]) == 1
+
+
+def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_path):
+    """A quarter turn to the left and 10 m ahead: (1, 0) becomes (10, 1)."""
+    page, steps = LivePage({}, tmp_path), Steps()
+    steps.into(page, 3)
+    result, objects = steps.next()
+    found = replace(
+        result, relocated=SE2(10.0, 0.0, math.pi / 2), pose_map_base=SE2(10.0, 0.15, math.pi / 2), sightings=[]
+    )
+    page.write(replace(found, object_ids=[]), objects)
+    trail, _ = page.trail.since(0, 99)
+    np.testing.assert_allclose(trail, [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)
+    sightings, _ = page.sightings.since(0, 99)
+    np.testing.assert_allclose([seen[2:] for seen in sightings[:2]], [(9.0, 3.0), (11.5, 4.0)], atol=1e-12)
+    assert (len(sightings), page.epoch) == (6, 1)
 
 
 def test_a_saved_map_is_the_map(tmp_path):

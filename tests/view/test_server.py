@@ -2,11 +2,13 @@
 
 import http.client
 import json
+from dataclasses import replace
 
 import pytest
 from support.live import raw_viewer
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from edgemap.geometry.se2 import SE2
 from edgemap.view.errors import ViewError
 from edgemap.view.server import PageServer
 from edgemap.view.viewer import IN_FLIGHT
@@ -143,6 +145,22 @@ def test_an_update_is_what_changed_since_the_last(serve):
         assert third["faults"] == [{"frame": 4, "text": "the camera fell off"}]
         assert third["jpeg"] == b""  # the same picture is not sent twice
         assert third["changed"] == []
+
+
+def test_after_a_relocation_all_is_sent_anew(serve):
+    served = serve()
+    served.step(3)
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        first = viewer.update()
+        assert (first["moved"], len(first["trail"])) == (False, 3)
+        viewer.say("shown")
+        result, objects = served.steps.next()
+        served.page.write(replace(result, relocated=SE2(10.0, 0.0, 0.0)), objects)
+        second = viewer.update()
+        assert second["moved"]
+        assert [place[0] for place in second["trail"][:3]] == pytest.approx([10.0, 10.05, 10.1])
+        assert {item["id"] for item in second["changed"]} == {"chair-1", "couch-1"}
 
 
 def test_a_viewer_that_shows_nothing_is_sent_two_and_stops_nobody(serve):

@@ -24,6 +24,7 @@ export class FloorMap {
   about(info) { this.info = info; }
 
   update(news) {
+    if (news.moved) this.clear(); // all of it comes anew, in another frame
     for (const item of news.changed ?? []) this.objects.set(item.id, item);
     for (const id of news.gone ?? []) this.objects.delete(id);
     this.trail.push(...news.trail);
@@ -51,13 +52,13 @@ export class FloorMap {
   }
 
   extent() {
-    const xs = [0, 1.5, this.pose?.[0] ?? 0], ys = [0, this.pose?.[1] ?? 0];
+    const [x, y] = this.pose ?? [.75, 0], xs = [x - .75, x + .75], ys = [y];
     for (const { x_m, y_m, covariance_m2: [[xx], [, yy]] } of this.objects.values()) {
       const [ahead, aside] = [xx, yy].map((variance) => Math.min(1, Math.sqrt(this.info.chi2_95 * variance)));
       xs.push(x_m - ahead, x_m + ahead);
       ys.push(y_m - aside, y_m + aside);
     }
-    for (const [x, y] of this.trail) { xs.push(x); ys.push(y); }
+    for (const place of this.trail) { xs.push(place[0]); ys.push(place[1]); }
     const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
     return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };
   }
@@ -172,26 +173,28 @@ export class FloorMap {
         pen.stroke();
         pen.globalAlpha = 1;
       }
-      this.ellipse(pen, item, at, colour);
+      const sure = .35 + .65 * item.confidence; // what the map begins to doubt fades
+      this.ellipse(pen, item, at, colour, sure);
       pen.beginPath();
       pen.arc(...at, seen ? 5.5 : 4, 0, 2 * Math.PI);
-      Object.assign(pen, { fillStyle: colour, strokeStyle: this.style.card, lineWidth: 1.5 });
+      Object.assign(pen, { fillStyle: colour, strokeStyle: this.style.card, lineWidth: 1.5, globalAlpha: sure });
       pen.fill();
       pen.stroke();
+      pen.globalAlpha = 1;
       placed.push(around(at, 5));
     }
     for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
   }
 
   // 95 % ellipse of a 2x2 covariance; on the canvas across is -y and down is -x.
-  ellipse(pen, { covariance_m2: [[xx, xy], [, yy]] }, at, colour) {
+  ellipse(pen, { covariance_m2: [[xx, xy], [, yy]] }, at, colour, sure) {
     const mean = (xx + yy) / 2, spread = Math.hypot((xx - yy) / 2, xy), angle = Math.atan2(2 * xy, yy - xx) / 2;
     const axes = [mean + spread, Math.max(0, mean - spread)].map((v) => Math.sqrt(this.info.chi2_95 * v) * this.view.now.scale);
     pen.beginPath();
     pen.ellipse(...at, ...axes, angle, 0, 2 * Math.PI);
-    Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: 1.25, globalAlpha: .16 });
+    Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: 1.25, globalAlpha: .16 * sure });
     pen.fill();
-    pen.globalAlpha = .9;
+    pen.globalAlpha = .9 * sure;
     pen.stroke();
     pen.globalAlpha = 1;
   }
