@@ -1,0 +1,37 @@
+"""`edgemap simulate` and `sim:SEED` on the command line: what goes wrong is one line; a small drive is a drive."""
+
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("simulate", "--frames", "0", "-o", "x"), "--frames 0: must be 1 or more"),
+        (("simulate", "--seed", "-3", "-o", "x"), "--seed -3: must be 0 or more"),
+        (("simulate", "--pictures", "4", "-o", "x"), "--seeds None: expected A:B"),
+        (("simulate", "--pictures", "4", "--seeds", "9:2", "-o", "x"), "--seeds '9:2': expected A:B"),
+        (("simulate", "--mount", "0.5", "-o", "x"), "--mount '0.5': expected 2 numbers"),
+        (("bench", "--camera", "sim:kitchen", "--bundle", "BUNDLE"), "camera 'sim:kitchen': expected sim:SEED"),
+        (("eval", "map", "--camera", "sim:-1", "--bundle", "BUNDLE"), "camera 'sim:-1': expected sim:SEED"),
+    ],
+)
+def test_what_goes_wrong_is_one_line(edgemap, painted_bundle, tmp_path, arguments, words):
+    places = {"x": tmp_path / "x", "BUNDLE": painted_bundle}
+    done = edgemap(*(places.get(word, word) for word in arguments))
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "x").exists()
+
+
+def test_without_the_extra_one_line_names_it(monkeypatch):
+    from edgemap.cli.simulated import simulated
+    from edgemap.runtime.errors import MissingExtraError
+
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(
+        MissingExtraError, match=r"^sim:3 needs moderngl and embreex: pip install 'edgemap\[simulation\]'$"
+    ):
+        simulated("sim:3")
