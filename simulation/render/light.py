@@ -1,8 +1,9 @@
-"""Baked diffuse light: area lamps with soft shadows, then a few bounces, once per room.
+"""Baked diffuse light: area lights with soft shadows, then a few bounces, once per home, apart for lamps and day.
 
-Direct light is sampled per light point (a texel of a surface's light map, or either side of a solid's vertex). For
-the bounces every point sends rays over its hemisphere ONCE and remembers which triangles they meet; each bounce is
-then a gather over those same triangles (radiosity with sampled form factors), so that three bounces cost as one.
+Direct light is sampled per texel of a surface's light map and per light point of a solid; bounced light, which varies
+slowly, on a coarser grid. For the bounces every point sends rays over its hemisphere ONCE and remembers which
+triangles they meet; each bounce is then a gather over those same triangles (radiosity with sampled form factors), so
+that three bounces cost as one. Both groups of light travel together, as six channels: lamps, then day.
 """
 
 from __future__ import annotations
@@ -11,164 +12,172 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from edgemap.simulation.render.mesh import Array, Material, Part, subdivided
-from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, r2_sequence
-from edgemap.simulation.render.scene import LitPart, LitScene, Scene, Surface
+from edgemap.simulation.render.light_points import Points, SolidPoints, SurfacePoints, probe_grid
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, in_pieces, r2_sequence
+from edgemap.simulation.render.scene import ROOM_ID, AreaLight, LitScene, LitSurface, Probes, Scene
+
+Light = NDArray[np.float32]
+
+# Light fainter than this is not worth a ray: a hundredth of a dim room.
+_FAINT = 0.003
+# So many rays in vain, and a light counts as hidden from a point.
+_TRIES = 4
+# Trim nearer than this before a wall hides the wall.
+_BURIED_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class BakeSettings:
-    """How fine the light is. Lengths in metres; samples per point; bounces after the direct light."""
+    """How fine the light is. Lengths in metres; samples per point; bounces after the direct light.
 
-    texel_m: float = 0.03
-    vertex_spacing_m: float = 0.12
+    texel_m: light maps; gather_m: where light maps gather bounced light; cluster_m: light points of solids;
+    vertex_spacing_m: longest edge that light may vary along.
+    """
+
+    texel_m: float = 0.04
+    gather_m: float = 0.12
+    cluster_m: float = 0.05
+    vertex_spacing_m: float = 0.15
     lamp_samples: int = 16
-    hemisphere_samples: int = 64
+    hemisphere_samples: int = 48
     bounces: int = 3
 
-
-class _Points:
-    """Light points and the triangles that look their light up there."""
-
-    def __init__(self) -> None:
-        self.positions: list[Array] = []
-        self.normals: list[Array] = []
-        self.triangles: list[Array] = []
-        self.front: list[NDArray[np.int64]] = []
-        self.back: list[NDArray[np.int64]] = []
-        self.reflectance: list[Array] = []
-        self.shifts: list[Array] = []
-        self.count = 0
-
-    def add_points(self, positions: Array, normals: Array, shifts: Array | None = None) -> int:
-        """shifts: (N, 2) of the sample pattern per point; None where neighbours must share it, to be smooth."""
-        first = self.count
-        self.shifts.append(np.zeros((len(positions), 2)) if shifts is None else shifts)
-        self.positions.append(positions)
-        self.normals.append(normals)
-        self.count += len(positions)
-        return first
-
-    def add_triangles(
-        self, triangles: Array, front: NDArray[np.int64], back: NDArray[np.int64], material: Material
-    ) -> None:
-        self.triangles.append(triangles)
-        self.front.append(front)
-        self.back.append(back)
-        self.reflectance.append(np.broadcast_to(material.mean_reflectance() * material.opacity, (len(triangles), 3)))
+    @classmethod
+    def draft(cls) -> BakeSettings:
+        """Good enough to train on, several times faster."""
+        return cls(0.08, 0.25, 0.12, 0.3, 4, 12, 2)
 
 
 def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitScene:
     """Light a scene. The same seed gives the same light, bit for bit, on one machine."""
     settings = settings or BakeSettings()
-    points = _Points()
     rng = np.random.default_rng(seed)
-    maps = [_add_surface(points, surface, settings, rng) for surface in scene.surfaces]
-    parts = [
-        (solid.id, part, *_add_part(points, part))
-        for solid in scene.solids
-        for part in (subdivided(part, settings.vertex_spacing_m) for part in solid.mesh.parts)
-    ]
-    tracer = Raytracer(np.concatenate(points.triangles))
-    positions, normals = np.concatenate(points.positions), np.concatenate(points.normals)
-    shifts = np.concatenate(points.shifts)
-    direct = _direct(tracer, positions, normals, shifts, scene, settings.lamp_samples)
-    bounced = _bounced(tracer, points, positions, normals, shifts, direct, settings)
-    surfaces = tuple(
-        (surface, _light_map(direct, bounced, *where)) for surface, where in zip(scene.surfaces, maps, strict=True)
+    surfaces = [SurfacePoints(surface, settings.texel_m, settings.gather_m, rng) for surface in scene.surfaces]
+    solids = SolidPoints(scene.solids, settings.vertex_spacing_m, settings.cluster_m)
+    corner, step, shape, air = probe_grid(scene)
+    reflecting = [part for surface in surfaces for part in [surface.reflector()]] + [solids.reflector()]
+    tracer = Raytracer(np.concatenate([part.triangles for part in reflecting]))
+    trim = [solid.mesh.triangles() for solid in scene.solids if solid.id == ROOM_ID and solid.mesh.parts]
+    buried_by = Raytracer(np.concatenate(trim)) if trim else None
+    direct_maps = [_direct(tracer, surface.fine, scene, settings.lamp_samples) for surface in surfaces]
+    for surface in surfaces:
+        surface.hide(buried_by, _BURIED_M)
+    gathering = Points.joined([*(surface.coarse for surface in surfaces), solids.points, air])
+    direct = np.concatenate(
+        [surface.coarsened(light) for surface, light in zip(surfaces, direct_maps, strict=True)]
+        + [_direct(tracer, points, scene, settings.lamp_samples) for points in (solids.points, air)]
     )
-    total = (direct + bounced).astype(np.float32)
-    lit = tuple(LitPart(id_, part, total[front], total[back]) for id_, part, front, back in parts)
-    return LitScene(surfaces, lit, scene.lights)
+    sources = _first_hits(tracer, gathering, settings.hemisphere_samples)
+    corners, reflectance = _joined_reflectors(reflecting, surfaces)
+    bounced = _bounced(sources, corners, reflectance, direct, settings.bounces)
+    behind = _met_from_behind(sources, len(corners), sum(len(part.triangles) for part in reflecting[:-1]))
+    lit_surfaces, at = [], 0
+    for surface, light in zip(surfaces, direct_maps, strict=True):
+        some = slice(at, at + len(surface.coarse))
+        lit_surfaces.append(_lit_surface(surface, light, bounced[some], behind[some] < 0.5))
+        at = some.stop
+    total = direct + bounced
+    parts = solids.lit(total[at : at + len(solids.points)])
+    cubes = total[at + len(solids.points) :].reshape(*shape, 6, 6)
+    probes = Probes(corner, step, cubes[..., :3].copy(), cubes[..., 3:].copy())
+    return LitScene(tuple(lit_surfaces), tuple(parts), scene.lights, probes)
 
 
-def _add_surface(
-    points: _Points, surface: Surface, settings: BakeSettings, rng: np.random.Generator
-) -> tuple[int, int, int]:
-    """Texels of a surface as light points, and coarse triangles that reflect; (first point, rows, columns)."""
-    columns, rows = surface.texels(settings.texel_m)
-    a, b = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
-    positions = surface.corner + a.reshape(-1, 1) * surface.u + b.reshape(-1, 1) * surface.v
-    first = points.add_points(
-        positions, np.broadcast_to(surface.normal, positions.shape), rng.random((len(positions), 2))
-    )
-    part = subdivided(surface.part(), 0.25)
-    offset = part.positions - surface.corner
-    column = np.clip(offset @ surface.u / (surface.u @ surface.u) * columns, 0, columns - 1).astype(np.int64)
-    row = np.clip(offset @ surface.v / (surface.v @ surface.v) * rows, 0, rows - 1).astype(np.int64)
-    texel = first + row * columns + column
-    points.add_triangles(part.positions, texel, texel, surface.material)
-    return first, rows, columns
+def _direct(tracer: Raytracer, points: Points, scene: Scene, samples: int) -> Light:
+    """Irradiance / pi (N, 6) straight from the lights."""
+
+    def piece(some: slice) -> Light:
+        light = np.zeros((len(points.positions[some]), 6), dtype=np.float32)
+        for lamp in scene.lights:
+            first = 3 if lamp.group == "day" else 0
+            strength = _from_one(
+                tracer, points.positions[some], points.normals[some], points.shifts[some], lamp, samples
+            )
+            light[:, first : first + 3] += strength[:, None] * lamp.radiance.astype(np.float32)
+        return light
+
+    return in_pieces(piece, len(points))
 
 
-def _add_part(points: _Points, part: Part) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Both sides of a part's distinct corners as light points; indices (T, 3) of the front and back ones.
+def _from_one(
+    tracer: Raytracer, positions: Light, normals: Light, shifts: Light, lamp: AreaLight, samples: int
+) -> Light:
+    """What share (N,) of a light's radiance arrives, divided by pi."""
+    area, reach = float(np.linalg.norm(np.cross(lamp.u, lamp.v))), float(np.linalg.norm(lamp.u + lamp.v)) / 2.0
+    corner, u, v, shine = (np.asarray(a, dtype=np.float32) for a in (lamp.corner, lamp.u, lamp.v, lamp.normal))
+    way = lamp.centre.astype(np.float32) - positions
+    near2 = np.maximum((way * way).sum(axis=1), 0.01)
+    bright = area * float(np.max(lamp.radiance)) / (np.pi * near2) > _FAINT
+    todo = np.flatnonzero(bright & ((way * normals).sum(axis=1) > -reach) & (way @ shine < reach))
+    share = np.zeros(len(positions), dtype=np.float32)
+    seen = np.zeros(len(positions), dtype=bool)
+    for number, sample in enumerate(r2_sequence(samples).astype(np.float32)):
+        if number == _TRIES:
+            todo = todo[seen[todo]]
+        if not len(todo):
+            break
+        at = (sample + shifts[todo]) % 1.0
+        target = corner + at[:, :1] * u + at[:, 1:] * v
+        way = target - positions[todo]
+        distance2 = np.maximum((way * way).sum(axis=1), 0.05**2)
+        cosines = np.maximum((way * normals[todo]).sum(axis=1), 0.0) * np.maximum(-(way @ shine), 0.0)
+        factor = cosines * (area / np.pi / samples) / (distance2 * distance2)
+        lit = np.flatnonzero(factor > 0.0)
+        open_ = lit[tracer.visible(positions[todo[lit]], normals[todo[lit]], target[lit])]
+        share[todo[open_]] += factor[open_]
+        seen[todo[open_]] = True
+    return share
 
-    The front is where the shading normals point, whatever way the triangles are wound.
-    """
-    rows = np.concatenate([part.positions.reshape(-1, 3) * 1e3, part.normals.reshape(-1, 3) * 8.0], axis=1)
-    _, keep, inverse = np.unique(np.round(rows).astype(np.int32), axis=0, return_index=True, return_inverse=True)
-    positions, normals = part.positions.reshape(-1, 3)[keep], part.normals.reshape(-1, 3)[keep]
-    front = points.add_points(positions, normals) + inverse.reshape(-1, 3)
-    back = points.add_points(positions, -normals) + inverse.reshape(-1, 3)
-    wound = np.cross(part.positions[:, 1] - part.positions[:, 0], part.positions[:, 2] - part.positions[:, 0])
-    agrees = ((wound * part.normals.mean(axis=1)).sum(axis=1) >= 0.0)[:, None]
-    points.add_triangles(part.positions, np.where(agrees, front, back), np.where(agrees, back, front), part.material)
-    return front, back
+
+def _first_hits(tracer: Raytracer, points: Points, samples: int) -> NDArray[np.int32]:
+    """Which triangle each of a point's rays over its hemisphere meets first: (N, samples), plus the number of
+    triangles where it meets the back; twice that number for none."""
+    count = len(tracer.triangles)
+    pattern = r2_sequence(samples).astype(np.float32)
+
+    def piece(some: slice) -> NDArray[np.int32]:
+        positions, normals, shifts = points.positions[some], points.normals[some], points.shifts[some]
+        sources = np.empty((len(positions), samples), dtype=np.int32)
+        for i, sample in enumerate(pattern):
+            hit, front = tracer.first_hits(positions, normals, cosine_directions(normals, (sample + shifts) % 1.0))
+            sources[:, i] = np.where(hit < 0, 2 * count, np.where(front, hit, hit + count))
+        return sources
+
+    return in_pieces(piece, len(points))
 
 
-def _direct(tracer: Raytracer, positions: Array, normals: Array, shifts: Array, scene: Scene, samples: int) -> Array:
-    """Irradiance / pi (N, 3) straight from the lamps."""
-    light = np.zeros((len(positions), 3))
-    for lamp in scene.lights:
-        area = float(np.linalg.norm(np.cross(lamp.u, lamp.v)))
-        for sample in r2_sequence(samples):
-            at = (sample + shifts) % 1.0
-            target = lamp.corner + at[:, :1] * lamp.u + at[:, 1:] * lamp.v
-            way = target - positions
-            distance2 = np.maximum((way * way).sum(axis=1), 0.05**2)
-            way = way / np.sqrt(distance2)[:, None]
-            factor = np.maximum((way * normals).sum(axis=1), 0.0) * np.maximum(-(way @ lamp.normal), 0.0)
-            factor *= area / (np.pi * distance2 * samples)
-            lit = np.flatnonzero(factor > 1e-6)
-            seen = lit[tracer.visible(positions[lit], normals[lit], target[lit])]
-            light[seen] += factor[seen, None] * lamp.radiance
-    return light
+def _joined_reflectors(reflecting: list, surfaces: list[SurfacePoints]) -> tuple[NDArray[np.int64], Light]:
+    """Light points (2 T, 3) at the corners of each triangle's front, then back, and what share (2 T, 3) they send."""
+    shifts = np.cumsum([0, *(len(surface.coarse) for surface in surfaces)])
+    front = np.concatenate([part.front + shift for part, shift in zip(reflecting, shifts, strict=True)])
+    back = np.concatenate([part.back + shift for part, shift in zip(reflecting, shifts, strict=True)])
+    reflectance = np.concatenate([part.reflectance for part in reflecting]).astype(np.float32)
+    return np.concatenate([front, back]), np.concatenate([reflectance, reflectance])
 
 
 def _bounced(
-    tracer: Raytracer,
-    points: _Points,
-    positions: Array,
-    normals: Array,
-    shifts: Array,
-    direct: Array,
-    settings: BakeSettings,
-) -> Array:
-    """Irradiance / pi (N, 3) that comes back from other surfaces."""
-    sources = np.empty((settings.hemisphere_samples, len(positions)), dtype=np.int32)
-    count = len(tracer.triangles)
-    for i, sample in enumerate(r2_sequence(settings.hemisphere_samples)):
-        hit, is_front = tracer.first_hits(positions, normals, cosine_directions(normals, (sample + shifts) % 1.0))
-        # Row `2 * count` stands for "met nothing" and stays dark.
-        sources[i] = np.where(hit < 0, 2 * count, np.where(is_front, hit, hit + count))
-    corners = np.concatenate([*points.front, *points.back])
-    reflectance = np.concatenate([*points.reflectance, *points.reflectance])
+    sources: NDArray[np.int32], corners: NDArray[np.int64], reflectance: Light, direct: Light, bounces: int
+) -> Light:
+    """Irradiance / pi (N, 6) that comes back from other surfaces."""
     bounced = np.zeros_like(direct)
-    for _ in range(settings.bounces):
-        sent = np.zeros((2 * count + 1, 3), dtype=np.float32)
-        sent[:-1] = reflectance * (direct + bounced)[corners].mean(axis=1)
-        bounced = sum((sent[row] for row in sources), np.zeros_like(direct)) / settings.hemisphere_samples
+    both = np.tile(reflectance, 2)
+    for _ in range(bounces):
+        light = direct + bounced
+        sent = np.zeros((len(corners) + 1, 6), dtype=np.float32)
+        sent[:-1] = both * ((light[corners[:, 0]] + light[corners[:, 1]] + light[corners[:, 2]]) / 3.0)
+        bounced = in_pieces(lambda some, sent=sent: sent[sources[some]].mean(axis=1), len(direct))
     return bounced
 
 
-def _light_map(direct: Array, bounced: Array, first: int, rows: int, columns: int) -> NDArray[np.float32]:
-    """One surface's light map; sampling noise is blurred away, bounced light more than the sharper direct light."""
-    part = slice(first, first + rows * columns)
-    smooth = [
-        gaussian_filter(light[part].reshape(rows, columns, 3), (sigma, sigma, 0.0), mode="nearest")
-        for light, sigma in ((direct, 0.8), (bounced, 2.0))
-    ]
-    return (smooth[0] + smooth[1]).astype(np.float32)
+def _met_from_behind(sources: NDArray[np.int32], doubled: int, surface_triangles: int) -> Array:
+    """Share (N,) of a point's rays that meet a wall, floor or ceiling from behind: 1 inside of walls."""
+    count = doubled // 2
+    return ((sources >= count) & (sources < count + surface_triangles)).mean(axis=1)
+
+
+def _lit_surface(surface: SurfacePoints, direct: Light, bounced: Light, open_: NDArray[np.bool_]) -> LitSurface:
+    """Light maps of a surface; noise is blurred away, of bounced light more than of the sharper direct light."""
+    light = surface.smooth_fine(direct, open_) + surface.smooth_coarse(bounced, open_)
+    return LitSurface(surface.surface, np.ascontiguousarray(light[..., :3]), np.ascontiguousarray(light[..., 3:]))

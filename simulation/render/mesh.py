@@ -82,6 +82,22 @@ def srgb_to_linear(values: ArrayLike) -> Array:
     return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0) ** 2.2
 
 
+def welded(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Which rows (N, bytes) are alike: the first of each sort, and for every row its sort.
+
+    Rows are told apart by a 64-bit sum, many times faster than sorting them whole.
+    """
+    padded = np.zeros((len(rows), -(-rows.shape[1] // 8) * 8), dtype=np.uint8)
+    padded[:, : rows.shape[1]] = rows
+    words = padded.view(np.uint64)
+    factors = np.random.default_rng(8).integers(1, 2**63, words.shape[1], dtype=np.uint64) | np.uint64(1)
+    sums = np.zeros(len(words), dtype=np.uint64)
+    for word, factor in zip(words.T, factors, strict=True):
+        sums = (sums ^ (sums >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15) + word * factor
+    _, keep, inverse = np.unique(sums, return_index=True, return_inverse=True)
+    return keep, inverse.ravel()
+
+
 def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, material: Material, tile_m: Tile = (1.0, 1.0)) -> Part:
     """A rectangle from a corner along u and v (metres), facing u x v; the texture repeats every `tile_m` along each."""
     corner, u, v = (np.asarray(a, dtype=np.float64) for a in (corner, u, v))

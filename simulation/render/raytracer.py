@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +14,8 @@ from edgemap.simulation.errors import require
 from edgemap.simulation.render.mesh import Array
 
 _OFFSET_M = 0.003
+# Fixed, so that results do not depend on the number of processors; small, to stay in their caches.
+_PIECE = 16384
 
 
 class Raytracer:
@@ -22,6 +29,8 @@ class Raytracer:
         construction = require("embreex.mesh_construction")
         self._scene = scene.EmbreeScene()
         self._mesh = construction.TriangleMesh(self._scene, np.ascontiguousarray(triangles, dtype=np.float32))
+        # The first ray builds the search tree, which threads must not do at once.
+        self.visible(np.zeros((1, 3)), np.zeros((1, 3)), np.ones((1, 3)))
 
     def visible(self, points: Array, normals: Array, targets: Array) -> NDArray[np.bool_]:
         """Whether each target (N, 3) is in plain sight of its point (N, 3), a little off both ends."""
@@ -38,6 +47,13 @@ class Raytracer:
         hit = np.asarray(result["primID"]).astype(np.int64)
         front = (self.normals[np.maximum(hit, 0)] * directions).sum(axis=1) < 0.0
         return hit, front
+
+
+def in_pieces(function: Callable[[slice], NDArray[Any]], count: int) -> NDArray[Any]:
+    """`function(some)` for consecutive slices of `count` rows, on all processors, joined in order."""
+    slices = [slice(at, min(at + _PIECE, count)) for at in range(0, count, _PIECE)] or [slice(0, 0)]
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        return np.concatenate(list(pool.map(function, slices)))
 
 
 def r2_sequence(count: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,18 +94,43 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LitPart:
-    """A part of a solid with light kept at its corners: front, back (T, 3, 3) irradiance / pi per side."""
+    """A part of a solid with light kept at its corners: irradiance / pi (T, 3, 3) on the front (where the normals
+    point) and on the back. front, back: of the lamps; day_front, day_back: of the day, None where there is none."""
 
     id: int
     part: Part
     front: NDArray[np.float32]
     back: NDArray[np.float32]
+    day_front: NDArray[np.float32] | None = None
+    day_back: NDArray[np.float32] | None = None
+
+
+class LitSurface(NamedTuple):
+    """A surface with its light maps (rows, columns, 3) float32 irradiance / pi, row 0 at v = 0: lamps, then day."""
+
+    surface: Surface
+    lamp: NDArray[np.float32]
+    day: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Probes:
+    """Light in mid-air, for what moves. irradiance / pi through the six faces of a small cube.
+
+    lamp, day: (X, Y, Z, 6, 3), faces +x -x +y -y +z -z; the first probe is at `corner_m`, the next `step_m` (3,) on.
+    """
+
+    corner_m: Array
+    step_m: Array
+    lamp: NDArray[np.float32]
+    day: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LitScene:
-    """A scene with its baked light; light maps are (rows, columns, 3) float32 irradiance / pi, row 0 at v = 0."""
+    """A scene with its baked light, apart for lamps and day, as light adds up."""
 
-    surfaces: tuple[tuple[Surface, NDArray[np.float32]], ...]
+    surfaces: tuple[LitSurface, ...]
     parts: tuple[LitPart, ...]
     lights: tuple[AreaLight, ...]
+    probes: Probes | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,12 +37,34 @@ class View:
 def projection(intrinsics: Intrinsics) -> Array:
     """OpenGL's clip matrix (4, 4) for optical points (x right, y down, z forward); pixel centres are integers.
 
-    Column u becomes 2 (u + 1/2) / width - 1, row v becomes 1 - 2 (v + 1/2) / height; w is the optical depth.
+    Column u becomes 2 (u + 1/2) / width - 1, row v becomes 2 (v + 1/2) / height - 1; w is the optical depth. OpenGL's
+    lowest row is thus the picture's top row, and what is read back needs no turning over.
     """
     width, height = intrinsics.width, intrinsics.height
     matrix = np.zeros((4, 4))
     matrix[0, [0, 2]] = 2.0 * intrinsics.fx / width, 2.0 * (intrinsics.cx + 0.5) / width - 1.0
-    matrix[1, [1, 2]] = -2.0 * intrinsics.fy / height, 1.0 - 2.0 * (intrinsics.cy + 0.5) / height
+    matrix[1, [1, 2]] = 2.0 * intrinsics.fy / height, 2.0 * (intrinsics.cy + 0.5) / height - 1.0
     matrix[2, 2:] = (FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)
     matrix[3, 2] = 1.0
     return matrix
+
+
+def oversampled(intrinsics: Intrinsics, times: int) -> Intrinsics:
+    """A pinhole with `times` as many columns and rows whose pixel (n u, n v) looks where (u, v) looked."""
+    return replace(
+        intrinsics,
+        width=times * intrinsics.width,
+        height=times * intrinsics.height,
+        fx=times * intrinsics.fx,
+        fy=times * intrinsics.fy,
+        cx=times * intrinsics.cx,
+        cy=times * intrinsics.cy,
+    )
+
+
+def clip_matrix(view: View, intrinsics: Intrinsics) -> Array:
+    """(4, 4) from homogeneous points of the home to OpenGL's clip space."""
+    optical_home = np.eye(4)
+    optical_home[:3, :3] = view.rotation_home_optical.T
+    optical_home[:3, 3] = -view.rotation_home_optical.T @ view.position_home_m
+    return projection(intrinsics) @ optical_home

@@ -1,7 +1,6 @@
 """The renderer's pictures against edgemap.geometry: same pixels, same depths."""
 
 import hashlib
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,13 +124,3 @@ def test_same_seed_same_picture(world, renderer):
     sums = [hashlib.sha256(made.picture(view).tobytes()).hexdigest() for made in (renderer, other)]
     other.close()
     assert sums[0] == sums[1]
-
-
-def test_distorted_lens_is_refused(world):
-    from edgemap.geometry.intrinsics import Distortion
-    from edgemap.simulation.errors import SimulationError
-    from edgemap.simulation.render.renderer import Renderer
-
-    bent = replace(INTRINSICS, distortion=Distortion("brown_conrady", (0.1,)))
-    with pytest.raises(SimulationError, match="distortion"):
-        Renderer(world[1], bent)

@@ -1,0 +1,140 @@
+"""A lit scene as arrays for drawing: one list of vertices, one of triangles, and batches that share a material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.simulation.render.mesh import Array, Material, welded
+from edgemap.simulation.render.scene import ROOM_ID, LitPart, LitSurface
+from edgemap.simulation.render.shaders import Kind
+
+_GLOSS = 0.01
+# Trim of the rooms is cut into pieces of about this size, so that what is out of view can be left out.
+_CELL_M = 3.0
+
+CORNERS = np.dtype(
+    [
+        ("position", "3f4"),
+        ("uv", "2f4"),
+        ("normal", "4i1"),
+        ("tint", "4u1"),
+        ("day_front", "3f2"),
+        ("day_back", "3f2"),
+        ("lamp_front", "3f2"),
+        ("lamp_back", "3f2"),
+    ]
+)
+SURFACES = np.dtype([("position", "3f4"), ("uv", "2f4"), ("normal", "4i1"), ("tint", "4u1"), ("map_uv", "2f4")])
+FORMATS = {
+    "position": "3f4",
+    "uv": "2f4",
+    "normal": "3i1 1x",
+    "tint": "3f1 1x",
+    "map_uv": "2f4",
+    "day_front": "3f2",
+    "day_back": "3f2",
+    "lamp_front": "3f2",
+    "lamp_back": "3f2",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """One draw call: `count` indices from `first`. corners: (8, 3) of its bounding box, metres."""
+
+    id: int
+    kind: Kind
+    material: Material
+    first: int
+    count: int
+    corners: Array
+
+    @property
+    def see_through(self) -> bool:
+        """True where it is blended over what stands behind."""
+        return self.material.opacity < 0.99
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Packed:
+    """Vertices (structured), triangles (uint32 indices, three by three) and the batches they make."""
+
+    vertices: NDArray[Any]
+    indices: NDArray[np.uint32]
+    batches: tuple[Batch, ...]
+
+
+def pack_parts(parts: Sequence[LitPart]) -> Packed:
+    """Parts of solids; those of one object that look alike are drawn in one go."""
+    groups: dict[tuple[Any, ...], list[LitPart]] = {}
+    for lit in parts:
+        groups.setdefault(_look(lit), []).append(lit)
+    vertices, indices, batches, first = [], [], [], 0
+    for group in groups.values():
+        rows = np.concatenate([_corner_rows(lit) for lit in group])
+        keep, inverse = welded(rows.view(np.uint8).reshape(len(rows), -1))
+        material = group[0].part.material
+        batches.append(
+            Batch(group[0].id, _kind(material, False), material, first, len(rows), _box(rows["position"][keep]))
+        )
+        indices.append((inverse + sum(map(len, vertices))).astype(np.uint32))
+        vertices.append(rows[keep])
+        first += len(rows)
+    if not batches:
+        return Packed(np.zeros(0, CORNERS), np.zeros(0, np.uint32), ())
+    return Packed(np.concatenate(vertices), np.concatenate(indices), tuple(batches))
+
+
+def pack_surfaces(surfaces: Sequence[LitSurface], places: Sequence[Array]) -> Packed:
+    """Surfaces with their light maps' places in the atlas: (u0, v0, u1, v1) of each map's border, 0..1."""
+    rows, batches = np.zeros(6 * len(surfaces), SURFACES), []
+    for number, (lit, place) in enumerate(zip(surfaces, places, strict=True)):
+        part, at = lit.surface.part(), rows[6 * number : 6 * number + 6]
+        at["position"], at["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
+        at["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
+        at["tint"][:, :3] = _encoded(part.material.colour)
+        share = part.uv.reshape(-1, 2) / part.uv.reshape(-1, 2).max(axis=0)
+        at["map_uv"] = place[:2] + share * (place[2:] - place[:2])
+        box = _box(part.positions.reshape(-1, 3))
+        batches.append(Batch(ROOM_ID, _kind(part.material, True), part.material, 6 * number, 6, box))
+    return Packed(rows, np.arange(len(rows), dtype=np.uint32), tuple(batches))
+
+
+def _look(lit: LitPart) -> tuple[Any, ...]:
+    material = lit.part.material
+    cell = ()
+    if lit.id == ROOM_ID:
+        cell = tuple(np.floor(lit.part.positions.reshape(-1, 3).mean(axis=0) / _CELL_M).astype(int))
+    see_through = material.opacity if material.opacity < 0.99 else 1.0
+    return lit.id, cell, id(material.texture), round(material.gloss, 2), see_through, material.emission, material.group
+
+
+def _corner_rows(lit: LitPart) -> NDArray[Any]:
+    part, dark = lit.part, np.zeros((1, 3), dtype=np.float32)
+    rows = np.zeros(3 * len(part.positions), CORNERS)
+    rows["position"], rows["uv"] = part.positions.reshape(-1, 3), part.uv.reshape(-1, 2)
+    rows["normal"][:, :3] = np.round(part.normals.reshape(-1, 3) * 127.0)
+    rows["tint"][:, :3] = _encoded(part.material.colour)
+    rows["lamp_front"], rows["lamp_back"] = lit.front.reshape(-1, 3), lit.back.reshape(-1, 3)
+    rows["day_front"] = dark if lit.day_front is None else lit.day_front.reshape(-1, 3)
+    rows["day_back"] = dark if lit.day_back is None else lit.day_back.reshape(-1, 3)
+    return rows
+
+
+def _kind(material: Material, light_map: bool) -> Kind:
+    return Kind(light_map, material.texture is not None, material.cut_out, material.gloss > _GLOSS)
+
+
+def _encoded(colour: Sequence[float]) -> NDArray[np.uint8]:
+    return np.round(255.0 * np.sqrt(np.clip(np.asarray(colour), 0.0, 1.0))).astype(np.uint8)
+
+
+def _box(points: Array) -> Array:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array(list(product(*zip(low, high, strict=True))), dtype=np.float64)

@@ -1,0 +1,103 @@
+"""OpenGL without a screen: programs per kind of surface, meshes in memory, textures."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.simulation.errors import SimulationError, require
+from edgemap.simulation.render import shaders
+from edgemap.simulation.render.batches import FORMATS, Packed
+from edgemap.simulation.render.shaders import Kind
+
+
+class Canvas:
+    """One OpenGL context and what lives in it. Raises SimulationError where OpenGL is missing."""
+
+    def __init__(self) -> None:
+        self.gl = require("moderngl")
+        self.context = _context(self.gl)
+        self._programs: dict[Kind, Any] = {}
+        self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
+        self.silhouette = self.context.program(*shaders.SILHOUETTE)
+        self.walls = self.context.program(*shaders.WALLS)
+        self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
+
+    def program(self, kind: Kind) -> Any:
+        """The program that draws a kind of surface, compiled when first asked for."""
+        if kind not in self._programs:
+            made = self._programs[kind] = self.context.program(*shaders.source(kind))
+            for unit, name in enumerate(("image", "light_map")):
+                if name in made:
+                    made[name] = unit
+        return self._programs[kind]
+
+    def texture(self, image: NDArray[np.uint8] | None) -> Any:
+        """A texture (H, W, 4) sRGB in memory, sent once; white for none."""
+        if image is None:
+            return self.white
+        if id(image) not in self._textures:
+            # The image is kept too, so that its id stays its own.
+            self._textures[id(image)] = image, self._uploaded(image)
+        return self._textures[id(image)][1]
+
+    def target(self, size: tuple[int, int], components: int = 4, depth: bool = True) -> Any:
+        """A framebuffer (width, height) of bytes with a depth buffer."""
+        colour = [self.context.renderbuffer(size, components)] if components else []
+        return self.context.framebuffer(colour, self.context.depth_renderbuffer(size) if depth else None)
+
+    def close(self) -> None:
+        """Give the context back."""
+        self.context.release()
+
+    def _uploaded(self, image: NDArray[np.uint8]) -> Any:
+        """A texture with mipmaps, its sides powers of two: Mesa compiles every shader anew for each KIND of texture.
+        Colours are kept as square roots of linear light."""
+        size = tuple(1 << max(4, round(math.log2(side))) for side in image.shape[1::-1])
+        if size != image.shape[1::-1]:
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+        root = np.round(255.0 * (np.arange(256) / 255.0) ** 1.1).astype(np.uint8)
+        pixels = np.concatenate([root[image[..., :3]], image[..., 3:]], axis=2)
+        texture = self.context.texture(size, 4, np.ascontiguousarray(pixels[::-1]).tobytes())
+        texture.build_mipmaps()
+        texture.filter = (self.gl.LINEAR_MIPMAP_LINEAR, self.gl.LINEAR)
+        return texture
+
+
+class Meshes:
+    """Vertices and triangles in OpenGL's memory, drawable by any program."""
+
+    def __init__(self, canvas: Canvas, packed: Packed) -> None:
+        self.packed = packed
+        self._canvas = canvas
+        self._arrays: dict[int, Any] = {}
+        self.vertices = canvas.context.buffer(packed.vertices.tobytes())
+        self._indices = canvas.context.buffer(packed.indices.tobytes())
+
+    def array(self, program: Any) -> Any:
+        """The vertex array that feeds a program."""
+        if program.glo not in self._arrays:
+            names = [name for name in self.packed.vertices.dtype.names or () if name in program]
+            self._arrays[program.glo] = self._canvas.context.vertex_array(
+                program, [(self.vertices, self._format(set(names)), *names)], self._indices, index_element_size=4
+            )
+        return self._arrays[program.glo]
+
+    def _format(self, used: set[str]) -> str:
+        """moderngl's description of the vertices, with padding for what the program does not read."""
+        dtype = self.packed.vertices.dtype
+        sizes = {name: dtype[name].itemsize for name in dtype.names or ()}
+        return " ".join(FORMATS[name] if name in used else f"{sizes[name]}x" for name in sizes)
+
+
+def _context(moderngl: Any) -> Any:
+    try:
+        return moderngl.create_context(standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
+    except Exception as error:
+        raise SimulationError(
+            f"no OpenGL without a screen ({error}): apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+        ) from None

@@ -1,0 +1,235 @@
+"""Where light is worked out: texels of surfaces, chosen points of solids, small cubes in mid-air."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from edgemap.simulation.render.mesh import Array, Part, subdivided, welded
+from edgemap.simulation.render.raytracer import Raytracer
+from edgemap.simulation.render.scene import LitPart, Scene, Solid, Surface
+
+Light = NDArray[np.float32]
+
+_REFLECTOR_M = 0.25
+_PROBE_STEP_M, _PROBE_HEIGHT_M, _PROBE_LEVELS = 0.6, 0.15, 4
+# Light maps wider than this do not fit the atlas.
+_MOST_TEXELS = 1000
+# How much a point with a different normal counts as farther off, in clusters per radian or so.
+_NORMAL_WEIGHT = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Light points: positions, unit normals (N, 3); shifts (N, 2) of the sample pattern, the same where neighbours
+    must agree to be smooth."""
+
+    positions: Light
+    normals: Light
+    shifts: Light
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @classmethod
+    def joined(cls, some: Sequence[Points]) -> Points:
+        """All of them in one list."""
+        return cls(*(np.concatenate([getattr(p, n) for p in some]) for n in ("positions", "normals", "shifts")))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reflector:
+    """Triangles (T, 3, 3) that send light on: light points (T, 3) at the corners of their front (which way they are
+    wound) and back, and their linear reflectance (T, 3)."""
+
+    triangles: Array
+    front: NDArray[np.int64]
+    back: NDArray[np.int64]
+    reflectance: Array
+
+
+class SurfacePoints:
+    """A surface's texels: `fine` ones for direct light, `coarse` ones that gather bounced light."""
+
+    def __init__(self, surface: Surface, texel_m: float, gather_m: float, rng: np.random.Generator) -> None:
+        self.surface = surface
+        columns, rows = surface.texels(texel_m)
+        self.shape = min(rows, _MOST_TEXELS), min(columns, _MOST_TEXELS)
+        columns, rows = surface.texels(gather_m)
+        self.coarse_shape = min(rows, self.shape[0]), min(columns, self.shape[1])
+        self.fine = self._texels(self.shape, rng)
+        self.coarse = self._texels(self.coarse_shape, rng)
+        self._open = np.ones(self.shape, dtype=bool)
+
+    def hide(self, trim: Raytracer | None, reach_m: float) -> None:
+        """Leave out the texels that trim (skirting, frames) covers, for their darkness would show beside it."""
+        if trim is not None:
+            ends = self.fine.positions + self.fine.normals * np.float32(reach_m)
+            self._open = trim.visible(self.fine.positions, self.fine.normals, ends).reshape(self.shape)
+
+    def coarsened(self, light: Light) -> Light:
+        """Light at coarse texels (M, 6) from that at fine ones (N, 6)."""
+        size = self.coarse_shape[::-1]
+        halves = [
+            cv2.resize(np.ascontiguousarray(half.reshape(*self.shape, 3)), size, interpolation=cv2.INTER_AREA)
+            for half in (light[:, :3], light[:, 3:])
+        ]
+        return np.concatenate(halves, axis=2).reshape(-1, 6)
+
+    def smooth_fine(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
+        """The map (rows, columns, 6) of fine values (N, 6), less noisy; covered texels take over their neighbours'."""
+        coarse = open_coarse.reshape(self.coarse_shape).astype(np.uint8)
+        inside = cv2.resize(coarse, self.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+        return _smooth(light.reshape(*self.shape, 6), self._open & inside, 0.8)
+
+    def smooth_coarse(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
+        """The map (rows, columns, 6) of coarse values (M, 6)."""
+        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_coarse.reshape(self.coarse_shape), 0.8)
+        size = self.shape[::-1]
+        halves = [
+            cv2.resize(np.ascontiguousarray(half), size, interpolation=cv2.INTER_LINEAR)
+            for half in (smooth[..., :3], smooth[..., 3:])
+        ]
+        return np.concatenate(halves, axis=2)
+
+    def reflector(self) -> Reflector:
+        """Its triangles, lit by its coarse texels."""
+        surface, (rows, columns) = self.surface, self.coarse_shape
+        part = subdivided(surface.part(), _REFLECTOR_M)
+        offset = part.positions - surface.corner
+        column = np.clip(offset @ surface.u / (surface.u @ surface.u) * columns, 0, columns - 1).astype(np.int64)
+        row = np.clip(offset @ surface.v / (surface.v @ surface.v) * rows, 0, rows - 1).astype(np.int64)
+        texel, material = row * columns + column, surface.material
+        reflectance = np.broadcast_to(material.mean_reflectance() * material.opacity, (len(texel), 3))
+        return Reflector(part.positions, texel, texel, reflectance)
+
+    def _texels(self, shape: tuple[int, int], rng: np.random.Generator) -> Points:
+        rows, columns = shape
+        a, b = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
+        surface = self.surface
+        positions = surface.corner + a.reshape(-1, 1) * surface.u + b.reshape(-1, 1) * surface.v
+        normals = np.broadcast_to(surface.normal, positions.shape)
+        return Points(positions.astype(np.float32), normals.astype(np.float32), rng.random((len(positions), 2), "f4"))
+
+
+class SolidPoints:
+    """Light points of solids: one corner for all corners of a solid near it that face the same way; both its sides.
+
+    points: all fronts, then all backs.
+    """
+
+    def __init__(self, solids: Sequence[Solid], spacing_m: float, cluster_m: float) -> None:
+        self._parts = [(solid.id, _fine(part, spacing_m)) for solid in solids for part in solid.mesh.parts]
+        self._cluster_m = cluster_m
+        counts = [3 * len(part.positions) for _, part in self._parts]
+        positions = _flat([part.positions for _, part in self._parts])
+        normals = _flat([part.normals for _, part in self._parts])
+        ids = np.repeat(np.array([id_ for id_, _ in self._parts], dtype=np.int16), counts)
+        corners = np.concatenate([_bytes(np.round(positions * 1e3), "i4"), _bytes(np.round(normals * 8.0), "i1")], 1)
+        keep, self._corner = welded(corners)
+        self._positions, self._normals = positions[keep], normals[keep]
+        cells = [
+            _bytes(np.floor(self._positions / cluster_m), "i2"),
+            _bytes(np.round(self._normals * 1.5), "i1"),
+            _bytes(ids[keep, None], "i2"),
+        ]
+        chosen, self._cluster = welded(np.concatenate(cells, axis=1))
+        at, normals = self._positions[chosen], self._normals[chosen]
+        self._chosen = chosen
+        self._count = len(chosen)
+        none = np.zeros((2 * self._count, 2), dtype=np.float32)
+        self.points = Points(np.concatenate([at, at]), np.concatenate([normals, -normals]), none)
+
+    def reflector(self) -> Reflector:
+        """Their triangles. The front is where the shading normals point, whatever way the triangles are wound."""
+        if not self._parts:
+            none = np.zeros((0, 3), dtype=np.int64)
+            return Reflector(np.zeros((0, 3, 3)), none, none, np.zeros((0, 3)))
+        triangles = np.concatenate([part.positions for _, part in self._parts])
+        normals = np.concatenate([part.normals.mean(axis=1) for _, part in self._parts])
+        wound = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        agrees = ((wound * normals).sum(axis=1) >= 0.0)[:, None]
+        front = self._cluster[self._corner].reshape(-1, 3)
+        back = front + self._count
+        reflectance = np.concatenate(
+            [
+                np.broadcast_to(part.material.mean_reflectance() * part.material.opacity, (len(part.positions), 3))
+                for _, part in self._parts
+            ]
+        )
+        return Reflector(triangles, np.where(agrees, front, back), np.where(agrees, back, front), reflectance)
+
+    def lit(self, light: Light) -> list[LitPart]:
+        """The parts with the light (2 N, 6) of their points, blended between the nearest ones that face alike."""
+        if not self._parts:
+            return []
+        keys = np.concatenate([self._positions / self._cluster_m, self._normals * _NORMAL_WEIGHT], axis=1)
+        nearest = min(4, self._count)
+        distance, index = cKDTree(keys[self._chosen]).query(keys, k=nearest, workers=-1)
+        distance, index = distance.reshape(-1, nearest), index.reshape(-1, nearest)
+        weights = np.exp(-1.5 * distance**2) + 1e-9
+        weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+        sides = [
+            sum(weights[:, k, None] * side[index[:, k]] for k in range(nearest))[self._corner]
+            for side in (light[: self._count], light[self._count :])
+        ]
+        done, at = [], 0
+        for id_, part in self._parts:
+            some = slice(at, at + 3 * len(part.positions))
+            front, back = (np.asarray(side)[some].reshape(-1, 3, 6) for side in sides)
+            done.append(LitPart(id_, part, front[..., :3], back[..., :3], front[..., 3:], back[..., 3:]))
+            at = some.stop
+        return done
+
+
+def probe_grid(scene: Scene) -> tuple[Array, Array, tuple[int, int, int], Points]:
+    """Small cubes in mid-air over all surfaces: corner and step (3,) in metres, shape, and their faces as points."""
+    ends = [s.corner + a * s.u + b * s.v for s in scene.surfaces for a in (0, 1) for b in (0, 1)] or [np.zeros(3)]
+    low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+    counts = np.maximum(np.ceil((high - low)[:2] / _PROBE_STEP_M).astype(int), 1)
+    corner = np.array([*(low[:2] + _PROBE_STEP_M / 2.0), low[2] + _PROBE_HEIGHT_M])
+    step, shape = np.full(3, _PROBE_STEP_M), (int(counts[0]), int(counts[1]), _PROBE_LEVELS)
+    at = corner + np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3) * step
+    faces = np.array([sign * np.eye(3)[axis] for axis in range(3) for sign in (1, -1)])
+    positions, normals = np.repeat(at, 6, axis=0), np.tile(faces, (len(at), 1))
+    none = np.zeros((len(positions), 2), dtype=np.float32)
+    return corner, step, shape, Points(positions.astype(np.float32), normals.astype(np.float32), none)
+
+
+def _fine(part: Part, longest_m: float) -> Part:
+    edges = part.positions[:, [1, 2, 0]] - part.positions
+    return subdivided(part, longest_m) if (edges * edges).sum(axis=2).max(initial=0.0) > longest_m**2 else part
+
+
+def _flat(arrays: Sequence[Array]) -> Light:
+    if not arrays:
+        return np.zeros((0, 3), dtype=np.float32)
+    return np.concatenate([array.reshape(-1, 3) for array in arrays]).astype(np.float32)
+
+
+def _bytes(values: np.ndarray, kind: str) -> NDArray[np.uint8]:
+    values = np.ascontiguousarray(values.astype(kind))
+    return values.view(np.uint8).reshape(len(values), values.shape[1] * values.itemsize)
+
+
+def _smooth(light: Light, open_: NDArray[np.bool_], sigma: float) -> Light:
+    """Blurred (rows, columns, 6), taking only the open texels; the others get what lies nearest around them."""
+    done = np.zeros_like(light)
+    missing = np.ones(open_.shape, dtype=bool)
+    weight = open_.astype(np.float32)
+    for width in (sigma, 2.0, 6.0, 20.0):
+        blurred = cv2.GaussianBlur(weight, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
+        here = missing & (blurred > 0.02)
+        for half in (slice(0, 3), slice(3, 6)):
+            sums = np.ascontiguousarray(light[..., half] * weight[..., None])
+            sums = cv2.GaussianBlur(sums, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
+            done[..., half][here] = sums[here] / blurred[here, None]
+        missing &= ~here
+        if not missing.any():
+            break
+    return done

@@ -1,0 +1,66 @@
+"""What moves through a lit home: rigid meshes placed anew for every picture, lit by the light in mid-air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.render.mesh import Array, Mesh
+from edgemap.simulation.render.scene import Probes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mover:
+    """A mesh at a pose for one picture. id: what the id picture shows, apart from those of the furniture.
+
+    mesh: in the mover's frame (x ahead, y left, z up from the floor, metres); keep one object per shape, since a new
+    mesh is sent to the graphics system anew. label: what boxes call it.
+    """
+
+    id: int
+    mesh: Mesh
+    pose_home_mover: SE2
+    label: str = "person"
+
+    def matrix_home_mover(self) -> Array:
+        """(4, 4) from the mover's frame to the home."""
+        matrix = np.eye(4)
+        matrix[:2, :2] = self.pose_home_mover.rotation()
+        matrix[:2, 3] = self.pose_home_mover.x_m, self.pose_home_mover.y_m
+        return matrix
+
+
+def mid_air_light(probes: Probes | None, points: Array, normals: Array) -> tuple[Array, Array]:
+    """Lamp and day light (N, 3) at points with normals (N, 3) of one mover, in the home frame; an even gloom where
+    there are no probes."""
+    if probes is None:
+        gloom = np.full(points.shape, 0.2)
+        return gloom, gloom
+    lamp, day = (_irradiance(probes, light, points, normals) for light in (probes.lamp, probes.day))
+    return lamp, day
+
+
+def _irradiance(probes: Probes, light: NDArray[np.float32], points: Array, normals: Array) -> Array:
+    """Light (N, 3) at points: up the mover's height, from the probes round its middle; faces weighted by the squared
+    normal (an ambient cube, Source engine 2004)."""
+    middle = points.mean(axis=0)
+    heights = probes.corner_m[2] + probes.step_m[2] * np.arange(light.shape[2])
+    at = (np.broadcast_to(middle, (len(heights), 3)) - probes.corner_m) / probes.step_m
+    at[:, 2] = np.arange(len(heights))
+    column = np.stack(
+        [
+            map_coordinates(light[..., face, channel], at.T, order=1, mode="nearest")
+            for face in range(6)
+            for channel in range(3)
+        ],
+        axis=1,
+    )
+    level = np.clip((points[:, 2] - heights[0]) / probes.step_m[2], 0.0, len(heights) - 1.001)
+    low, share = level.astype(int), (level % 1.0)[:, None]
+    cube = ((1.0 - share) * column[low] + share * column[np.minimum(low + 1, len(heights) - 1)]).reshape(-1, 6, 3)
+    weights = np.stack([np.maximum(sign * normals[:, axis], 0.0) ** 2 for axis in range(3) for sign in (1, -1)], axis=1)
+    return (weights[..., None] * cube).sum(axis=1)

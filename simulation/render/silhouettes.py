@@ -1,0 +1,86 @@
+"""How much of each object there would be to see if nothing hid it: whole boxes, and whole areas."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.view import NEAR_M
+
+TILE_PX, COLUMNS, ROWS = 64, 16, 8
+# Objects that reach out of the picture are followed this far, as a factor on the picture's size.
+_REACH = 2.0
+_MANY = 500
+
+
+class Outlines:
+    """The points of each object that can be at the border of its picture."""
+
+    def __init__(self, points_home_m: dict[int, Array]) -> None:
+        self._points = points_home_m
+        self._hulls: dict[int, Array] = {}
+
+    def of(self, id_: int) -> Array:
+        """Corners (N, 3) of the object's convex hull."""
+        if id_ not in self._hulls:
+            points = self._points[id_]
+            if len(points) > _MANY:
+                # Of what is flat all points will do.
+                with suppress(QhullError):
+                    points = points[ConvexHull(points).vertices]
+            self._hulls[id_] = points
+        return self._hulls[id_]
+
+    def copy_of(self, id_: int, points: Array) -> None:
+        """Take the points (N, 3) of an object that may have moved."""
+        self._points[id_] = points
+        self._hulls.pop(id_, None)
+
+
+def ideal_points(points_optical_m: Array) -> Array:
+    """Convex points (N, 3) of the optical frame as (M, 2) at unit depth, cut at the near plane where some lie behind;
+    none where all do."""
+    ahead = points_optical_m[:, 2] >= NEAR_M
+    front, behind = points_optical_m[ahead], points_optical_m[~ahead]
+    if len(front) and len(behind):
+        share = ((NEAR_M - behind[:, 2])[:, None] / (front[:, 2] - behind[:, None, 2])).astype(np.float64)
+        cut = behind[:, None] + share[..., None] * (front - behind[:, None])
+        front = np.concatenate([front, cut.reshape(-1, 3)])
+    return front[:, :2] / front[:, 2:]
+
+
+def pixel_box(ideal: Array, intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """(x0, y0, x1, y1) px round points at unit depth, pixel k covering k to k + 1; lens and all."""
+    at = intrinsics.distortion.distort(ideal) * [intrinsics.fx, intrinsics.fy] + [intrinsics.cx, intrinsics.cy] + 0.5
+    return np.concatenate([at.min(axis=0), at.max(axis=0)])
+
+
+def window(box: NDArray[np.float64], pinhole: Intrinsics) -> NDArray[np.float64]:
+    """The part of a whole box that an object's area is counted in: at most twice the picture, about its middle."""
+    size = np.array([pinhole.width, pinhole.height], dtype=np.float64)
+    low, high = size / 2.0 - _REACH * size / 2.0, size / 2.0 + _REACH * size / 2.0
+    first, last = np.clip(box[:2], low, high), np.clip(box[2:], low, high)
+    return np.concatenate([first, np.maximum(last, first + 1e-3)])
+
+
+def zoomed(clip_home: Array, box: NDArray[np.float64], pinhole: Intrinsics) -> Array:
+    """A clip matrix that fills the viewport with a window (x0, y0, x1, y1) px of the picture."""
+    size = np.array([pinhole.width, pinhole.height])
+    low, high = box[:2] / size * 2.0 - 1.0, box[2:] / size * 2.0 - 1.0
+    zoom = np.eye(4)
+    for axis in range(2):
+        zoom[axis, axis] = 2.0 / (high[axis] - low[axis])
+        zoom[axis, 3] = -(high[axis] + low[axis]) / (high[axis] - low[axis])
+    return zoom @ clip_home
+
+
+def filled(raw: Any, count: int) -> NDArray[np.float64]:
+    """Share of each of the first `count` tiles that is covered, from the sheet's bytes."""
+    sheet = np.frombuffer(raw, dtype=np.uint8).reshape(ROWS, TILE_PX, COLUMNS, TILE_PX)
+    return (sheet > 127).mean(axis=(1, 3)).reshape(-1)[:count]
