@@ -26,7 +26,7 @@ from edgemap.cli.options import (
     new_map,
     open_described,
 )
-from edgemap.cli.saved_map import SavedMap, StartText, in_saved_map, where_it_was
+from edgemap.cli.saved_map import Forget, SavedMap, StartText, forgetter_of, in_saved_map, where_it_was
 
 if TYPE_CHECKING:
     from edgemap.geometry.floor_map import MapObject
@@ -52,6 +52,7 @@ def command(
     ] = "default",
     saved: SavedMap = None,
     start: StartText = None,
+    forget: Forget = "auto",
     out: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
     ] = None,
@@ -112,8 +113,9 @@ def command(
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
+        rule, forgetter = FloorRule(mapped=mapped), forgetter_of(forget, saved, clustering, floor)
         pipeline = Pipeline(
-            loaded, floor, motion, new_map(clustering), rule=FloorRule(mapped=mapped), confidence=confidence
+            loaded, floor, motion, new_map(clustering), rule=rule, confidence=confidence, forgetter=forgetter
         )
         steps = in_saved_map(pipeline, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")

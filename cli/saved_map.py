@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from edgemap.cli.options import OptionError, numbers
 
 if TYPE_CHECKING:
+    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.forgetting import Forgetter, NeverForgets
     from edgemap.runtime.loop import Steps
     from edgemap.runtime.pipeline import Pipeline
 
@@ -30,6 +32,22 @@ StartText = Annotated[
         "counter-clockwise.",
     ),
 ]
+Forget = Annotated[
+    Literal["auto", "on", "off"],
+    tyro.conf.arg(
+        help="Whether an object that is in plain view and not detected, look after look, leaves the map; auto: on with "
+        "--map, where furniture may have been moved since."
+    ),
+]
+
+
+def forgetter_of(forget: str, saved: Path | None, clustering: str, floor: FloorCamera) -> Forgetter | NeverForgets:
+    """What the run weighs negative evidence with. Raises OptionError for a map that cannot forget."""
+    from edgemap.geometry.forgetting import Forgetter, NeverForgets
+
+    if forget == "on" and clustering == "paper":
+        raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
+    return Forgetter(floor) if forget == "on" or (forget == "auto" and saved is not None) else NeverForgets()
 
 
 def in_saved_map(pipeline: Pipeline, saved: Path | None, start: str | None, clustering: str) -> Steps:

@@ -33,6 +33,18 @@ def test_a_run_goes_on_with_a_saved_map(edgemap, painted_bundle, pictures, saved
     assert (record["map"], record["start"]) == (str(saved), "2,0,0")
 
 
+@pytest.mark.parametrize(("forget", "stays"), [("auto", False), ("off", True)])
+def test_a_chair_that_is_gone_leaves_the_map(edgemap, painted_bundle, pictures, tmp_path, forget, stays):
+    # Saved 3 m ahead and seen from here before; the detector sees only the chair 5 m ahead.
+    chair, other = mapped([("chair", 3.0, 0.8), ("chair", 5.25, 0.0)])
+    objects = [replace(item, seen_from_m=((0.25, 0.25), (-1.75, 0.25))) for item in (chair, other)]
+    save_map(tmp_path / "saved.json", objects)
+    saved, out = tmp_path / "saved.json", tmp_path / "run"
+    done = run(edgemap, painted_bundle, pictures, out, "--map", saved, "--start", "0,0,0", "--forget", forget)
+    assert done.returncode == 0, done.stderr
+    assert [item.id for item in load_map(out)] == (["chair-1", "chair-2"] if stays else ["chair-2"])
+
+
 def test_a_place_that_is_not_found_is_said(edgemap, painted_bundle, pictures, saved, tmp_path):
     done = run(edgemap, painted_bundle, pictures, tmp_path / "run", "--map", saved)
     assert done.returncode == 0, done.stderr
@@ -47,6 +59,7 @@ def test_a_place_that_is_not_found_is_said(edgemap, painted_bundle, pictures, sa
         (("--start", "0,0,0"), "give that with --map"),
         (("--map", "{saved}", "--start", "0,0"), "expected 3 numbers, X,Y,YAW_DEG"),
         (("--map", "{saved}", "--clustering", "paper"), "goes on by association"),
+        (("--forget", "on", "--clustering", "paper"), "keeps every sighting for good"),
         (("--map", "nowhere.json"), "nowhere.json: cannot be read"),
     ],
 )
