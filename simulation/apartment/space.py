@@ -10,8 +10,8 @@ from edgemap.simulation.apartment.plan import FloorPlan, Rectangle
 from edgemap.simulation.render.mesh import Array
 
 _CELL_M = 0.05
-# Radius of the robot and its margin, and a little for the cells.
-_ROBOT_M = 0.18 + 0.08 + 0.03
+# Radius of the robot, its margin, and what cells of this size may hide.
+_ROBOT_M = 0.18 + 0.08 + 0.05
 # What stands this high or lower is in the robot's way; the least floor of a room that it must be able to reach.
 _PASS_M = 0.6
 _REACH_M2, _REACH_SHARE = 0.5, 0.12
