@@ -57,6 +57,7 @@ def floor_svg(
         _line(sheet, true_way, "true-way", "true way"),
         _line(sheet, way, "way", "way driven"),
         marks,
+        [_spot(sheet, item) for item in objects],
         _robot(sheet, way),
         texts,
         _scale_bar(sheet),
@@ -109,10 +110,15 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
         el("title", told),
         el("circle", cx=x, cy=y, r=radius_m(item) * scale, class_="size"),
         el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=turned),
-        el("circle", cx=x, cy=y, r=4.5, class_="spot"),
         class_="object",
         style=f"color:{colour}",
     )  # fmt: skip
+
+
+def _spot(sheet: Sheet, item: MapObject) -> Markup:
+    """The object's place, over all that is drawn of its neighbours."""
+    x, y = sheet.at(item.position_m)
+    return el("circle", cx=x, cy=y, r=4.5, class_="spot", style=f"color:{label_colour(item.label)}")
 
 
 def _name(item: MapObject, spot: tuple[float, float, str]) -> Markup:

@@ -144,6 +144,8 @@ def _floor(found: Findings, way: list[Stop], true_way: list[SE2 | None]) -> Mark
         keys.append(el("li", el("i", class_="key true-way"), "true way"))
     if any(row.true_m for row in found.verdicts or []):
         keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
+    if any(row.state == "missed" for row in found.verdicts or []):
+        keys.append(el("li", el("b", "×", class_="key-missed"), "missed"))
     drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, found.verdicts or ())
     return _section("From above", el("figure", drawing, el("ul", legend, keys, class_="legend")), name="wide")
 
