@@ -5,36 +5,53 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.view import View
 
 _SMALLEST_PX = 40
 
 
-def picture_boxes(renderer: Renderer, view: View, apartment: Apartment) -> list[dict[str, Any]]:
-    """Labelled objects in view: `id`, `label`, `box` around the visible pixels, `visible` share 0..1.
+def picture_boxes(
+    renderer: Renderer, view: View, apartment: Apartment, movers: Sequence[Mover] = ()
+) -> list[dict[str, Any]]:
+    """Labelled objects and movers in view: `id`, `label`, `box` round the visible pixels, `full_box` round the whole
+    object as if nothing hid it, `visible` share 0..1.
 
-    A box is (x0, y0, x1, y1) with pixel k covering k to k + 1, cut by the picture's border. The share is of
-    the object's whole silhouette, so both what hides it and the border lower it.
+    Boxes are (x0, y0, x1, y1) with pixel k covering k to k + 1, cut by the picture's border. The share is of the
+    object's whole silhouette, so both what hides it and the border lower it. Ask for it right after the picture of
+    the same view and movers, and nothing is drawn twice.
     """
-    ids, _ = renderer.ids_and_depth(view)
-    extents, counts = find_objects(ids), np.bincount(ids.ravel())
+    ids, _ = renderer.ids_and_depth(view, movers)
+    labels = {item.id: item.label for item in apartment.furniture if item.label}
+    labels |= {mover.id: mover.label for mover in movers if mover.label}
+    counts = np.bincount(ids.ravel())
+    seen = [id_ for id_ in labels if id_ < len(counts) and counts[id_] >= _SMALLEST_PX]
+    visible_px = renderer.visible_px(ids)
+    full_boxes, whole_px = renderer.whole(view, seen, movers)
     records = []
-    for item in apartment.furniture:
-        if not item.label or item.id >= len(counts) or counts[item.id] < _SMALLEST_PX:
-            continue
-        pixels = int(counts[item.id])
-        rows, columns = extents[item.id - 1]
-        box = [columns.start, rows.start, columns.stop, rows.stop]
-        whole = max(renderer.silhouette_px(view, item.id), float(pixels))
-        records.append({"id": item.id, "label": item.label, "box": box, "visible": round(pixels / whole, 3)})
+    for id_, full, whole in zip(seen, full_boxes, whole_px, strict=True):
+        x, y, width, height = cv2.boundingRect((ids == id_).view(np.uint8))
+        box = [x, y, x + width, y + height]
+        # The whole box is drawn between pixels, the visible one round them: neither may miss what the other has.
+        low, high = np.minimum(np.floor(full[:2] + 0.5), box[:2]), np.maximum(np.floor(full[2:] + 0.5), box[2:])
+        share = min(1.0, visible_px[id_] / max(float(whole), 1e-9))
+        records.append(
+            {
+                "id": id_,
+                "label": labels[id_],
+                "box": box,
+                "full_box": [int(side) for side in (*low, *high)],
+                "visible": round(float(share), 3),
+            }
+        )
     return records
 
 

@@ -94,6 +94,14 @@ class Meshes:
         return " ".join(FORMATS[name] if name in used else f"{sizes[name]}x" for name in sizes)
 
 
+def release(target: Any) -> None:
+    """Give a framebuffer back with its pixels."""
+    for buffer in (*target.color_attachments, target.depth_attachment):
+        if buffer is not None:
+            buffer.release()
+    target.release()
+
+
 def _context(moderngl: Any) -> Any:
     try:
         return moderngl.create_context(standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")

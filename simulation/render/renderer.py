@@ -18,7 +18,7 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.simulation.render import shaders, silhouettes
 from edgemap.simulation.render.atlas import Atlas
 from edgemap.simulation.render.batches import Batch, pack_parts, pack_surfaces
-from edgemap.simulation.render.canvas import Canvas, Meshes
+from edgemap.simulation.render.canvas import Canvas, Meshes, release
 from edgemap.simulation.render.culling import in_view
 from edgemap.simulation.render.lens import Lens
 from edgemap.simulation.render.mesh import Array, Mesh
@@ -61,15 +61,27 @@ class Renderer:
     """
 
     def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0, oversampling: int = 2) -> None:
-        self.intrinsics, self.exposure = intrinsics, exposure
-        self._lens, self._times = Lens(intrinsics), oversampling
-        self._pinhole = oversampled(self._lens.pinhole, oversampling)
+        self.exposure, self._times = exposure, oversampling
         self._canvas = Canvas()
+        self._fine: Any = None
+        self._light: LightMix | None = None
+        self._last: tuple[Any, Frame] | None = None
         # Several contexts may live side by side: every public method makes its own one current.
         with self._canvas.context:
             self._load(scene)
-        self._light = LightMix(float("nan"), float("nan"))
-        self._last: tuple[Any, Frame] | None = None
+        self.look_through(intrinsics)
+
+    def look_through(self, intrinsics: Intrinsics) -> None:
+        """Change the camera; the scene stays as it is. Raises SimulationError for a lens that cannot be drawn."""
+        lens = Lens(intrinsics)
+        self.intrinsics, self._lens, self._last = intrinsics, lens, None
+        self._pinhole = oversampled(lens.pinhole, self._times)
+        size = (self._pinhole.width, self._pinhole.height)
+        if self._fine is None or self._fine.size != size:
+            with self._canvas.context:
+                if self._fine is not None:
+                    release(self._fine)
+                self._fine = self._canvas.target(size)
 
     def _load(self, scene: LitScene) -> None:
         canvas = self._canvas
@@ -86,7 +98,6 @@ class Renderer:
         self._corners = np.array([batch.corners for _, batch in self._all]).reshape(-1, 8, 3)
         self._walls = self._still[-1] if scene.surfaces else None
         self._moving: dict[int, tuple[Mesh, Meshes]] = {}
-        self._fine = canvas.target((self._pinhole.width, self._pinhole.height))
         self._small = canvas.target(_WALLS_PX, 0)
         self._sheet = canvas.target(
             (silhouettes.TILE_PX * silhouettes.COLUMNS, silhouettes.TILE_PX * silhouettes.ROWS), 1, depth=False
