@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from edgemap.simulation.apartment.furniture import Model
+from edgemap.simulation.apartment.made import LIBRARY
 
 _LICENCE_LINKS = {
     "CC0 1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
@@ -27,13 +28,15 @@ def credits_text(models: Iterable[Model], command: str, about: str = DRIVE) -> s
     rows = {
         f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{m.licence}]({_LICENCE_LINKS[m.licence]}) |"
         for m in models
+        if m.library != LIBRARY
     }
     return f"""{about}
 Nothing in it was photographed or recorded. Made with
 
     {command}
 
-Floors, walls, rugs, pictures and light are the project's own. The furniture comes from Sweet Home 3D's libraries
+Floors, walls, rugs, pictures, light, and the vases, suitcases and televisions that are not listed here are the
+project's own. The rest of the furniture comes from Sweet Home 3D's libraries
 (Debian package `sweethome3d-furniture`); the models were scaled, tinted, placed, lit and rendered into pictures:
 
 | model | creator | library | licence |

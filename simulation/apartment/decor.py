@@ -85,7 +85,7 @@ def rug(room: RoomArea, rng: np.random.Generator) -> Surface | None:
     x = float(rng.uniform(room.x0 + 0.15, room.x1 - 0.15 - width) + room.centre[0] - width / 2.0) / 2.0
     y = float(rng.uniform(room.y0 + 0.15, room.y1 - 0.15 - depth) + room.centre[1] - depth / 2.0) / 2.0
     count = int(rng.integers(2, 5))
-    colours = [hsv(rng.random(), rng.uniform(0.0, 0.65), rng.uniform(0.25, 0.9)) for _ in range(count)]
+    colours = [hsv(rng.random(), rng.uniform(0.0, 0.5), rng.uniform(0.25, 0.8)) for _ in range(count)]
     pattern = textures.rug(rng, [*colours, colours[0]], 512) if rng.random() < 0.4 else textures.woven(rng, colours)
     material = Material(_WHITE, pattern)
     corner = np.array([x, y, _RUG_M])

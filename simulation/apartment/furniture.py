@@ -15,6 +15,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from edgemap.simulation.apartment.made import COUNTS, LIBRARY, made
 from edgemap.simulation.apartment.simplify import simplified
 from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
@@ -128,6 +131,11 @@ def catalogue() -> dict[str, Model]:
         for entry in entries.values():
             model = _model(library, entry)
             models.setdefault(model.key, model)
+    for kind, count in COUNTS.items():
+        for number in range(1, count + 1):
+            depth, width, height = np.ptp(made(f"{kind}-{number}").triangles().reshape(-1, 3), axis=0)
+            model = Model(LIBRARY, f"{kind} {number}", "edgemap", f"{kind}-{number}", width, depth, height)
+            models[model.key] = model
     return models
 
 
@@ -152,6 +160,8 @@ def load(key: str) -> Mesh:
     if key not in catalogue():
         raise SimulationError(f"no furniture model {key!r} in {LIBRARIES}")
     model = catalogue()[key]
+    if model.library == LIBRARY:
+        return made(model.path)
     size = (model.width_m, model.height_m, model.depth_m)
     return simplified(read_obj(_archive(model.library), model.path, model.rotation, size), _MOST_TRIANGLES)
 

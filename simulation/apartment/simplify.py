@@ -25,14 +25,16 @@ def simplified(mesh: Mesh, most: int) -> Mesh:
 def _clustered(part: Part, cell_m: float) -> Part:
     points: Array = part.positions.reshape(-1, 3)
     keys = np.round(points / cell_m).astype(np.int64)
-    _, cluster = np.unique(keys, axis=0, return_inverse=True)
-    cluster = cluster.reshape(-1)
+    keys -= keys.min(axis=0)
+    # One number per cell: sorting those is many times faster than sorting rows.
+    _, cluster = np.unique((keys[:, 0] << 40) | (keys[:, 1] << 20) | keys[:, 2], return_inverse=True)
     count = np.bincount(cluster)
     means = np.stack([np.bincount(cluster, weights=points[:, axis]) / count for axis in range(3)], axis=1)
     corners = cluster.reshape(-1, 3)
     a, b, c = corners.T
     solid = np.flatnonzero((a != b) & (b != c) & (a != c))
-    _, first = np.unique(np.sort(corners[solid], axis=1), axis=0, return_index=True)
+    low, middle, high = np.sort(corners[solid], axis=1).T
+    _, first = np.unique((low << 42) | (middle << 21) | high, return_index=True)
     keep = solid[np.sort(first)]
     if not len(keep):
         return part
