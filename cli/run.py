@@ -170,8 +170,8 @@ def _summary(done: int, latest: _Latest, stopped: bool, verdicts: list[Verdict])
     from edgemap.cli.truth import object_lines
 
     end = "stopped" if stopped else "done"
-    print(f"{end} after {done} frames, {latest.way_m:.1f} m of way")
-    print("\n".join(object_lines(latest.objects, verdicts)))
+    way = f"{end} after {done} frames, {latest.way_m:.1f} m of way"
+    print("\n".join([way, *object_lines(latest.objects, verdicts)]))
 
 
 def _record(
