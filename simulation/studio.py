@@ -10,18 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment import furniture
 from edgemap.simulation.camera.exposure import gains
 from edgemap.simulation.camera.film import encoded, sensed
 from edgemap.simulation.camera.shake import shaken
 from edgemap.simulation.errors import require
+from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.light import bake
+from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
-from edgemap.simulation.render.scene import LitScene
+from edgemap.simulation.render.scene import LightMix, LitScene
 from edgemap.simulation.render.view import View
 from edgemap.simulation.truth import picture_boxes
 from edgemap.simulation.world import World, build_scene
 
 EXPOSURE = 1.9
+FIRST_MOVER_ID = 10_000
 # Over which the velocity at a picture is taken.
 _MOMENT_S = 0.02
 
@@ -49,6 +53,12 @@ def lit_home(world: World) -> LitScene:
     return bake(build_scene(world.apartment, world.home_seed), world.home_seed)
 
 
+def light_mix(script: LightScript, stamp_s: float) -> LightMix:
+    """Day and lamps at one moment."""
+    day, lamp = script.at(stamp_s)
+    return LightMix(float(day), float(lamp))
+
+
 class Studio:
     """Renders any picture of a world, in any order, always the same. Raises SimulationError where OpenGL is missing."""
 
@@ -56,6 +66,8 @@ class Studio:
         self._world = world
         self._renderer = Renderer(lit, world.camera.intrinsics, EXPOSURE)
         self._gains = gains(world.light, world.stamps_s, world.effects.lag_s)
+        # The renderer knows a mesh again by its being the same object.
+        self._people = [furniture.piece(walker.model) for walker in world.walkers]
 
     def shoot(self, index: int) -> Shot:
         """One picture, step by step as a real camera makes it: shake, light, shutter, noise, code."""
@@ -65,16 +77,22 @@ class Studio:
         pose, velocity = self._moment(stamp_s)
         mount = shaken(world.camera.mount, effects.shake_rad, velocity, rng)
         view = View.of_base(pose, mount)
-        picture = self._renderer.picture(view)
-        _, depth_m = self._renderer.ids_and_depth(view)
-        boxes = picture_boxes(self._renderer, view, world.apartment)
-        gain, lens = float(self._gains[index]), world.camera.intrinsics
-        picture = sensed(picture, depth_m, lens, mount, velocity, effects, gain, rng)
-        return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, depth_m)
+        gain, movers = float(self._gains[index]), self._movers(stamp_s)
+        frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE * gain, movers)
+        boxes = picture_boxes(self._renderer, view, world.apartment, movers)
+        lens = world.camera.intrinsics
+        picture = sensed(frame.picture, frame.depth_m, lens, mount, velocity, effects, gain, rng)
+        return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, frame.depth_m)
 
     def close(self) -> None:
         """Give the OpenGL context back."""
         self._renderer.close()
+
+    def _movers(self, stamp_s: float) -> tuple[Mover, ...]:
+        return tuple(
+            Mover(FIRST_MOVER_ID + number, mesh, walker.pose_home(stamp_s))
+            for number, (mesh, walker) in enumerate(zip(self._people, self._world.walkers, strict=True))
+        )
 
     def _moment(self, stamp_s: float) -> tuple[SE2, NDArray[np.float64]]:
         """Pose at a stamp, and velocity there: forward and left m/s, yaw rad/s."""

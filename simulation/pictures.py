@@ -1,0 +1,121 @@
+"""Training pictures for a detector: unrelated views of many homes in the `yolo` layout, all that is known of each.
+
+images/HOME_VIEW.jpg    labels/HOME_VIEW.txt    boxes.json (visible share and whole box of everything in view)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edgemap.runtime.drives.coco import COCO_NAMES
+from edgemap.runtime.drives.yolo import write_yolo_labels
+from edgemap.simulation.apartment import furniture
+from edgemap.simulation.apartment.apartment import furnish
+from edgemap.simulation.apartment.credits import PICTURES, credits_text
+from edgemap.simulation.camera.exposure import gains
+from edgemap.simulation.camera.film import encoded, sensed
+from edgemap.simulation.camera.shake import shaken
+from edgemap.simulation.errors import require
+from edgemap.simulation.pool import default_workers, ordered
+from edgemap.simulation.render.light import BakeSettings, bake
+from edgemap.simulation.render.renderer import Renderer
+from edgemap.simulation.render.scene import LightMix
+from edgemap.simulation.render.view import View
+from edgemap.simulation.store import PartStore, write_bytes, write_text
+from edgemap.simulation.studio import EXPOSURE, light_mix
+from edgemap.simulation.truth import picture_boxes
+from edgemap.simulation.views import Shown, draw_views
+from edgemap.simulation.world import build_scene
+
+# What a label file asks a detector for; boxes.json has the rest as well.
+LEAST_VISIBLE, LEAST_SIDE_PX = 0.2, 12
+FORMAT = "edgemap.pictures/1"
+
+
+def render_pictures(
+    folder: Path,
+    per_home: int,
+    homes: Sequence[int],
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    command: str = "edgemap simulate",
+    workers: int | None = None,
+) -> None:
+    """Render that many views of every home; finished homes are kept, and the result is the same however often it was
+    stopped. Raises SimulationError and MissingExtraError, one line each."""
+    for module in ("moderngl", "embreex", "PIL"):
+        require(module)
+    settings = {"format": FORMAT, "per_home": per_home, "first_home": homes[0], "homes": len(homes)}
+    store = PartStore(folder, settings, ("images", "labels"))
+    if store.complete:
+        progress(per_home * len(homes), per_home * len(homes))
+        return
+    missing = store.missing(homes)
+    done = len(homes) - len(missing)
+    progress(done * per_home, len(homes) * per_home)
+    tasks = [(folder, home, per_home) for home in missing]
+    workers = min(workers or default_workers(), max(1, len(tasks)))
+    made = ordered(_render_home, tasks, workers, _nothing) if workers > 1 else map(_render_home, tasks)
+    for number, _ in enumerate(made, start=done + 1):
+        progress(number * per_home, len(homes) * per_home)
+    parts = [store.read(home) for home in homes]
+    write_text(folder / "boxes.json", json.dumps({"frames": [frame for part in parts for frame in part["frames"]]}))
+    keys = sorted({key for part in parts for key in part["models"]})
+    write_text(folder / "README.md", credits_text([furniture.catalogue()[key] for key in keys], command, PICTURES))
+    store.finish()
+
+
+def _nothing() -> None:
+    """Nothing to prepare: every home is a task of its own."""
+
+
+def _render_home(task: tuple[Path, int, int]) -> int:
+    """Furnish, light and show one home; its part file comes last, and only with it the home counts as made."""
+    folder, home, per_home = task
+    apartment = furnish(home)
+    lit = bake(build_scene(apartment, home), home, BakeSettings.draft())
+    views = draw_views(apartment, home, per_home)
+    renderer = Renderer(lit, views[0].camera.intrinsics)
+    frames = []
+    for number, shown in enumerate(views):
+        rng = np.random.default_rng([home, number, 7])
+        mount = shaken(shown.camera.mount, shown.effects.shake_rad, shown.velocity, rng)
+        mix, gain = _light(shown, rng)
+        view, lens = View.of_base(shown.pose_home_base, mount), shown.camera.intrinsics
+        renderer.look_through(lens)
+        frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
+        boxes = picture_boxes(renderer, view, apartment, shown.movers)
+        picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)
+        _write(folder, f"{home:06d}_{number:02d}", encoded(picture, shown.effects.jpeg_quality), boxes, lens)
+        frames.append(boxes)
+    renderer.close()
+    models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}
+    part = {"frames": frames, "models": sorted(models)}
+    write_text(PartStore.part_of(folder, home), json.dumps(part))
+    return home
+
+
+def _light(shown: Shown, rng: np.random.Generator) -> tuple[LightMix, float]:
+    """Light at some moment, and how far the camera brightens it, more or less."""
+    moment_s = rng.uniform(0.0, 60.0)
+    gain = float(gains(shown.light, np.array([moment_s]), shown.effects.lag_s)[0])
+    return light_mix(shown.light, moment_s), gain * float(np.exp(rng.normal(0.0, 0.15)))
+
+
+def _write(folder: Path, name: str, picture: tuple[bytes, str], boxes: list[dict[str, Any]], lens: Any) -> None:
+    write_bytes(folder / "images" / (name + picture[1]), picture[0])
+    wanted = [
+        (COCO_NAMES.index(record["label"]), record["box"])
+        for record in boxes
+        if record["label"] in COCO_NAMES and record["visible"] >= LEAST_VISIBLE and _side_px(record) >= LEAST_SIDE_PX
+    ]
+    write_yolo_labels(folder / "labels" / f"{name}.txt", wanted, lens.width, lens.height)
+
+
+def _side_px(record: dict[str, Any]) -> float:
+    x0, y0, x1, y1 = record["box"]
+    return max(x1 - x0, y1 - y0)

@@ -1,0 +1,102 @@
+"""Unrelated views of a home for training a detector: each with its own camera, light, sensor and passers-by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment import furniture
+from edgemap.simulation.apartment.apartment import HELD_OUT_FROM_SEED, Apartment
+from edgemap.simulation.camera.setup import CameraSetup, Effects
+from edgemap.simulation.envelope import Envelope
+from edgemap.simulation.light_script import LightScript
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.movers import Mover
+from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.studio import FIRST_MOVER_ID
+
+# Places tried for one picture; most pictures take the one that shows most of what was shown least.
+_PLACES = 24
+_UNCHOSEN = 0.08
+_CLEAR_M = 0.22
+_JPEG_QUALITY = (85, 95)
+# Passers-by: how often none, one or two are near, how near, and how far to the side of where the camera looks.
+_PASSERS = (0.8, 0.15, 0.05)
+_NEAR_M, _ASIDE_RAD = (0.8, 4.0), 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """One view: where the base is and how fast it moves (forward m/s, left m/s, yaw rad/s), and what takes it.
+
+    movers: passers-by, whose models' keys are `passers`.
+    """
+
+    pose_home_base: SE2
+    velocity: Array
+    camera: CameraSetup
+    effects: Effects
+    light: LightScript
+    movers: tuple[Mover, ...]
+    passers: tuple[str, ...]
+
+
+def draw_views(apartment: Apartment, seed: int, count: int, envelope: Envelope | None = None) -> list[Shown]:
+    """Views of the home of a seed."""
+    envelope, grid = envelope or Envelope(), PlanGrid(apartment)
+    shown: dict[int, float] = {}
+    views = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number, 6])
+        camera = envelope.draw_camera(rng)
+        light = envelope.draw_light(rng)
+        effects = replace(envelope.draw_effects(rng, light), jpeg_quality=int(rng.integers(*_JPEG_QUALITY)))
+        sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
+        pose = _draw_pose(grid, sight, shown, rng)
+        velocity = np.array([rng.uniform(0.0, 0.7), 0.0, rng.normal(0.0, 0.4)]) * (rng.random() < 0.7)
+        movers, passers = _draw_passers(grid, pose, seed >= HELD_OUT_FROM_SEED, rng)
+        views.append(Shown(SE2(*pose), velocity, camera, effects, light, movers, passers))
+    return views
+
+
+def _draw_pose(grid: PlanGrid, sight: Sight, shown: dict[int, float], rng: np.random.Generator) -> Array:
+    places = np.zeros((0, 2))
+    while len(places) < _PLACES:
+        drawn = rng.uniform(0.0, 1.0, (4 * _PLACES, 2)) * grid.size_m
+        places = np.concatenate([places, drawn[grid.clearance_m(drawn) > _CLEAR_M]])
+    poses = np.column_stack([places[:_PLACES], rng.uniform(-math.pi, math.pi, _PLACES)])
+    if rng.random() < _UNCHOSEN:
+        return poses[0]
+    # Half of them look at a piece of furniture, a little off the middle.
+    if len(sight.ids):
+        half = _PLACES // 2
+        towards = sight.middles_m[rng.integers(len(sight.ids), size=half)] - poses[:half, :2]
+        poses[:half, 2] = np.arctan2(towards[:, 1], towards[:, 0]) + rng.normal(0.0, 0.3, half)
+    seen = sight.shares(poses) > 0.3
+    worth = np.array([1.0 / (1.0 + shown.get(int(id_), 0.0)) for id_ in sight.ids])
+    best = int(np.argmax(seen @ worth + rng.uniform(0.0, 0.5, _PLACES)))
+    for id_ in sight.ids[seen[best]]:
+        shown[int(id_)] = shown.get(int(id_), 0.0) + 1.0
+    return poses[best]
+
+
+def _draw_passers(
+    grid: PlanGrid, pose: Array, held_out: bool, rng: np.random.Generator
+) -> tuple[tuple[Mover, ...], tuple[str, ...]]:
+    movers, keys = [], []
+    for number in range(int(rng.choice(len(_PASSERS), p=_PASSERS))):
+        models = furniture.people(held_out)
+        for _ in range(10):
+            bearing = pose[2] + rng.normal(0.0, _ASIDE_RAD)
+            at = pose[:2] + rng.uniform(*_NEAR_M) * np.array([math.cos(bearing), math.sin(bearing)])
+            if grid.clearance_m(at)[0] > _CLEAR_M:
+                model = models[int(rng.integers(len(models)))]
+                facing = SE2(*at, rng.uniform(-math.pi, math.pi))
+                movers.append(Mover(FIRST_MOVER_ID + number, furniture.piece(model), facing))
+                keys.append(model.key)
+                break
+    return tuple(movers), tuple(keys)
