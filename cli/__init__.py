@@ -21,6 +21,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),
     "record": ("record", "a camera's pictures into one MCAP file; Foxglove and ROS 2 open it"),
     "simulate": ("simulate", "render a robot's drive through a furnished home, with its truth"),
+    "calibrate intrinsics": ("calibrate_intrinsics", "the lens, from pictures of a chessboard"),
+    "calibrate mount": ("calibrate_mount", "height, pitch and roll, from a chessboard on the floor"),
+    "calibrate tilt": ("calibrate_tilt", "pitch and roll without a pattern, from the room's own edges"),
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 
@@ -30,9 +33,9 @@ USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help tells all
 def overview() -> str:
     """What `edgemap --help` prints."""
     lines = [USAGE, "", "A 2-D map of the objects on the floor from one camera, on a CPU.", ""]
-    lines += [f"  {words:<16}{text}" for words, (_, text) in COMMANDS.items()]
-    lines += ["", "First steps:  edgemap run            the demo drive, ends with a map in runs/"]
-    lines += ["              edgemap doctor         checks camera, libraries, bundle and mount"]
+    lines += [f"  {words:<22}{text}" for words, (_, text) in COMMANDS.items()]
+    lines += ["", "First steps:  edgemap run                  the demo drive, ends with a map in runs/"]
+    lines += ["              edgemap doctor               checks camera, libraries, bundle and mount"]
     return "\n".join(lines)
 
 

@@ -25,3 +25,7 @@ class RunFolderError(EdgemapError):
 
 class RecordingError(EdgemapError):
     """A recording that cannot be written, or that would write over a file that is there."""
+
+
+class CalibrationError(EdgemapError):
+    """Pictures from which a lens or a mount cannot be told well enough."""

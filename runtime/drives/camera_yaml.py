@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,14 @@ UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 @dataclass(frozen=True, slots=True)
 class CameraFile:
     """What a `camera.yaml` says. world_up: the axis of the recorded poses that points up, one of UP_AXES;
-    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given."""
+    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: how
+    lens and mount were measured, and how well, by what was calibrated; for people."""
 
     intrinsics: Intrinsics
     mount: Mount | None = None
     rate_hz: float | None = None
     world_up: str | None = None
+    calibration: dict[str, Any] = field(default_factory=dict)
 
 
 class _Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
@@ -57,6 +59,7 @@ class _CameraYaml(_Strict):
     fps: float | None = None
     world_up: str | None = None
     mount: _Mount | None = None
+    calibration: dict[str, Any] | None = None
 
 
 def read_camera_yaml(path: Path) -> CameraFile:
@@ -96,11 +99,16 @@ def read_camera_yaml(path: Path) -> CameraFile:
         raise CameraError(f"{path}: fps is {record.fps}, must be a positive number of frames per second")
     if record.world_up is not None and record.world_up not in UP_AXES:
         raise CameraError(f"{path}: world_up is {record.world_up!r}, must be one of {', '.join(UP_AXES)}")
-    return CameraFile(intrinsics, mount, record.fps, record.world_up)
+    return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {})
 
 
 def write_camera_yaml(
-    path: Path, intrinsics: Intrinsics, mount: Mount | None = None, rate_hz: float | None = None, world_up: str = "z"
+    path: Path,
+    intrinsics: Intrinsics,
+    mount: Mount | None = None,
+    rate_hz: float | None = None,
+    world_up: str = "z",
+    calibration: dict[str, Any] | None = None,
 ) -> None:
     """Write a `camera.yaml` that `read_camera_yaml` reads back to the same numbers (angles to 1e-9 degrees)."""
     tree: dict[str, Any] = {
@@ -126,4 +134,6 @@ def write_camera_yaml(
             "forward_m": float(mount.forward_m),
             "left_m": float(mount.left_m),
         }
+    if calibration:
+        tree["calibration"] = calibration
     path.write_text(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))

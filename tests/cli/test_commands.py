@@ -41,7 +41,9 @@ def test_help_imports_nothing_heavy(module):
 
 
 @pytest.mark.parametrize(
-    "words", ["run", "detect", "bench", "pull", "export", "eval detection", "eval map", "map show", "doctor"]
+    "words",
+    ["run", "detect", "bench", "pull", "export", "eval detection", "eval map", "map show", "record", "doctor"]
+    + ["calibrate intrinsics", "calibrate mount", "calibrate tilt"],
 )
 def test_every_command_explains_itself_without_its_heavy_imports(words):
     code = (

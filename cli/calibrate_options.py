@@ -1,0 +1,85 @@
+"""What the calibrate commands share: the board's options, and writing camera.yaml."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from edgemap.cli.options import OptionError, read_intrinsics
+
+if TYPE_CHECKING:
+    from edgemap.geometry.intrinsics import Intrinsics
+    from edgemap.geometry.mount import Mount
+    from edgemap.runtime.calibration.board import Board, View
+    from edgemap.runtime.cameras.protocol import Camera
+
+BoardText = Annotated[
+    str, tyro.conf.arg(metavar="COLSxROWS", help="The chessboard's INNER corners: one less than its squares each way.")
+]
+Pictures = Annotated[int | None, tyro.conf.arg(metavar="N", help="Look at N pictures and no more.")]
+OutYaml = Annotated[
+    Path,
+    tyro.conf.arg(
+        aliases=["-o"], metavar="camera.yaml", help="File to write; one that is there must be the --camera-file."
+    ),
+]
+
+
+def read_board(text: str, square_m: float = 1.0) -> Board:
+    """`--board 9x6`. Raises OptionError."""
+    from edgemap.runtime.calibration.board import Board
+
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
+    if found is None:
+        raise OptionError(f"--board {text!r}: expected COLSxROWS, like 9x6")
+    return Board(int(found[1]), int(found[2]), square_m)
+
+
+def views_of(source: Camera, board: Board, pictures: int | None) -> list[View]:
+    """Different views of the board, said one by one; Ctrl-C ends the search with what there is."""
+    from edgemap.runtime.calibration.board import board_views
+    from edgemap.runtime.loop import stop_on_signals
+
+    views: list[View] = []
+    with stop_on_signals() as stop:
+        for view in board_views(source, board, pictures, stop.is_set):
+            views.append(view)
+            if source.live:
+                print(f"view {len(views)} of the board; Ctrl-C when it has been everywhere", flush=True)
+    return views
+
+
+def known_lens(source: Camera, intrinsics: str | None) -> Intrinsics:
+    """The lens by flag, camera file or source. Raises OptionError."""
+    lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
+    if lens is None:
+        raise OptionError(f"{source.name} does not know its lens: calibrate it first, or pass --camera-file")
+    if (lens.width, lens.height) != tuple(source.size):
+        size = f"{source.size[0]}x{source.size[1]}"
+        raise OptionError(f"{source.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
+    return lens
+
+
+def check_out(out: Path, camera_file: Path | None) -> None:
+    """Refuse to write over a file that is not the one being completed. Raises OptionError."""
+    if out.exists() and (camera_file is None or out.resolve() != camera_file.resolve()):
+        raise OptionError(f"{out} exists already; choose another --out, or complete it: --camera-file {out}")
+
+
+def write_yaml(
+    out: Path, camera_file: Path | None, lens: Intrinsics, mount: Mount | None, part: str, record: dict[str, Any]
+) -> None:
+    """Write what is known now; frame rate, axis and other calibrations of the camera file stay. Raises CameraError."""
+    from edgemap.runtime.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
+    from edgemap.runtime.errors import CameraError
+
+    known = read_camera_yaml(camera_file) if camera_file else CameraFile(lens)
+    calibration = known.calibration | {part: record}
+    try:
+        write_camera_yaml(out, lens, mount, known.rate_hz, known.world_up or "z", calibration)
+    except OSError as error:
+        raise CameraError(f"{out}: cannot be written ({error.strerror})") from None
+    print(f"written to {out}")

@@ -1,0 +1,61 @@
+"""`edgemap calibrate tilt`: pitch and roll from the straight edges of a room, without any pattern."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from edgemap.cli.calibrate_options import OutYaml, Pictures, check_out, known_lens, write_yaml
+from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, OptionError, at_least, open_described
+
+ENOUGH = 40
+
+
+def command(
+    camera: CameraSpec,
+    height: Annotated[
+        float | None, tyro.conf.arg(metavar="METRES", help="Lens above the floor, by ruler; else the known mount's.")
+    ] = None,
+    out: OutYaml = Path("camera.yaml"),
+    frames: Pictures = None,
+    camera_file: CameraFile = None,
+    intrinsics: IntrinsicsText = None,
+) -> None:
+    """Measure pitch and roll in a room with walls, doors and shelves: their edges are vertical, or level.
+
+    Uses up to 40 pictures spread over the source; drive or turn the robot so that it sees several walls. Height cannot
+    be seen and stays as given. The lens must be known.
+    """
+    from dataclasses import replace
+
+    from edgemap.geometry.mount import Mount
+    from edgemap.runtime.calibration.board import frames_of
+    from edgemap.runtime.calibration.segments import find_segments
+    from edgemap.runtime.calibration.tilt import fit_tilt
+    from edgemap.runtime.loop import stop_on_signals
+
+    at_least(1, frames=frames)
+    check_out(out, camera_file)
+    with open_described(camera, camera_file) as source, stop_on_signals() as stop:
+        lens = known_lens(source, intrinsics)
+        if height is None and source.mount is None:
+            raise OptionError(f"{source.name} does not know its height above the floor: pass --height METRES")
+        known = source.mount or Mount(height or 1.0)
+        count = min(frames or source.frame_count or 10 * ENOUGH, source.frame_count or 10 * ENOUGH)
+        every = max(1, math.ceil(count / ENOUGH))
+        pictures = [
+            find_segments(frame.image, lens)
+            for frame in frames_of(source, count, stop.is_set)
+            if frame.index % every == 0
+        ]
+    fit = fit_tilt(pictures)
+    mount = replace(known, height_m=height or known.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)
+    share = f"{100 * fit.share:.0f} % of all edges' length, {fit.rms_deg:.2f} deg off"
+    print(f"{fit.pictures} pictures, {fit.vertical} vertical and {fit.level} level edges ({share})")
+    print(f"  pitch {math.degrees(fit.pitch_rad):7.3f} +- {math.degrees(fit.sigma[0]):.3f} deg (positive down)")
+    print(f"  roll  {math.degrees(fit.roll_rad):7.3f} +- {math.degrees(fit.sigma[1]):.3f} deg")
+    print(f"  height {mount.height_m:.3f} m as given")
+    write_yaml(out, camera_file, lens, mount, "tilt", fit.record())

@@ -1,0 +1,22 @@
+"""Pitch and roll from where up is in the picture, and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def up_optical(pitch_rad: float, roll_rad: float) -> Array:
+    """The direction up, (3,), in the optical frame of a camera mounted so: last row of `rotation_base_optical`."""
+    cp = math.cos(pitch_rad)
+    return np.array([-cp * math.sin(roll_rad), -cp * math.cos(roll_rad), -math.sin(pitch_rad)])
+
+
+def pitch_roll(up: Array) -> tuple[float, float]:
+    """Pitch (positive down) and roll, rad, of the camera that sees up in this direction of its optical frame."""
+    x, y, z = up / np.linalg.norm(up)
+    return math.asin(-z), math.atan2(-x, -y)

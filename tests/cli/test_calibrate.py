@@ -1,0 +1,96 @@
+"""calibrate as a user types it: lens, then mount, into one camera.yaml that run reads; and refusals in one line."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from support.scenes import floor_board, held_board
+
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.drives.camera_yaml import read_camera_yaml, write_camera_yaml
+
+LENS = Intrinsics(640, 480, 520.0, 523.0, 315.0, 243.0)
+MOUNT = Mount.from_degrees(0.52, 22.0, 1.5)
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory):
+    """Folders `held` and `lying` of pictures."""
+    folder = tmp_path_factory.mktemp("boards")
+    (folder / "held").mkdir()
+    (folder / "lying").mkdir()
+    turns = [(25, 0, 0), (-25, 0, 5), (0, 25, 0), (0, -25, -5), (20, 20, 0), (-20, 20, 3), (20, -20, 0), (0, 0, 0)]
+    corners = [(-0.11, -0.07), (0.11, -0.07), (-0.11, 0.07), (0.11, 0.07)]
+    for i in range(10):
+        place = (*corners[i % 4], 0.42 + 0.02 * (i % 3))
+        cv2.imwrite(str(folder / "held" / f"{i}.png"), held_board(LENS, place, turns[i % 8], i))
+    for i, (place, yaw) in enumerate([((1.0, 0.1), 0.3), ((1.1, -0.3), 1.2), ((1.1, 0.3), -0.5), ((0.9, 0.0), 2.0)]):
+        cv2.imwrite(str(folder / "lying" / f"{i}.png"), floor_board(FloorCamera(LENS, MOUNT), place, yaw, i))
+    return folder
+
+
+def test_lens_then_mount_into_one_file(edgemap, boards, tmp_path):
+    out = tmp_path / "camera.yaml"
+    result = edgemap("calibrate", "intrinsics", "--camera", boards / "held", "--board", "9x6", "-o", out)
+    assert result.returncode == 0, result.stderr
+    lens = read_camera_yaml(out).intrinsics
+    assert (lens.fx, lens.fy) == pytest.approx((LENS.fx, LENS.fy), rel=4e-3)
+    assert f"fx {lens.fx:8.2f} +-" in result.stdout
+
+    flags = ("--board", "9x6", "--square", "0.06", "--camera-file", out, "-o", out)
+    result = edgemap("calibrate", "mount", "--camera", boards / "lying", *flags)
+    assert result.returncode == 0, result.stderr
+    file = read_camera_yaml(out)
+    assert file.intrinsics == lens
+    assert file.mount is not None
+    assert file.mount.height_m == pytest.approx(0.52, abs=0.006)
+    assert np.degrees(file.mount.pitch_rad) == pytest.approx(22.0, abs=0.3)
+    assert np.degrees(file.mount.roll_rad) == pytest.approx(1.5, abs=0.2)
+    assert set(file.calibration) == {"intrinsics", "mount"}
+    assert file.calibration["mount"]["views"] == 4
+    assert file.calibration["intrinsics"]["rms_px"] < 0.2
+
+
+def test_tilt_of_the_demo_keeps_the_rest(edgemap, tmp_path):
+    out = tmp_path / "camera.yaml"
+    result = edgemap("calibrate", "tilt", "--camera", "demo", "--frames", "120", "--height", "0.7", "-o", out)
+    assert result.returncode == 0, result.stderr
+    demo = read_camera_yaml(Path(__file__).parents[2] / "runtime" / "demo" / "camera.yaml")
+    found = read_camera_yaml(out)
+    assert found.intrinsics == demo.intrinsics
+    assert found.mount is not None
+    assert demo.mount is not None
+    assert (found.mount.height_m, found.mount.forward_m) == (0.7, demo.mount.forward_m)
+    assert np.degrees(found.mount.pitch_rad - demo.mount.pitch_rad) == pytest.approx(0.0, abs=0.3)
+    assert yaml.safe_load(out.read_text())["calibration"]["tilt"]["sigma_pitch_deg"] < 0.3
+
+
+def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
+    out = tmp_path / "camera.yaml"
+    lens = tmp_path / "lens.yaml"
+    write_camera_yaml(lens, LENS)
+    plain = tmp_path / "plain"
+    plain.mkdir()
+    for i in range(4):
+        cv2.imwrite(str(plain / f"{i}.png"), np.full((480, 640, 3), 90, np.uint8))
+    cases = [
+        (("intrinsics", "--camera", plain), "0 different views of the whole board found, need 8"),
+        (("intrinsics", "--camera", plain, "--board", "nine"), "expected COLSxROWS, like 9x6"),
+        (("mount", "--camera", plain, "--square", "0.06", "--camera-file", lens), "0 different views"),
+        (("mount", "--camera", plain, "--square", "0.06"), "does not know its lens: calibrate it first"),
+        (("tilt", "--camera", plain, "--camera-file", lens), "does not know its height above the floor"),
+        (("tilt", "--camera", plain, "--camera-file", lens, "--height", "1"), "0 pictures with straight edges"),
+    ]
+    for words, complaint in cases:
+        result = edgemap("calibrate", *words, "-o", out)
+        assert result.returncode == 1, words
+        assert complaint in result.stderr, words
+        assert len(result.stderr.strip().splitlines()) == 1
+        assert not out.exists()
+    result = edgemap("calibrate", "tilt", "--camera", "demo", "-o", lens)
+    assert "exists already" in result.stderr
+    assert read_camera_yaml(lens).intrinsics == LENS
