@@ -18,13 +18,19 @@ def command(
     checkpoint: Annotated[
         Path | None,
         tyro.conf.Positional,
-        tyro.conf.arg(metavar="[CHECKPOINT]", help="A trained odometry head (.pt); it names its backbone."),
+        tyro.conf.arg(
+            metavar="[CHECKPOINT]",
+            help="What was trained: a detector's best.pt, or an odometry head's, which names its backbone.",
+        ),
     ] = None,
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="DIR", help="The bundle folder to write.")],
     backbone: Annotated[
         str | None,
-        tyro.conf.arg(metavar="NAME|FILE", help="yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg or an .onnx file."),
+        tyro.conf.arg(
+            metavar="NAME|FILE",
+            help="yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or a detector's best.pt.",
+        ),
     ] = None,
     weights: Annotated[
         Path | None,
@@ -60,11 +66,16 @@ def command(
 
     need_export()
     from edgemap.export.checkpoint import load_head
+    from edgemap.export.detector.checkpoint import is_detector
     from edgemap.export.exporter import export_backbone
     from edgemap.runtime.bundle import read_manifest
 
     heads = list(head)
-    if checkpoint is not None:
+    if checkpoint is not None and is_detector(checkpoint):
+        if backbone is not None:
+            raise UsageError(f"{checkpoint} is a detector itself: --backbone {backbone} does not go with it")
+        backbone = str(checkpoint)
+    elif checkpoint is not None:
         heads.insert(0, checkpoint)
         backbone = backbone or load_head(checkpoint).backbone
     if backbone is None:

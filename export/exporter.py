@@ -11,6 +11,7 @@ from edgemap.export.backbones import Backbone, adopted_backbone, darknet_backbon
 from edgemap.export.bundle_writer import write_bundle
 from edgemap.export.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.convlstm import random_head
+from edgemap.export.detector.backbone import nano_backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import head_to_onnx, seal
 from edgemap.runtime.bundle import FORMAT, Detector, Manifest, OdometryHead, StateSpec
@@ -29,10 +30,12 @@ def export_backbone(
 ) -> Path:
     """Export a backbone and its odometry heads as a bundle folder; gives `out`.
 
-    backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg or an .onnx file. weights: its .weights (for yolox-nano
+    backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
+    trained here. weights: its .weights (for yolox-nano
     its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any, an
     untrained paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked
-    so. size: (width, height) in px of a Darknet input. random_seed: random weights instead of a file, for timing.
+    so, but none for a detector trained here unless `feature` is given. size: (width, height) in px of a Darknet input.
+    random_seed: random weights instead of a file, for timing.
     sources: where the weights came from, for the manifest. Raises ExportError or another EdgemapError; then nothing is
     left at `out`.
     """
@@ -42,17 +45,22 @@ def export_backbone(
         raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
     if heads and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
+    trained_here = backbone.endswith(".pt")
     is_onnx = backbone.endswith(".onnx") or backbone == "yolox-nano"
-    if is_onnx and (size is not None or random_seed is not None):
-        raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, an ONNX file is fixed")
-    if weights is not None and (random_seed is not None or backbone.endswith(".onnx")):
+    if (is_onnx or trained_here) and (size is not None or random_seed is not None):
+        raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
+    if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
-    wanted = [checkpoint.feature for checkpoint in checkpoints] or [feature or ("stride32" if is_onnx else "head")]
-    if is_onnx:
+    wanted = [checkpoint.feature for checkpoint in checkpoints]
+    if not checkpoints and (feature is not None or not trained_here):
+        wanted = [feature or ("stride32" if is_onnx else "head")]
+    if trained_here:
+        part = nano_backbone(Path(backbone), wanted)
+    elif is_onnx:
         part = adopted_backbone(backbone, weights, wanted, sources)
     else:
         part = darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
-    if not checkpoints:
+    if wanted and not checkpoints:
         shape = _feature_shape(part.detector, part.features[wanted[0]])
         checkpoints = [HeadCheckpoint(random_head(shape), part.name, wanted[0], trained=False)]
     models, odometry = {part.detector.file: part.model}, {}

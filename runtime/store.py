@@ -8,6 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
@@ -32,11 +33,17 @@ def downloads_folder() -> Path:
 
 
 def bundle_folder(name: str) -> Path:
-    """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name in the cache."""
+    """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name.
+
+    A name is looked up in the cache, where users put theirs, then among the bundles that come with the package.
+    """
     path = Path(name).expanduser()
     if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
         return path
-    return cache_folder() / "bundles" / name
+    cached, shipped = cache_folder() / "bundles" / name, _shipped_folder() / name
+    if not (cached / MANIFEST_NAME).is_file() and (shipped / MANIFEST_NAME).is_file():
+        return shipped
+    return cached
 
 
 def install_folder(folder: Path) -> Path:
@@ -106,6 +113,10 @@ def staged(target: Path) -> Iterator[Path]:
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
+
+
+def _shipped_folder() -> Path:
+    return Path(str(files("edgemap.models")))
 
 
 def _place(name: str, source: str) -> Path:

@@ -207,7 +207,7 @@ def test_a_trained_head_brings_its_facts_along(tmp_path, small_cfg, small_weight
         ("none.onnx", {"weights": None}, "cannot be read"),
         ("none.onnx", {}, "takes no weights file here"),
         ("CFG", {"random_seed": 0}, "takes no weights file here"),
-        ("yolox-nano", {"size": (320, 320)}, "an ONNX file is fixed"),
+        ("yolox-nano", {"size": (320, 320)}, "file is fixed"),
     ],
 )
 def test_what_cannot_be_exported_says_why(tmp_path, small_cfg, small_weights, backbone, options, words):

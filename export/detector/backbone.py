@@ -1,0 +1,60 @@
+"""A trained detector's checkpoint, ready to be bundled."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from edgemap.export.backbones import Backbone
+from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.detector.network import WithFeatures
+from edgemap.export.detector.validate import nano_detector
+from edgemap.export.errors import ExportError
+from edgemap.export.onnx_export import to_onnx
+from edgemap.runtime.bundle import sha256_file
+from edgemap.runtime.session import Tensors
+
+NAME = "edgemap-nano"
+# Export's words for a feature, and which of the contract's it is.
+FEATURES = {"head": 0, "stride32": 0, "stride8": 1}
+
+
+def nano_backbone(path: Path, wanted: list[str]) -> Backbone:
+    """The backbone of a best.pt. wanted: the features that heads read: head (the raw coarse map) or stride8.
+
+    Raises ExportError.
+    """
+    checkpoint = load_detector(path)
+    detector = nano_detector(checkpoint.names, checkpoint.size, checkpoint.size)
+    if unknown := sorted(set(wanted) - set(FEATURES)):
+        raise ExportError(f"{path}: has no feature {unknown[0]!r}; there are {', '.join(FEATURES)}")
+    network = WithFeatures(copy.deepcopy(checkpoint.network)).eval()
+    names = [*(head.name for head in detector.heads), detector.features[1].name]
+    example = torch.zeros(1, 3, checkpoint.size, checkpoint.size)
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        with torch.no_grad():
+            return {
+                name: tensor.numpy() for name, tensor in zip(names, network(torch.from_numpy(picture)), strict=True)
+            }
+
+    weights = {
+        "file": path.name,
+        "sha256": sha256_file(path),
+        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+    }
+    return Backbone(
+        name=NAME,
+        model=to_onnx(network, [example], [detector.input.name], names, detector),
+        detector=detector,
+        features={word: detector.features[FEATURES[word]].name for word in wanted},
+        reference=reference,
+        exact=False,
+        measured={"weights": weights, **checkpoint.measured},
+        licence=checkpoint.licence,
+        sources=(*checkpoint.sources, "fine-tuned on pictures rendered by edgemap simulate"),
+    )
