@@ -59,7 +59,7 @@ def floor(kind: str, rng: np.random.Generator) -> tuple[Material, float]:
 def walls(kind: str, rng: np.random.Generator) -> dict[str, tuple[Material, float]]:
     """Material and texture length per side: one paint or paper, with another on one wall now and then."""
     usual = _wall(kind, rng)
-    sides = dict.fromkeys(("near", "far", "left", "right"), usual)
+    sides: dict[str, tuple[Material, float]] = dict.fromkeys(("near", "far", "left", "right"), usual)
     if rng.random() < 0.3:
         sides[str(rng.choice(list(sides)))] = _wall(kind, rng)
     return sides

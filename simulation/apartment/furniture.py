@@ -99,7 +99,7 @@ class Kind:
 @lru_cache(maxsize=1)
 def kinds() -> dict[str, Kind]:
     """Every kind of furniture that rooms draw from, from `models.toml`."""
-    entries = tomllib.loads(resources.files(__package__).joinpath("models.toml").read_text())
+    entries = tomllib.loads(resources.files("edgemap.simulation.apartment").joinpath("models.toml").read_text())
     return {name: _kind(entry) for name, entry in entries.items()}
 
 

@@ -79,7 +79,8 @@ def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Genera
     if bottom > 0.3:
         meshes.append(frame.box(-0.12, 0.0, bottom - rim - 0.03, length + 0.12, 0.15, bottom - rim, trim))
     if rng.random() < 0.55:
-        cloth = Material(tuple(float(c) for c in rng.uniform(0.15, 0.8, 3)))
+        red, green, blue = (float(c) for c in rng.uniform(0.15, 0.8, 3))
+        cloth = Material((red, green, blue))
         hem = 0.03 if rng.random() < 0.6 else max(bottom - 0.15, 0.03)
         for start in (-0.28, length - 0.02):
             meshes.append(frame.curtain(start, start + 0.30, hem, top + 0.12, cloth, rng))

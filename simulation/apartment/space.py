@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
@@ -93,7 +95,7 @@ class Floor:
 
     def _connected(self, free: NDArray[np.bool_]) -> bool:
         wide = np.asarray(distance_transform_edt(free)) * _CELL_M > _ROBOT_M
-        regions, count = label(wide)
+        regions, count = cast(tuple[NDArray[np.int32], int], label(wide))
         if not count:
             return False
         main = regions[self._doors[0]] if self._doors else int(np.bincount(regions.ravel())[1:].argmax()) + 1
