@@ -24,7 +24,9 @@ class ForgetRule:
     surest, gone: log-odds that an object has at most, and below which it leaves. frame_weight: of one frame's look, as
     neighbouring frames repeat each other's misses. false_rate: how often something is detected where nothing stands.
     prior_hits, prior_looks: what is known of a class's detection rate before any look. same_iou: a box of its label
-    that overlaps the expected one this much counts as a look at it, whichever object it went to.
+    that overlaps the expected one this much counts as a look at it, whichever object it went to. trusted_rate: no miss
+    weighs as if the detection rate were higher, as what was always seen may be missed for a while from one side; with
+    these numbers an object takes at least eight misses in a row to leave.
     """
 
     surest: float = 2.5
@@ -34,6 +36,7 @@ class ForgetRule:
     prior_hits: float = 5.6
     prior_looks: float = 8.0
     same_iou: float = 0.3
+    trusted_rate: float = 0.72
     view: ViewRule = field(default_factory=ViewRule)
 
 
@@ -119,7 +122,8 @@ class Forgetter:
 
     def _weigh(self, item: MapObject, hit: bool, clear: bool) -> float:
         rule, rate = self.rule, self.detection_rate(item)
-        ratio = rate / rule.false_rate if hit else (1.0 - rate) / (1.0 - rule.false_rate)
+        missed = 1.0 - min(rate, rule.trusted_rate)
+        ratio = rate / rule.false_rate if hit else missed / (1.0 - rule.false_rate)
         now = self._log_odds.get(item.id, rule.surest) + rule.frame_weight * math.log(ratio)
         self._log_odds[item.id] = min(now, rule.surest)
         if clear:
