@@ -8,7 +8,7 @@ import json
 import shutil
 import subprocess
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from websockets.sync.client import connect
@@ -24,6 +24,10 @@ FLAGS = (
 
 def find_chromium() -> str | None:
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+class BrowserError(Exception):
+    """What chromium refused to do."""
 
 
 class Browser:
@@ -47,7 +51,8 @@ class Browser:
         while True:
             answer = json.loads(self._socket.recv(timeout=LIMIT_S))
             if answer.get("id") == number:
-                assert "error" not in answer, f"{method}: {answer['error']}"
+                if "error" in answer:
+                    raise BrowserError(f"{method}: {answer['error']}")
                 return answer["result"]
             self.events.append(answer)
 
@@ -90,7 +95,12 @@ class Page:
 
     def until(self, expression: str):
         """Wait until it is true."""
-        return wait_for(lambda: self.value(f"Boolean({expression})"), expression)
+
+        def holds():
+            with suppress(BrowserError):  # between two pages
+                return self.value(f"Boolean({expression})")
+
+        return wait_for(holds, expression)
 
     def click(self, identity: str) -> None:
         self.value(f"document.getElementById({identity!r}).click()")
