@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -208,6 +210,15 @@ def fields(text):
         lines = [line for line in part.splitlines() if line and "=" not in line and not line.startswith("MSG:")]
         found["" if number == 0 else head[1]] = [" ".join(line.split()[:2]) for line in lines]  # type: ignore[index]
     return found
+
+
+@pytest.mark.skipif(shutil.which("rerun") is None, reason="rerun is not installed (extra 'rerun')")
+def test_rerun_takes_it(recording, tmp_path):
+    checked = subprocess.run(["rerun", "mcap", "check", recording], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+    assert all(line.split()[0] == "ok" for line in checked.stdout.splitlines() if " /" in line)
+    subprocess.run(["rerun", "mcap", "convert", recording, "-o", tmp_path / "a.rrd"], check=True, capture_output=True)
+    assert (tmp_path / "a.rrd").read_bytes().startswith(b"RRF")
 
 
 def test_a_recording_without_lens_and_mount_has_neither_topic(tmp_path):
