@@ -25,6 +25,11 @@ class Canvas:
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shaders.SILHOUETTE)
         self.walls = self.context.program(*shaders.WALLS)
+        self._shadow = self.context.program(*shaders.SHADOW)
+        square = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], dtype="f4")
+        self._square = self.context.vertex_array(
+            self._shadow, [(self.context.buffer(square.tobytes()), "2f", "corner")]
+        )
         self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
 
     def program(self, kind: Kind) -> Any:
@@ -44,6 +49,13 @@ class Canvas:
             # The image is kept too, so that its id stays its own.
             self._textures[id(image)] = image, self._uploaded(image)
         return self._textures[id(image)][1]
+
+    def shadow(self, clip: NDArray[np.float64], place: tuple[float, ...]) -> None:
+        """Darken the floor under what stands on it. place: middle and half sides (x, y, a, b) in metres of the clip
+        matrix's frame."""
+        self._shadow["clip_home"].write(clip.T.astype("f4").tobytes())
+        self._shadow["place"] = place
+        self._square.render(self.gl.TRIANGLE_STRIP)
 
     def target(self, size: tuple[int, int], components: int = 4, depth: bool = True) -> Any:
         """A framebuffer (width, height) of bytes with a depth buffer."""

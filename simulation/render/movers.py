@@ -12,6 +12,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array, Mesh
 from edgemap.simulation.render.scene import Probes
 
+# How high feet are, and how far their shadow reaches beyond them.
+_FOOT_M, _SHADOW_M = 0.12, 0.22
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mover:
@@ -32,6 +35,13 @@ class Mover:
         matrix[:2, :2] = self.pose_home_mover.rotation()
         matrix[:2, 3] = self.pose_home_mover.x_m, self.pose_home_mover.y_m
         return matrix
+
+
+def stand(points: Array) -> tuple[float, float, float, float]:
+    """Where points (N, 3) of a mover touch the floor, with some margin: middle and half sides (x, y, a, b), metres."""
+    low = points[points[:, 2] < points[:, 2].min() + _FOOT_M, :2]
+    middle, half = (low.min(axis=0) + low.max(axis=0)) / 2.0, (low.max(axis=0) - low.min(axis=0)) / 2.0 + _SHADOW_M
+    return float(middle[0]), float(middle[1]), float(half[0]), float(half[1])
 
 
 def mid_air_light(probes: Probes | None, points: Array, normals: Array) -> tuple[Array, Array]:

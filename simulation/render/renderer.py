@@ -22,7 +22,7 @@ from edgemap.simulation.render.canvas import Canvas, Meshes, release
 from edgemap.simulation.render.culling import in_view
 from edgemap.simulation.render.lens import Lens
 from edgemap.simulation.render.mesh import Array, Mesh
-from edgemap.simulation.render.movers import Mover, mid_air_light
+from edgemap.simulation.render.movers import Mover, mid_air_light, stand
 from edgemap.simulation.render.scene import ROOM_ID, AreaLight, LightMix, LitPart, LitScene
 from edgemap.simulation.render.view import FAR_M, NEAR_M, View, clip_matrix, oversampled
 
@@ -178,6 +178,7 @@ class Renderer:
         for draw in draws:
             if not draw.batch.see_through:
                 self._colour(draw, light, exposure, draw.slot / 255.0)
+        self._shadows(clip, movers)
         self._see_through([draw for draw in draws if draw.batch.see_through], light, exposure)
         return self._read(names)
 
@@ -258,20 +259,35 @@ class Renderer:
         blank = [(0.0, 0.0, 0.0)] * (shaders.LAMPS - len(near))
         program["lamp_at"], program["lamp_power"] = [*places, *blank], [*powers, *blank]
 
+    def _shadows(self, clip: Array, movers: tuple[Mover, ...]) -> None:
+        gl, context = self._canvas.gl, self._canvas.context
+        context.enable(gl.BLEND)
+        self._write(colour=True, slot=False, depth=False)
+        for mover in movers:
+            points = self._moving_meshes(mover.mesh).packed.vertices["position"]
+            self._canvas.shadow(clip @ mover.matrix_home_mover(), stand(points))
+        self._write(colour=True, slot=True)
+        context.disable(gl.BLEND)
+
+    def _write(self, colour: bool, slot: bool, depth: bool = True) -> None:
+        """Choose what drawing changes; masks count from the next `use` on."""
+        self._fine.color_mask, self._fine.depth_mask = (colour, colour, colour, slot), depth
+        self._fine.use()
+
     def _see_through(self, draws: list[_Draw], light: LightMix, exposure: float) -> None:
         """Blended colours, far ones first; then their ids, which cannot be blended."""
         gl, context = self._canvas.gl, self._canvas.context
         context.enable(gl.BLEND)
-        self._fine.color_mask = True, True, True, False
+        self._write(colour=True, slot=False)
         for draw in reversed(draws):
             self._colour(draw, light, exposure, draw.batch.material.opacity)
         context.disable(gl.BLEND)
-        self._fine.color_mask = False, False, False, True
+        self._write(colour=False, slot=True)
         context.depth_func = "<="
         for draw in draws:
             self._colour(draw, light, exposure, draw.slot / 255.0)
         context.depth_func = "<"
-        self._fine.color_mask = True, True, True, True
+        self._write(colour=True, slot=True)
 
     def _read(self, names: list[int]) -> Frame:
         size = (self._pinhole.height, self._pinhole.width)

@@ -108,7 +108,9 @@ void main() {
         shine += lamp_power[i] * along * along;
     }
     float edge = 1.0 - facing, edge2 = edge * edge;
-    colour += gloss * (shine * clamp(bright * 2.0, 0.0, 1.0) + bright * (0.04 + 0.5 * edge2 * edge2 * edge));
+    // Lights mirror the better the flatter one looks; so does the room.
+    shine *= clamp(bright * 2.0, 0.0, 1.0) * (0.12 + 0.88 * edge2);
+    colour += gloss * (shine + bright * (0.04 + 0.5 * edge2 * edge2 * edge));
 #endif
     colour *= exposure;
     // ACES fit, Narkowicz 2015.
@@ -123,6 +125,19 @@ void main() { texel = uv; gl_Position = clip_home * vec4(position, 1.0); }""",
     """#version 330
 in vec2 texel; uniform sampler2D image; uniform bool holes; out float pixel;
 void main() { if (holes && texture(image, texel).a < 0.5) discard; pixel = 1.0; }""",
+)
+
+# What stands on the floor darkens it: an ellipse, soft at its edge.
+SHADOW = (
+    """#version 330
+in vec2 corner; uniform mat4 clip_home; uniform vec4 place; out vec2 at;
+void main() { at = corner; gl_Position = clip_home * vec4(place.xy + corner * place.zw, 0.012, 1.0); }""",
+    """#version 330
+in vec2 at; out vec4 pixel;
+void main() {
+    float inside = clamp(1.0 - dot(at, at), 0.0, 1.0);
+    pixel = vec4(0.0, 0.0, 0.0, 0.75 * inside * inside);
+}""",
 )
 
 WALLS = (

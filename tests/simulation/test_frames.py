@@ -1,0 +1,222 @@
+"""Frames of small scenes whose pictures can be worked out by hand: boxes, shares, lenses, movers, light."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.simulation.render.mesh import Material, Mesh, box, quad
+from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface
+
+INTRINSICS = Intrinsics(320, 240, 200.0, 200.0, 159.5, 119.5)
+BENT = replace(INTRINSICS, distortion=Distortion("brown_conrady", (-0.25, 0.08, 0.002, -0.003, 0.0)))
+# Looks along x from (0, 0, 1).
+MOUNT = Mount.from_degrees(1.0, 0.0)
+GREY = Material((0.5, 0.5, 0.5))
+
+
+def lit(id_, mesh, lamp=1.0, day=0.0):
+    def light(part, value):
+        return np.full(part.positions.shape, value, dtype=np.float32)
+
+    return [LitPart(id_, p, *[light(p, lamp)] * 2, *[light(p, day)] * 2) for p in mesh.parts]
+
+
+def sheet(x, y0, y1, z0, z1, material=GREY):
+    """A rectangle across the view, facing the camera."""
+    return Mesh((quad((x, y0, z0), (0, 0, z1 - z0), (0, y1 - y0, 0), material),))
+
+
+def wall(x, half, lamp=1.0, day=0.0):
+    surface = Surface(np.array([x, half, 1 - half]), np.array([0, -2.0 * half, 0]), np.array([0, 0, 2.0 * half]), GREY)
+    return LitSurface(surface, *(np.full((4, 4, 3), value, dtype=np.float32) for value in (lamp, day)))
+
+
+@pytest.fixture
+def draw():
+    """Makes a renderer of parts and surfaces; closed at the end."""
+    pytest.importorskip("moderngl")
+    from edgemap.geometry.errors import EdgemapError
+    from edgemap.simulation.render.renderer import Renderer
+
+    made = []
+
+    def make(parts, surfaces=(), intrinsics=INTRINSICS):
+        try:
+            made.append(Renderer(LitScene(tuple(surfaces), tuple(parts), ()), intrinsics))
+        except EdgemapError as error:
+            pytest.skip(str(error))
+        return made[-1]
+
+    yield make
+    for renderer in made:
+        renderer.close()
+
+
+@pytest.fixture
+def view():
+    from edgemap.simulation.render.view import View
+
+    return View.of_base(SE2(0.0, 0.0, 0.0), MOUNT)
+
+
+def boxes(renderer, view, labels, movers=()):
+    from edgemap.simulation.truth import picture_boxes
+
+    items = tuple(SimpleNamespace(id=id_, label=label) for id_, label in labels.items())
+    return {r["id"]: r for r in picture_boxes(renderer, view, SimpleNamespace(furniture=items), movers)}
+
+
+def test_hidden_half_shows_in_the_box_and_the_share(draw, view):
+    """At 2 m 0.4 m are 40 px: columns 139.5 to 179.5 of pixel centres, so pixels 140..179. The near sheet hides all
+    to the left of y = 0, i.e. columns up to 159."""
+    far, near = sheet(2.0, -0.2, 0.2, 0.8, 1.2), sheet(1.0, 0.0, 0.5, 0.5, 1.5)
+    found = boxes(draw([*lit(1, far), *lit(2, near)]), view, {1: "chair", 2: "couch"})
+    assert found[1]["box"] == [160, 100, 180, 140]
+    assert found[1]["full_box"] == [140, 100, 180, 140]
+    assert found[1]["visible"] == pytest.approx(0.5, abs=0.01)
+    assert found[2]["box"] == found[2]["full_box"] == [60, 20, 160, 220]
+    assert found[2]["visible"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_the_border_cuts_counts_as_hidden(draw, view):
+    """0.8 m wide at 1 m: 160 px, half of them beyond the left border (column 0 is at y = 0.8)."""
+    found = boxes(draw(lit(1, sheet(1.0, 0.4, 1.2, 0.9, 1.1))), view, {1: "chair"})
+    assert found[1]["box"] == found[1]["full_box"] == [0, 100, 80, 140]
+    assert found[1]["visible"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_objects_that_reach_behind_the_camera_have_a_whole_box(draw, view):
+    found = boxes(draw(lit(1, box((-1.0, -1.0, 0.2), (3.0, -0.5, 0.4), GREY))), view, {1: "bed"})
+    assert found[1]["full_box"][2:] == [320, 240]
+    # Its far left edge: y = -0.5 at x = 3.
+    assert found[1]["full_box"][0] == pytest.approx(160 + 200 * 0.5 / 3.0, abs=1)
+
+
+def test_things_behind_walls_are_left_out_and_nothing_else(draw, view):
+    """Culling must not change a picture: what is left out is what the wall hides."""
+    hidden, beside = sheet(3.0, -0.3, 0.3, 0.7, 1.3), sheet(3.0, 1.1, 1.5, 0.7, 1.3)
+    renderer = draw([*lit(1, hidden), *lit(2, beside)], [wall(2.0, 0.7)])
+    ids, depth = renderer.ids_and_depth(view)
+    assert set(np.unique(ids)) == {0, 2}
+    assert depth[120, 160] == pytest.approx(2.0, abs=1e-3)
+    assert (ids == 2).sum() == pytest.approx(200 / 3 * 0.4 * 200 / 3 * 0.6, rel=0.05)
+
+
+@pytest.mark.parametrize("mix", [LightMix(1.0, 1.0), LightMix(0.5, 0.0), LightMix(0.0, 0.25)])
+def test_groups_of_light_add_up(draw, view, mix):
+    """A matte grey at light L shows ACES(0.5 L), on corners and on light maps alike."""
+    renderer = draw(lit(1, sheet(1.5, -0.3, 0.0, 0.8, 1.2), 0.6, 0.2), [wall(2.0, 1.5, 0.6, 0.2)])
+    picture = renderer.picture(view, mix)
+    x = 0.5 * (0.6 * mix.lamp + 0.2 * mix.day)
+    shown = 255 * (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)) ** (1 / 2.2)
+    assert np.abs(picture[120, 180].astype(float) - shown).max() < 2.5
+    assert np.abs(picture[120, 100].astype(float) - shown).max() < 2.5
+
+
+def test_exposure_is_a_factor_on_light(draw, view):
+    renderer = draw(lit(1, sheet(1.5, -0.3, 0.3, 0.8, 1.2)))
+    dim = renderer.picture(view, LightMix(1.0, 0.5), 2.0)
+    np.testing.assert_array_equal(dim, renderer.picture(view, LightMix(1.0, 1.0), 1.0))
+
+
+def test_glass_shows_what_is_behind_but_is_an_object(draw, view):
+    glass = replace(GREY, colour=(0.0, 0.0, 0.0), opacity=0.5)
+    renderer = draw(lit(1, sheet(1.5, -0.3, 0.3, 0.8, 1.2, glass)), [wall(2.0, 1.5)])
+    frame = renderer.frame(view)
+    assert frame.ids[120, 160] == 1
+    assert frame.depth_m[120, 160] == pytest.approx(1.5, abs=1e-3)
+    assert 0.2 < frame.picture[120, 160, 0] / frame.picture[120, 40, 0] < 0.8
+    assert frame.ids[120, 40] == 0
+
+
+def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
+    """Small markers all over the picture, in ids and in colour."""
+    y, z = np.meshgrid(np.linspace(-1.4, 1.4, 7), np.linspace(-0.9, 0.9, 5))
+    points = np.column_stack([np.full(y.size, 2.0), y.ravel(), z.ravel() + 1.0])
+    parts = [
+        p
+        for n, at in enumerate(points, 1)
+        for p in lit(n, sheet(2.0, at[1] - 0.02, at[1] + 0.02, at[2] - 0.02, at[2] + 0.02))
+    ]
+    renderer = draw(parts, intrinsics=BENT)
+    frame = renderer.frame(view)
+    expected = BENT.project(view.to_optical(points))
+    inside = (expected > 4).all(axis=1) & (expected < [315, 235]).all(axis=1)
+    assert inside.sum() > 20
+    bright = frame.picture[..., 0].astype(float)
+    for n in np.flatnonzero(inside) + 1:
+        rows, columns = np.nonzero(frame.ids == n)
+        u, v = expected[n - 1]
+        assert np.hypot(columns.mean() - u, rows.mean() - v) < 0.5
+        near = np.s_[int(v) - 4 : int(v) + 6, int(u) - 4 : int(u) + 6]
+        r, c = np.mgrid[near]
+        weight = bright[near]
+        assert np.hypot((c * weight).sum() / weight.sum() - u, (r * weight).sum() / weight.sum() - v) < 0.5
+        assert frame.depth_m[rows, columns] == pytest.approx(2.0, abs=1e-3)
+
+
+def test_bent_boxes_and_shares(draw, view):
+    """A sheet cut by the bent picture's left border; the share is that of its area in the straight picture."""
+    renderer = draw(lit(1, sheet(1.0, 0.2, 0.6, 0.9, 1.1)), intrinsics=BENT)
+    found = boxes(renderer, view, {1: "chair"})[1]
+    corners = np.array([[1.0, y, z] for y in (0.2, 0.6) for z in (0.9, 1.1)])
+    pixels = BENT.project(view.to_optical(corners)) + 0.5
+    assert np.abs(np.array(found["full_box"]) - [*pixels.min(axis=0), *pixels.max(axis=0)]).max() < 1.5
+    assert np.abs(np.array(found["box"]) - found["full_box"]).max() <= 1
+    assert found["visible"] == pytest.approx(1.0, abs=0.04)
+
+
+def test_lens_that_folds_is_refused():
+    from edgemap.simulation.errors import SimulationError
+    from edgemap.simulation.render.lens import Lens
+
+    with pytest.raises(SimulationError, match="folds the picture"):
+        Lens(replace(INTRINSICS, distortion=Distortion("brown_conrady", (-2.0,))))
+
+
+def test_movers_stand_where_they_are_put(draw, view):
+    from edgemap.simulation.render.movers import Mover
+
+    renderer = draw(lit(1, sheet(4.0, -0.3, 0.3, 0.7, 1.3)), [wall(6.0, 3.0)])
+    mesh = box((-0.1, -0.2, 0.0), (0.1, 0.2, 1.8), GREY)
+    mover = Mover(10_000, mesh, SE2(2.0, 0.3, np.pi / 2))
+    empty = renderer.frame(view)
+    found = boxes(renderer, view, {1: "tv"}, (mover,))
+    # Turned a quarter, its front face is 0.2 m wide, 1.8 m ahead; its top is 0.8 m above the camera.
+    u0, u1 = 160 - 200 * 0.4 / 1.8, 160 - 200 * 0.2 / 2.2
+    assert found[10_000]["label"] == "person"
+    assert found[10_000]["full_box"] == pytest.approx([u0, 120 - 200 * 0.8 / 1.8, u1, 120 + 200 * 1.0 / 1.8], abs=1.01)
+    assert found[1]["visible"] == pytest.approx(1.0, abs=0.02)
+    moved = renderer.frame(view, movers=(replace(mover, pose_home_mover=SE2(2.0, 0.0, 0.0)),))
+    assert moved.ids[120, 160] == 10_000
+    assert moved.depth_m[120, 160] == pytest.approx(1.9, abs=1e-3)
+    assert boxes(renderer, view, {1: "tv"})
+    assert (renderer.frame(view).picture == empty.picture).all()
+
+
+def test_movers_darken_the_floor_under_them(draw, view):
+    from edgemap.simulation.render.movers import Mover
+
+    ground = Surface(np.array([0.5, -3.0, 0.0]), np.array([6.0, 0, 0]), np.array([0, 6.0, 0]), GREY)
+    light = np.ones((4, 4, 3), dtype=np.float32)
+    renderer = draw([], [LitSurface(ground, light, light)])
+    mover = Mover(9, box((-0.1, -0.1, 0.0), (0.1, 0.1, 0.3), GREY), SE2(3.0, 0.0, 0.0))
+    before, after = renderer.picture(view).astype(int), renderer.frame(view, movers=(mover,))
+    # Just before its feet (2.88 m ahead), and well aside.
+    row = round(119.5 + 200 / 2.87)
+    assert after.picture[row, 160, 0] < before[row, 160, 0] - 5
+    assert after.ids[row, 160] == 0
+    assert after.depth_m[row, 160] == pytest.approx(2.87, abs=0.05)
+    assert (after.picture[row, 240] == before[row, 240]).all()
+
+
+def test_one_renderer_looks_through_many_cameras(draw, view):
+    parts = lit(1, sheet(2.0, -0.2, 0.2, 0.8, 1.2))
+    renderer, wide = draw(parts), replace(BENT, width=400, fx=230.0)
+    renderer.look_through(wide)
+    np.testing.assert_array_equal(renderer.picture(view), draw(parts, intrinsics=wide).picture(view))
