@@ -17,14 +17,14 @@ from edgemap.runtime.drives.yolo import write_yolo_labels
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text
-from edgemap.simulation.camera.exposure import gains
+from edgemap.simulation.camera.exposure import light_levels, settled_gain
 from edgemap.simulation.camera.film import encoded, sensed
 from edgemap.simulation.camera.shake import shaken
 from edgemap.simulation.errors import require
 from edgemap.simulation.pool import default_workers, ordered
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
-from edgemap.simulation.render.scene import LightMix
+from edgemap.simulation.render.scene import LightMix, Probes
 from edgemap.simulation.render.view import View
 from edgemap.simulation.store import PartStore, write_bytes, write_text
 from edgemap.simulation.studio import EXPOSURE, light_mix
@@ -84,7 +84,7 @@ def _render_home(task: tuple[Path, int, int]) -> int:
     for number, shown in enumerate(views):
         rng = np.random.default_rng([home, number, 7])
         mount = shaken(shown.camera.mount, shown.effects.shake_rad, shown.velocity, rng)
-        mix, gain = _light(shown, rng)
+        mix, gain = _light(shown, lit.probes, rng)
         view, lens = View.of_base(shown.pose_home_base, mount), shown.camera.intrinsics
         renderer.look_through(lens)
         frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
@@ -99,11 +99,11 @@ def _render_home(task: tuple[Path, int, int]) -> int:
     return home
 
 
-def _light(shown: Shown, rng: np.random.Generator) -> tuple[LightMix, float]:
+def _light(shown: Shown, probes: Probes | None, rng: np.random.Generator) -> tuple[LightMix, float]:
     """Light at some moment, and how far the camera brightens it, more or less."""
-    moment_s = rng.uniform(0.0, 60.0)
-    gain = float(gains(shown.light, np.array([moment_s]), shown.effects.lag_s)[0])
-    return light_mix(shown.light, moment_s), gain * float(np.exp(rng.normal(0.0, 0.15)))
+    mix = light_mix(shown.light, rng.uniform(0.0, 60.0))
+    day, lamp = light_levels(probes, shown.pose_home_base.vector()[None])
+    return mix, float(settled_gain(mix.day * day + mix.lamp * lamp)[0] * np.exp(rng.normal(0.0, 0.2)))
 
 
 def _write(folder: Path, name: str, picture: tuple[bytes, str], boxes: list[dict[str, Any]], lens: Any) -> None:

@@ -51,8 +51,8 @@ def _start(prepare: Callable[..., None], given: tuple[Any, ...]) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for name in ("LP_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[name] = "1"
+    # Mesa draws in this process's own thread: with 1 it would start another one and wait for it.
+    os.environ |= {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     import cv2
 
     cv2.setNumThreads(1)

@@ -65,7 +65,7 @@ class Studio:
     def __init__(self, world: World, lit: LitScene) -> None:
         self._world = world
         self._renderer = Renderer(lit, world.camera.intrinsics, EXPOSURE)
-        self._gains = gains(world.light, world.stamps_s, world.effects.lag_s)
+        self._gains = gains(lit.probes, world.light, world.motion, world.stamps_s, world.effects.lag_s)
         # The renderer knows a mesh again by its being the same object.
         self._people = [furniture.piece(walker.model) for walker in world.walkers]
 

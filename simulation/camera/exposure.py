@@ -1,28 +1,51 @@
-"""Automatic exposure: how much the camera brightens the picture, following the light with a lag."""
+"""Automatic exposure: how much the camera brightens the picture, following the light with a lag.
+
+The light is that of the air round the robot, baked with the home: no picture is needed to expose another one, so
+every picture can be made by itself.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.render.scene import Probes
+from edgemap.simulation.robot.motion import Motion
 
-# How bright a room is under all of its lamps, against full daylight.
-LAMP_LEVEL = 0.8
-# A camera makes up for most of a change of light, not for all of it, and only so far.
-_SHARE, _LEAST, _MOST = 0.85, 0.5, 8.0
+# Light (irradiance / pi) at which a picture comes out right as it is.
+_GOOD_LEVEL = 0.25
+# A camera makes up for most of a lack of light, not for all of it, and only so far.
+_SHARE, _LEAST, _MOST = 0.85, 0.4, 12.0
 _STEP_S = 0.02
+# It looks at the room before it.
+_AHEAD_M = 1.2
 
 
-def gains(script: LightScript, stamps_s: Array, lag_s: float) -> Array:
-    """Brightening (N,) at increasing stamps, 1 in full daylight.
+def light_levels(probes: Probes | None, poses: Array) -> tuple[Array, Array]:
+    """Mean light by full day and by all lamps (irradiance / pi, each (N,)) before poses (N, 3) of the base."""
+    if probes is None:
+        return np.full(len(poses), _GOOD_LEVEL), np.full(len(poses), _GOOD_LEVEL)
+    ahead = poses[:, :2] + _AHEAD_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+    at = ((ahead - probes.corner_m[:2]) / probes.step_m[:2]).T
+    day, lamp = (
+        map_coordinates(light.mean(axis=(2, 3, 4)), at, order=1, mode="nearest") for light in (probes.day, probes.lamp)
+    )
+    return day, lamp
 
-    It follows from the light alone, never from pictures taken before: every picture can be made by itself.
-    """
-    settled_s = 8.0 * lag_s + 1.0
-    time = np.arange(-settled_s, float(np.max(stamps_s, initial=0.0)) + _STEP_S, _STEP_S)
-    day, lamp = script.at(time)
-    wanted = np.log(np.clip((day + LAMP_LEVEL * lamp + 1e-3) ** -_SHARE, _LEAST, _MOST))
+
+def settled_gain(level: Array) -> Array:
+    """Brightening once the camera has settled, 1 in good light. level: irradiance / pi, (N,)."""
+    return np.clip((np.asarray(level) / _GOOD_LEVEL + 1e-4) ** -_SHARE, _LEAST, _MOST)
+
+
+def gains(probes: Probes | None, script: LightScript, motion: Motion, stamps_s: Array, lag_s: float) -> Array:
+    """Brightening (N,) at increasing stamps along a drive; it follows the settled one exponentially."""
+    time = np.arange(0.0, float(np.max(stamps_s, initial=0.0)) + 2.0 * _STEP_S, _STEP_S)
+    day_share, lamp_share = script.at(time)
+    day, lamp = light_levels(probes, motion.at(time))
+    wanted = np.log(settled_gain(day_share * day + lamp_share * lamp))
     keep = float(np.exp(-_STEP_S / lag_s)) if lag_s > 0.0 else 0.0
     reached = np.empty_like(wanted)
     level = wanted[0]

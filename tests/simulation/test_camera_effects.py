@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.simulation.camera.exposure import gains
+from edgemap.simulation.camera.exposure import gains, light_levels, settled_gain
 from edgemap.simulation.camera.noise import noisy
 from edgemap.simulation.camera.shake import shaken
 from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
 from edgemap.simulation.envelope import LIGHTS, Envelope, light_of
 from edgemap.simulation.light_script import LightScript
+from edgemap.simulation.render.scene import Probes
+from edgemap.simulation.robot.motion import Motion
 
 LENS = Intrinsics(160, 120, 150.0, 145.0, 81.0, 57.0)
 MOUNT = Mount.from_degrees(0.5, 12.0, roll_deg=3.0, forward_m=0.2, left_m=-0.05)
@@ -81,13 +83,28 @@ def test_noise_has_the_sensors_variance_and_repeats():
 
 
 def test_exposure_follows_a_switched_lamp_with_its_lag():
+    """Without probes the room is as bright as its shares say; 0.7 s after the switch, with a lag of 0.5 s."""
     script = LightScript(day=0.0, lamp=0.8, switches_s=(10.0,), switched=0.1)
-    before, after, settled = gains(script, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
+    stands = Motion(np.zeros((2, 3)))
+    before, after, settled = gains(None, script, stands, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
     assert before < after < settled
     share = math.log(after / before) / math.log(settled / before)
     assert share == pytest.approx(1.0 - math.exp(-0.7 / 0.5), abs=0.08)
-    longer = gains(script, np.array([9.5, 10.7, 20.0, 60.0]), 0.5)
+    longer = gains(None, script, stands, np.array([9.5, 10.7, 20.0, 60.0]), 0.5)
     np.testing.assert_allclose(longer[:3], [before, after, settled])
+
+
+def test_a_dark_corner_is_brightened_more_than_a_bright_one():
+    """Probes a metre apart, light growing along x: the level before the robot is that of 1.2 m ahead."""
+    light = np.broadcast_to(np.arange(5.0)[:, None, None, None, None], (5, 4, 2, 6, 3)).astype(np.float32)
+    probes = Probes(np.zeros(3), np.ones(3), 2.0 * light, light)
+    poses = np.array([[0.3, 1.0, 0.0], [3.2, 1.0, np.pi], [2.0, 1.0, np.pi / 2]])
+    day, lamp = light_levels(probes, poses)
+    np.testing.assert_allclose(day, [1.5, 2.0, 2.0], atol=1e-6)
+    np.testing.assert_allclose(lamp, [3.0, 4.0, 4.0], atol=1e-6)
+    brightened = settled_gain(np.array([0.02, 0.25, 0.5]))
+    assert brightened[0] > 3.0 > brightened[1] > brightened[2]
+    assert brightened[1] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_lamp_goes_off_and_on_again():
