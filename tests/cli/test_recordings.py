@@ -65,7 +65,7 @@ def test_a_recording_played_twice_gives_one_map(edgemap, live, driven):
     by_tape = driven("by-tape", "--camera", tape, "--odometry", f"wheel:{tape}")
     assert same(by_file, by_tape, "trajectory.tum")
     by_truth = [driven(name, *flags, "--odometry", "truth") for name, flags in (("t", ()), ("u", ("--camera", tape)))]
-    assert same(*by_truth, "trajectory.tum")
+    assert same(by_truth[0], by_truth[1], "trajectory.tum")
 
 
 def test_what_a_run_records_is_what_it_wrote(live):

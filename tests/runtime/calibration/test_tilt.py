@@ -1,6 +1,6 @@
 """Pitch and roll from the edges of rooms: rendered with exact truth, the demo's own pictures, and what is refused."""
 
-# pyright: reportOptionalMemberAccess=false
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 
 import math
 

@@ -1,6 +1,6 @@
 """What was recorded comes back: pictures, stamps, lens, mount, wheels, truth; and what a cut or a kill leaves."""
 
-# pyright: reportOptionalMemberAccess=false
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportOptionalOperand=false
 
 import signal
 import subprocess
