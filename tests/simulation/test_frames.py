@@ -135,28 +135,30 @@ def test_glass_shows_what_is_behind_but_is_an_object(draw, view):
 
 
 def test_bent_lens_puts_points_where_intrinsics_project_them(draw, view):
-    """Small markers all over the picture, in ids and in colour."""
-    y, z = np.meshgrid(np.linspace(-1.4, 1.4, 7), np.linspace(-0.9, 0.9, 5))
+    """Small markers all over the picture, in ids and in colour; nothing on a round number, so that no edge runs along
+    pixel centres."""
+    y, z = np.meshgrid(np.linspace(-1.413, 1.387, 7), np.linspace(-0.889, 0.911, 5))
     points = np.column_stack([np.full(y.size, 2.0), y.ravel(), z.ravel() + 1.0])
+    half = 0.0313
     parts = [
         p
         for n, at in enumerate(points, 1)
-        for p in lit(n, sheet(2.0, at[1] - 0.02, at[1] + 0.02, at[2] - 0.02, at[2] + 0.02))
+        for p in lit(n, sheet(2.0, at[1] - half, at[1] + half, at[2] - half, at[2] + half))
     ]
     renderer = draw(parts, intrinsics=BENT)
     frame = renderer.frame(view)
     expected = BENT.project(view.to_optical(points))
-    inside = (expected > 4).all(axis=1) & (expected < [315, 235]).all(axis=1)
+    inside = (expected > 6).all(axis=1) & (expected < [312, 232]).all(axis=1)
     assert inside.sum() > 20
-    bright = frame.picture[..., 0].astype(float)
+    bright = frame.picture[..., 0].astype(float) ** 2.2
     for n in np.flatnonzero(inside) + 1:
         rows, columns = np.nonzero(frame.ids == n)
         u, v = expected[n - 1]
         assert np.hypot(columns.mean() - u, rows.mean() - v) < 0.5
-        near = np.s_[int(v) - 4 : int(v) + 6, int(u) - 4 : int(u) + 6]
+        near = np.s_[int(v) - 6 : int(v) + 8, int(u) - 6 : int(u) + 8]
         r, c = np.mgrid[near]
         weight = bright[near]
-        assert np.hypot((c * weight).sum() / weight.sum() - u, (r * weight).sum() / weight.sum() - v) < 0.5
+        assert np.hypot((c * weight).sum() / weight.sum() - u, (r * weight).sum() / weight.sum() - v) < 0.2
         assert frame.depth_m[rows, columns] == pytest.approx(2.0, abs=1e-3)
 
 
