@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, Threads, at_least, find_bundle, in_unit
+from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, OptionError, Threads, at_least, find_bundle, in_unit
 
 
 def command(
@@ -24,12 +24,17 @@ def command(
         float, tyro.conf.arg(metavar="0..1", help="Least score of a box; low, so that the whole curve counts.")
     ] = 0.001,
     nms: Annotated[float, tyro.conf.arg(metavar="0..1", help="Overlap (IoU) above which the weaker box goes.")] = 0.6,
+    classes: Annotated[
+        str | None,
+        tyro.conf.arg(metavar="NAME,…", help="Score these classes only, so that bundles compare; by default all."),
+    ] = None,
     threads: Threads = None,
     json: Json = False,
 ) -> None:
     """Average precision on labelled pictures, COCO protocol: AP over IoU 0.50 to 0.95, and AP50.
 
     Classes are matched by name; true boxes of classes that the bundle does not know are left out and counted apart.
+    Boxes that are known to be seen too little (under 30 % visible, or under 24 px) are ignored: neither hit nor miss.
     """
     import numpy as np
     from tqdm import tqdm
@@ -45,6 +50,11 @@ def command(
     loaded = find_bundle(bundle, threads)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
     number = {name: index for index, name in enumerate(loaded.names)}
+    if classes is not None:
+        chosen = {name.strip() for name in classes.split(",") if name.strip()}
+        if not chosen or chosen - set(number):
+            raise OptionError(f"--classes {classes!r}: the bundle knows {', '.join(loaded.names)}")
+        number = {name: index for name, index in number.items() if name in chosen}
     pictures, unknown = [], 0
     with as_data(data, frames, quiet=json) as spec:
         for image, truth in tqdm(labelled_pictures(spec, frames), unit=" pictures", disable=json or None):
@@ -54,7 +64,19 @@ def command(
             labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
             boxes = truth.boxes[known].reshape(-1, 4)
             height, width = image.shape[:2]
-            pictures.append(ScoredPicture(width, height, boxes, labels, found.boxes, found.class_ids, found.scores))
+            mine = np.isin(found.class_ids, list(number.values()))
+        pictures.append(
+            ScoredPicture(
+                width,
+                height,
+                boxes,
+                labels,
+                found.boxes[mine],
+                found.class_ids[mine],
+                found.scores[mine],
+                truth.ignorable()[known],
+            )
+        )
     document = {"data": data, "bundle": loaded.manifest.name, **average_precision(pictures, loaded.names)}
     document["boxes_of_unknown_classes"] = unknown
     if json:
@@ -67,4 +89,6 @@ def command(
     for name, figures in sorted(document["per_class"].items(), key=lambda item: -item[1]["ap50"]):
         print(f"  {name:<16} AP {figures['ap']:.3f}   AP50 {figures['ap50']:.3f}")
     if unknown:
-        print(f"  ({unknown} true boxes of classes that this bundle does not know were left out)")
+        print(f"  ({unknown} true boxes of classes that are not scored were left out)")
+    if document["boxes_ignored"]:
+        print(f"  ({document['boxes_ignored']} true boxes that are seen too little were ignored)")

@@ -36,8 +36,12 @@ def command(
     input: Annotated[int, tyro.conf.arg(metavar="PX", help="Side of the square input, a multiple of 32.")] = 416,
     batch: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures per step.")] = 16,
     rate: Annotated[
-        float | None, tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.001, from scratch 0.004.")
+        float | None,
+        tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.0003, from scratch 0.004."),
     ] = None,
+    keep: Annotated[
+        float, tyro.conf.arg(metavar="W", help="How hard to hold on to the start's features; nothing from scratch.")
+    ] = 1.0,
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
     validate_minutes: Annotated[
         float | None,
@@ -75,8 +79,9 @@ def command(
         seed=seed,
         minutes=minutes,
         epochs=epochs,
-        rate=rate or (0.004 if scratch else 0.001),
+        rate=rate or (0.004 if scratch else 0.0003),
         trunk_rate=1.0 if scratch else 0.5,
+        keep=0.0 if scratch else keep,
         frozen=() if scratch else ("stem", "down4"),
         validate_minutes=validate_minutes,
     )

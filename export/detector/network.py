@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -66,9 +67,13 @@ class Nano(nn.Module):
         self.heads = nn.ModuleList(Head(width, classes, norm) for width in WIDTHS)
         self.upsample = nn.Upsample(scale_factor=2, mode="nearest")
 
-    def trunk(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """The three maps that the heads read: 64 channels at stride 8, 128 at 16, 256 at 32."""
-        x8 = self.down8(self.down4(self.stem(image)))
+    def early(self, image: Tensor) -> Tensor:
+        """The first layers: 32 channels at stride 4. Fine-tuning leaves them alone."""
+        return self.down4(self.stem(image))
+
+    def late(self, x4: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """From `early` to the three maps that the heads read: 64 channels at stride 8, 128 at 16, 256 at 32."""
+        x8 = self.down8(x4)
         x16 = self.down16(x8)
         n32 = self.narrow32(self.down32(x16))
         n16 = self.narrow16(self.join16(torch.cat([self.upsample(n32), x16], dim=1)))
@@ -77,9 +82,17 @@ class Nano(nn.Module):
         p32 = self.out32(torch.cat([self.step32(p16), n32], dim=1))
         return p8, p16, p32
 
+    def trunk(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Pictures to the three maps that the heads read."""
+        return self.late(self.early(image))
+
+    def look(self, maps: Sequence[Tensor]) -> tuple[Tensor, ...]:
+        """The trunk's maps to raw heads, finest first."""
+        return tuple(head(x) for head, x in zip(self.heads, maps, strict=True))
+
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """Raw heads, finest first."""
-        return tuple(head(x) for head, x in zip(self.heads, self.trunk(image), strict=True))
+        return self.look(self.trunk(image))
 
 
 class WithFeatures(nn.Module):

@@ -34,16 +34,16 @@ from edgemap.export.errors import ExportError
 SAVE_EVERY_S = 120.0
 AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
 CLIP_NORM = 20.0
-PARTS = ("total", "box", "objectness", "classes")
+PARTS = ("total", "box", "objectness", "classes", "kept")
 
 
 @dataclass(frozen=True)
 class Settings:
     """How to train. rate: highest learning rate of the heads' last layers; the trunk learns at `trunk_rate` of it.
 
-    pull: how strongly weights are drawn back to their start values (from scratch: to zero), per step and rate.
-    frozen: parts of the network that keep their start values. validate_minutes: between two validations; None: after
-    every epoch.
+    keep: weight of staying near the start's features on the same pictures: what the start knows of real pictures is
+    not in rendered ones. frozen: parts of the network that keep their start values. validate_minutes: between two
+    validations; None: after every epoch.
     """
 
     size: int = 416
@@ -53,8 +53,8 @@ class Settings:
     epochs: int = 10
     rate: float = 1e-3
     trunk_rate: float = 0.5
-    pull: float = 0.02
     mosaic: float = 0.5
+    keep: float = 0.0
     frozen: tuple[str, ...] = ()
     validate_minutes: float | None = None
     threads: int = 2
@@ -81,9 +81,7 @@ class Trainer:
         for part in settings.frozen:
             self.network.get_submodule(part).requires_grad_(False)
         self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
-        self.origin = [parameter.detach().clone() for parameter in self.learning]
-        if start.start == "none":
-            self.origin = [torch.zeros_like(tensor) for tensor in self.origin]
+        self.teacher = copy.deepcopy(self.network).eval() if settings.keep > 0.0 else None
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         self.optimizer = torch.optim.AdamW(_groups(self.network, settings), weight_decay=0.0)
         self.schedule = Schedule(settings.minutes, settings.epochs)
@@ -104,7 +102,6 @@ class Trainer:
             )
         self.network.load_state_dict(state["network"])
         self.average = state["average"]
-        self.origin = state["origin"]
         self.optimizer.load_state_dict(state["optimizer"])
         self.epoch, self.index, self.steps = state["epoch"], state["index"], state["steps"]
         self.trained_s, self.best, self.rows = state["trained_s"], state["best"], state["rows"]
@@ -158,7 +155,6 @@ class Trainer:
             "settings": asdict(self.settings),
             "network": self.network.state_dict(),
             "average": self.average,
-            "origin": self.origin,
             "optimizer": self.optimizer.state_dict(),
             "epoch": self.epoch,
             "index": self.index,
@@ -180,23 +176,35 @@ class Trainer:
         for group in self.optimizer.param_groups:
             group["lr"] = group["highest"] * factor
         self.network.train()
-        losses = detection_loss(self.network(images), targets)
+        x4 = self.network.early(images)
+        maps = self.network.late(x4)
+        losses = detection_loss(self.network.look(maps), targets)
+        if self.teacher is not None:
+            losses["kept"] = self._drift(x4, images, maps)
+            losses["total"] = losses["total"] + self.settings.keep * losses["kept"]
         if not math.isfinite(losses["total"].item()):
             raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
         self.optimizer.zero_grad(set_to_none=True)
         losses["total"].backward()
         nn.utils.clip_grad_norm_(self.learning, CLIP_NORM)
         self.optimizer.step()
-        with torch.no_grad():
-            rates = {id(p): group["lr"] for group in self.optimizer.param_groups for p in group["params"]}
-            for parameter, origin in zip(self.learning, self.origin, strict=True):
-                if parameter.ndim > 1:
-                    parameter.lerp_(origin, rates[id(parameter)] * self.settings.pull)
         self.steps += 1
         average_into(self.average, self.network, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
         for part in PARTS:
-            self._sums[part] += losses[part].item()
+            self._sums[part] += losses[part].item() if part in losses else 0.0
         self._count += 1
+
+    def _drift(self, x4: torch.Tensor, images: torch.Tensor, maps: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Relative squared distance of the trunk's maps from those of the start, summed over the strides."""
+        assert self.teacher is not None
+        with torch.no_grad():
+            theirs = self.teacher.late(
+                x4 if {"stem", "down4"} <= set(self.settings.frozen) else self.teacher.early(images)
+            )
+        distances = [
+            (ours - known).square().mean() / known.square().mean() for ours, known in zip(maps, theirs, strict=True)
+        ]
+        return torch.stack(distances).sum()
 
     def _show(self, bar: tqdm) -> None:
         bar.n = round(100 * self.progress(), 1)

@@ -12,24 +12,33 @@ from edgemap.runtime.drives.coco import COCO_NAMES
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.drives.layout import read_setup
 from edgemap.runtime.drives.pictures import list_pictures, read_picture
-from edgemap.runtime.drives.pose_files import read_text
+from edgemap.runtime.drives.pose_files import check_count, read_text
+from edgemap.runtime.drives.truth_json import read_boxes
 from edgemap.runtime.errors import CameraError
 
 
 def read_yolo(folder: Path) -> Drive:
     """Read labelled pictures; class numbers are COCO's 80. A picture without a label file shows no object.
 
-    There is no way between the pictures, so no truth. Raises CameraError.
+    A `boxes.json` beside them, one entry per picture in order of names, goes before the labels: it also knows what is
+    hidden. There is no way between the pictures, so no truth. Raises CameraError.
     """
     images = list_pictures(folder / "images")
+    if (folder / "boxes.json").is_file():
+        known = read_boxes(folder / "boxes.json")
+        check_count(folder / "boxes.json", len(known), len(images), folder / "images")
+        return _drive(folder, images, known)
     labels = folder / "labels"
     if not labels.is_dir():
         raise CameraError(f"{labels}: no such folder")
     paths = [labels / f"{image.stem}.txt" for image in images]
     if not any(path.is_file() for path in paths):
         raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
+    return _drive(folder, images, tuple(_read_labels(path, image) for path, image in zip(paths, images, strict=True)))
+
+
+def _drive(folder: Path, images: tuple[Path, ...], boxes: tuple[LabelledBoxes, ...]) -> Drive:
     setup = read_setup(folder, world_up="z")
-    boxes = tuple(_read_labels(path, image) for path, image in zip(paths, images, strict=True))
     stamps = np.arange(len(images)) / setup.rate_hz
     return Drive("yolo", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, boxes=boxes)
 

@@ -2,6 +2,7 @@
 
 # pyright: reportOptionalMemberAccess=false
 
+import json
 import math
 
 import cv2
@@ -216,6 +217,17 @@ def test_yolo_labels_become_pixels(tmp_path):
     assert drive.truth is None
     (tmp_path / "labels" / "0.txt").write_text("80 0.5 0.5 0.25 0.5\n")
     assert "0.txt:1: class 80 is not one of COCO's 0..79" in refusal(f"yolo:{tmp_path}")
+
+
+def test_boxes_json_beside_yolo_labels_tells_what_is_hidden(tmp_path):
+    write_pictures(tmp_path / "images", 2)
+    boxes = [{"id": 1, "label": "chair", "box": [1, 2, 30, 40], "visible": 0.25}]
+    (tmp_path / "boxes.json").write_text(json.dumps({"frames": [boxes, []]}))
+    drive = open_drive(f"yolo:{tmp_path}")
+    assert drive.boxes[0].visible.tolist() == [0.25]
+    assert drive.boxes[0].ignorable().tolist() == [True]
+    (tmp_path / "boxes.json").write_text(json.dumps({"frames": [boxes]}))
+    assert "1 lines for the 2 pictures" in refusal(f"yolo:{tmp_path}")
 
 
 def test_real_coco_pictures(shared_data):
