@@ -111,7 +111,8 @@ class Trainer:
     def run(self) -> dict[str, Any]:
         """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
         batches = self._batches()
-        validated = saved = self.trained_s
+        validated = saved = before_s = self.trained_s
+        began = time.perf_counter()
         every_s = None if self.settings.validate_minutes is None else 60.0 * self.settings.validate_minutes
         bar = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed} {postfix}", mininterval=2.0)
         try:
@@ -119,10 +120,9 @@ class Trainer:
                 mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
                 loader = Batches(self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic)
                 for images, targets in loader.epoch(self.epoch, self.index):
-                    began = time.perf_counter()
                     self._step(images, targets)
                     self.index += 1
-                    self.trained_s += time.perf_counter() - began
+                    self.trained_s = before_s + time.perf_counter() - began
                     self._show(bar)
                     if every_s is not None and self.trained_s - validated >= every_s:
                         validated = self.trained_s
