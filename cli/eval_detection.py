@@ -65,18 +65,18 @@ def command(
             boxes = truth.boxes[known].reshape(-1, 4)
             height, width = image.shape[:2]
             mine = np.isin(found.class_ids, list(number.values()))
-        pictures.append(
-            ScoredPicture(
-                width,
-                height,
-                boxes,
-                labels,
-                found.boxes[mine],
-                found.class_ids[mine],
-                found.scores[mine],
-                truth.ignorable()[known],
+            pictures.append(
+                ScoredPicture(
+                    width,
+                    height,
+                    boxes,
+                    labels,
+                    found.boxes[mine],
+                    found.class_ids[mine],
+                    found.scores[mine],
+                    truth.ignorable()[known],
+                )
             )
-        )
     document = {"data": data, "bundle": loaded.manifest.name, **average_precision(pictures, loaded.names)}
     document["boxes_of_unknown_classes"] = unknown
     if json:
