@@ -36,7 +36,8 @@ class Lens:
         """The bent picture of a pinhole picture."""
         if self.is_identity:
             return picture
-        return np.asarray(cv2.remap(picture, *self._at, cv2.INTER_CUBIC), dtype=np.uint8)
+        column_row, fraction = self._at
+        return np.asarray(cv2.remap(picture, column_row, fraction, cv2.INTER_CUBIC), dtype=np.uint8)
 
     def exact(self, values: NDArray[np.uint8] | NDArray[np.float32], oversampling: int) -> np.ndarray:
         """Nearest values for the bent picture out of an oversampled pinhole picture (rows * n, columns * n) whose

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from edgemap.simulation.render.mesh import Array, Part, subdivided, welded
 from edgemap.simulation.render.raytracer import Raytracer
@@ -65,12 +65,16 @@ class SurfacePoints:
         self.fine = self._texels(self.shape, rng)
         self.coarse = self._texels(self.coarse_shape, rng)
         self._open = np.ones(self.shape, dtype=bool)
+        self._coarse_open = np.ones(self.coarse_shape, dtype=bool)
 
     def hide(self, trim: Raytracer | None, reach_m: float) -> None:
         """Leave out the texels that trim (skirting, frames) covers, for their darkness would show beside it."""
         if trim is not None:
             ends = self.fine.positions + self.fine.normals * np.float32(reach_m)
             self._open = trim.visible(self.fine.positions, self.fine.normals, ends).reshape(self.shape)
+            ends = self.coarse.positions + self.coarse.normals * np.float32(reach_m)
+            shown = trim.visible(self.coarse.positions, self.coarse.normals, ends)
+            self._coarse_open = shown.reshape(self.coarse_shape)
 
     def coarsened(self, light: Light) -> Light:
         """Light at coarse texels (M, 6) from that at fine ones (N, 6)."""
@@ -79,7 +83,7 @@ class SurfacePoints:
             cv2.resize(np.ascontiguousarray(half.reshape(*self.shape, 3)), size, interpolation=cv2.INTER_AREA)
             for half in (light[:, :3], light[:, 3:])
         ]
-        return np.concatenate(halves, axis=2).reshape(-1, 6)
+        return np.asarray(np.concatenate(halves, axis=2).reshape(-1, 6), dtype=np.float32)
 
     def smooth_fine(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
         """The map (rows, columns, 6) of fine values (N, 6), less noisy; covered texels take over their neighbours'."""
@@ -89,13 +93,14 @@ class SurfacePoints:
 
     def smooth_coarse(self, light: Light, open_coarse: NDArray[np.bool_]) -> Light:
         """The map (rows, columns, 6) of coarse values (M, 6)."""
-        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_coarse.reshape(self.coarse_shape), 0.8)
+        open_ = self._coarse_open & open_coarse.reshape(self.coarse_shape)
+        smooth = _smooth(light.reshape(*self.coarse_shape, 6), open_, 0.8)
         size = self.shape[::-1]
         halves = [
             cv2.resize(np.ascontiguousarray(half), size, interpolation=cv2.INTER_LINEAR)
             for half in (smooth[..., :3], smooth[..., 3:])
         ]
-        return np.concatenate(halves, axis=2)
+        return np.asarray(np.concatenate(halves, axis=2), dtype=np.float32)
 
     def reflector(self) -> Reflector:
         """Its triangles, lit by its coarse texels."""
@@ -170,18 +175,18 @@ class SolidPoints:
             return []
         keys = np.concatenate([self._positions / self._cluster_m, self._normals * _NORMAL_WEIGHT], axis=1)
         nearest = min(4, self._count)
-        distance, index = cKDTree(keys[self._chosen]).query(keys, k=nearest, workers=-1)
+        distance, index = KDTree(keys[self._chosen]).query(keys, k=nearest, workers=-1)
         distance, index = distance.reshape(-1, nearest), index.reshape(-1, nearest)
         weights = np.exp(-1.5 * distance**2) + 1e-9
         weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
         sides = [
-            sum(weights[:, k, None] * side[index[:, k]] for k in range(nearest))[self._corner]
+            np.asarray(sum(weights[:, k, None] * side[index[:, k]] for k in range(nearest)))[self._corner]
             for side in (light[: self._count], light[self._count :])
         ]
         done, at = [], 0
         for id_, part in self._parts:
             some = slice(at, at + 3 * len(part.positions))
-            front, back = (np.asarray(side)[some].reshape(-1, 3, 6) for side in sides)
+            front, back = (side[some].reshape(-1, 3, 6) for side in sides)
             done.append(LitPart(id_, part, front[..., :3], back[..., :3], front[..., 3:], back[..., 3:]))
             at = some.stop
         return done

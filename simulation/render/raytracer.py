@@ -32,7 +32,7 @@ class Raytracer:
         # The first ray builds the search tree, which threads must not do at once.
         self.visible(np.zeros((1, 3)), np.zeros((1, 3)), np.ones((1, 3)))
 
-    def visible(self, points: Array, normals: Array, targets: Array) -> NDArray[np.bool_]:
+    def visible(self, points: NDArray[Any], normals: NDArray[Any], targets: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether each target (N, 3) is in plain sight of its point (N, 3), a little off both ends."""
         origins = points + normals * _OFFSET_M
         reach = (targets - origins) * 0.99
@@ -40,7 +40,9 @@ class Raytracer:
         hits = self._scene.run(origins.astype(np.float32), reach.astype(np.float32), ones, query="OCCLUDED")
         return np.asarray(hits) < 0
 
-    def first_hits(self, points: Array, normals: Array, directions: Array) -> tuple[NDArray[np.int64], Array]:
+    def first_hits(
+        self, points: NDArray[Any], normals: NDArray[Any], directions: NDArray[Any]
+    ) -> tuple[NDArray[np.int64], Array]:
         """Index of the triangle each ray (N, 3) meets first, -1 for none, and whether it meets its front side."""
         origins = (points + normals * _OFFSET_M).astype(np.float32)
         result = self._scene.run(origins, directions.astype(np.float32), query="INTERSECT", output=1)
@@ -63,7 +65,7 @@ def r2_sequence(count: int) -> Array:
     return np.mod(0.5 + steps * np.array([1.0 / plastic, 1.0 / plastic**2]), 1.0).astype(np.float64)
 
 
-def cosine_directions(normals: Array, samples: Array) -> Array:
+def cosine_directions(normals: NDArray[Any], samples: NDArray[Any]) -> NDArray[Any]:
     """Directions (N, 3) about normals (N, 3), dense as the cosine, from unit square samples (N, 2)."""
     radius, angle = np.sqrt(samples[:, :1]), 2.0 * np.pi * samples[:, 1:]
     # Orthonormal basis without branches (Duff et al. 2017).

@@ -219,7 +219,7 @@ class Renderer:
         rows["lamp_front"] = rows["lamp_back"] = lamp
         rows["day_front"] = rows["day_back"] = day
         meshes.vertices.write(rows.tobytes())
-        eye = np.linalg.inv(home_mover) @ [*view.position_home_m, 1.0]
+        eye = np.asarray(np.linalg.inv(home_mover) @ [*view.position_home_m, 1.0], dtype=np.float64)
         return [_Draw(meshes, batch, slot, clip @ home_mover, eye[:3], home_mover) for batch in meshes.packed.batches]
 
     def _moving_meshes(self, mesh: Mesh) -> Meshes:
@@ -297,7 +297,11 @@ class Renderer:
         colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), shaders.DISPLAY)
         slots = self._lens.exact(raw[..., 3], self._times)
         exact = self._lens.exact(depth, self._times)
-        return Frame(self._lens.colour(np.asarray(colour)), np.array(names, dtype=np.int32)[slots], _metres(exact))
+        return Frame(
+            self._lens.colour(np.asarray(colour, dtype=np.uint8)),
+            np.array(names, dtype=np.int32)[slots],
+            _metres(exact),
+        )
 
     def _depth_of(self, target: Any) -> NDArray[np.float32]:
         width, height = target.size

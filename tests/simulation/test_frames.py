@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,7 +69,8 @@ def boxes(renderer, view, labels, movers=()):
     from edgemap.simulation.truth import picture_boxes
 
     items = tuple(SimpleNamespace(id=id_, label=label) for id_, label in labels.items())
-    return {r["id"]: r for r in picture_boxes(renderer, view, SimpleNamespace(furniture=items), movers)}
+    apartment: Any = SimpleNamespace(furniture=items)
+    return {r["id"]: r for r in picture_boxes(renderer, view, apartment, movers)}
 
 
 def test_hidden_half_shows_in_the_box_and_the_share(draw, view):

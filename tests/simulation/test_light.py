@@ -58,3 +58,82 @@ def test_subdivided_part_of_a_solid_is_lit_on_the_side_of_the_lamp():
     lit = bake(Scene((), (sheet,), (lamp(2.0, 0.1, 100.0),)), 0, BakeSettings(bounces=0))
     assert lit.parts[0].front.min() > 0.1
     assert lit.parts[0].back.max() == 0.0
+
+
+def test_groups_are_apart():
+    """A lamp and a window of the same kind at mirrored places light the floor alike, each in its own map."""
+    from dataclasses import replace
+
+    left = replace(lamp(2.0, 0.1, 100.0), corner=np.array([-1.05, -0.05, 2.0]))
+    right = replace(left, corner=np.array([0.95, -0.05, 2.0]), group="day")
+    lit = bake(Scene((floor(3.0),), (), (left, right)), 0, BakeSettings(texel_m=0.1, bounces=0))
+    surface = lit.surfaces[0]
+    np.testing.assert_allclose(surface.lamp[:, ::-1], surface.day, rtol=0.03, atol=1e-3)
+    assert surface.lamp[15, 5, 0] > 1.5 * surface.lamp[15, 25, 0]
+
+
+def box_room(low, high, material=GREY):
+    """Six surfaces that face inward."""
+    low, size = np.asarray(low, dtype=float), np.asarray(high, dtype=float) - low
+    x, y, z = np.diag(size)
+    corners = [(low, x, y), (low + z, y, x), (low, y, z), (low + x, z, y), (low, z, x), (low + y, x, z)]
+    return tuple(Surface(corner, u, v, material) for corner, u, v in corners)
+
+
+def test_light_in_a_closed_grey_room_is_a_geometric_series():
+    """All walls of a closed room with reflectance r that glow evenly see E = glow / (1 - r); here the first bounces
+    of a lamp: with r = 0.5 every bounce adds half of what the last one brought, on average over the walls."""
+    room = box_room((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))
+    light = AreaLight(np.array([0.8, 0.8, 1.98]), np.array([0, 0.4, 0.0]), np.array([0.4, 0, 0.0]), np.full(3, 10.0))
+    sums = []
+    for bounces in (0, 1, 2):
+        lit = bake(Scene(room, (), (light,)), 0, BakeSettings(0.1, 0.2, lamp_samples=16, bounces=bounces))
+        sums.append(sum(surface.lamp.mean() for surface in lit.surfaces))
+    # Power of the lamp: pi x radiance x area, kept divided by pi, over walls of 4 m2 each.
+    assert sums[0] == pytest.approx(10.0 * 0.16 / 4.0, rel=0.05)
+    assert sums[1] - sums[0] == pytest.approx(0.5 * sums[0], rel=0.05)
+    assert sums[2] - sums[1] == pytest.approx(0.25 * sums[0], rel=0.07)
+
+
+def test_no_light_leaks_through_a_wall_and_no_seam_runs_along_the_skirting():
+    from edgemap.simulation.render.mesh import box
+    from edgemap.simulation.render.scene import ROOM_ID, Solid
+
+    bright, dark = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5)), box_room((3.1, 0.0, 0.0), (6.0, 3.0, 2.5))
+    light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
+    trim = Solid(ROOM_ID, box((0.0, 0.0, 0.0), (0.014, 3.0, 0.09), GREY))
+    lit = bake(Scene((*bright, *dark), (trim,), (light,)), 0)
+    assert max(surface.lamp.max() for surface in lit.surfaces[6:]) < 1e-4
+    wall = lit.surfaces[2].lamp[..., 0]
+    rows = wall[:, 25:50].mean(axis=1)  # the wall at x = 0: u along y, v up
+    # Behind the skirting (two texels) it is as bright as just above it, so that the filter finds no dark seam.
+    assert rows[0] == pytest.approx(rows[4], rel=0.1)
+    # Nor do rooms' corners turn dark: towards the edges light falls off gently.
+    floor_map = lit.surfaces[0].lamp[..., 0]
+    assert floor_map[0, 30] > 0.8 * floor_map[4, 30]
+
+
+def test_probes_see_the_lamp_above_them():
+    room = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5))
+    light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
+    probes = bake(Scene(room, (), (light,)), 0, BakeSettings.draft()).probes
+    assert probes is not None
+    middle = probes.lamp[2, 2]
+    up, down = middle[:, 4, 0], middle[:, 5, 0]
+    assert (up > 2.0 * down).all()
+    assert (np.diff(up) > 0.0).all()
+    # Half the irradiance of a probe's sides comes from where it looks: opposite sides agree in the room's middle.
+    np.testing.assert_allclose(middle[:, 0], middle[:, 1], rtol=0.5)
+    assert probes.day.max() == 0.0
+
+
+def test_one_seed_one_light_whatever_the_number_of_threads(monkeypatch):
+    import os
+
+    room = box_room((0.0, 0.0, 0.0), (3.0, 3.0, 2.5))
+    light = AreaLight(np.array([1.2, 1.2, 2.45]), np.array([0, 0.6, 0.0]), np.array([0.6, 0, 0.0]), np.full(3, 8.0))
+    first = bake(Scene(room, (), (light,)), 3, BakeSettings.draft())
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    again = bake(Scene(room, (), (light,)), 3, BakeSettings.draft())
+    for one, two in zip(first.surfaces, again.surfaces, strict=True):
+        np.testing.assert_array_equal(one.lamp, two.lamp)
