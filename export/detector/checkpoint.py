@@ -71,7 +71,7 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
             dict(document["measured"]),
         )
     except KeyError as error:
-        raise ExportError(f"{path}: lacks {error.args[0]!r}, or knows it not from COCO") from None
+        raise ExportError(f"{path}: lacks {error.args[0]!r}, or it is no class of COCO") from None
     except (RuntimeError, TypeError, ValueError) as error:
         raise ExportError(f"{path}: weights do not fit their network ({str(error).splitlines()[0][:120]})") from None
     if not all(bool(torch.isfinite(tensor).all()) for tensor in network.state_dict().values()):
