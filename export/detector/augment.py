@@ -71,16 +71,13 @@ def recolour(image: NDArray[np.uint8], generator: Generator) -> NDArray[np.uint8
         image = np.asarray(cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     if generator.random() < 0.3:
         gains = generator.uniform(0.85, 1.15, 3)
-        image = cv2.LUT(image, np.clip(levels[:, None] * gains, 0, 255).astype(np.uint8)[None])
+        image = np.asarray(cv2.LUT(image, np.clip(levels[:, None] * gains, 0, 255).astype(np.uint8)[None]), np.uint8)
     if generator.random() < 0.15:
-        image = cv2.GaussianBlur(image, (0, 0), generator.uniform(0.4, 1.6))
+        image = np.asarray(cv2.GaussianBlur(image, (0, 0), generator.uniform(0.4, 1.6)), np.uint8)
     if generator.random() < 0.2:
-        noise = np.empty(image.shape, dtype=np.int8)
-        spread = generator.uniform(2.0, 10.0)
-        cv2.setRNGSeed(int(generator.integers(1 << 31)))
-        cv2.randn(noise, 0, spread)
-        image = cv2.add(image, noise, dtype=cv2.CV_8U)
-    return np.asarray(image, dtype=np.uint8)
+        noise = generator.standard_normal(image.shape, dtype=np.float32) * generator.uniform(2.0, 10.0)
+        image = np.clip(image + noise, 0.0, 255.0).astype(np.uint8)
+    return image
 
 
 _Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from edgemap.export.detector.network import ANCHORS, SCALE_XY, STRIDES, Head, Na
 from edgemap.export.errors import ExportError
 from edgemap.runtime.drives.coco import COCO_NAMES
 
-Weights = list[tuple[Tensor, Tensor]]
+Pair = tuple[Tensor, Tensor]  # a convolution's weight and bias
 
 
 def load_yolox(network: Nano, path: Path, names: Sequence[str]) -> None:
@@ -40,33 +40,36 @@ def load_yolox(network: Nano, path: Path, names: Sequence[str]) -> None:
     heads = list(convolutions(network.heads))
     for position, part in enumerate(branches[: len(branches) - len(heads)]):
         weight, bias = next(queue)
-        _put(part.conv, _space_to_depth(weight) if position == 0 else weight, bias, path)
+        _put(part.conv, (_space_to_depth(weight) if position == 0 else weight, bias), path)
     for head, stride, anchor in zip(network.heads, STRIDES, ANCHORS, strict=True):
         assert isinstance(head, Head)
         _fill_head(head, queue, stride, anchor, names, path)
 
 
-def _fill_head(head: Head, queue, stride: int, anchor: tuple[float, float], names: Sequence[str], path: Path) -> None:  # noqa: ANN001
+def _fill_head(
+    head: Head, queue: Iterator[Pair], stride: int, anchor: tuple[float, float], names: Sequence[str], path: Path
+) -> None:
     for part in (*convolutions(head.stem), *convolutions(head.class_branch)):
-        _put(part.conv, *next(queue), path)
+        _put(part.conv, next(queue), path)
     weight, bias = next(queue)
     rows = [COCO_NAMES.index(name) for name in names]
     if len(weight) != len(COCO_NAMES):
         raise ExportError(f"{path}: a head of {len(weight)} classes, COCO has {len(COCO_NAMES)}")
-    _put(head.classes, weight[rows], bias[rows], path)
+    _put(head.classes, (weight[rows], bias[rows]), path)
     for part in convolutions(head.box_branch):
-        _put(part.conv, *next(queue), path)
+        _put(part.conv, next(queue), path)
     weight, bias = (tensor.clone() for tensor in next(queue))
     # YOLOX: centre = cell + t. Here: cell + 0.5 + s * (sigmoid(t) - 0.5), whose slope at 0 is s / 4.
     weight[:2] *= 4.0 / SCALE_XY
     bias[:2] = (bias[:2] - 0.5) * 4.0 / SCALE_XY
     # YOLOX: size = stride * exp(t). Here: anchor * exp(t).
     bias[2:] -= torch.tensor([math.log(side / stride) for side in anchor])
-    _put(head.boxes, weight, bias, path)
-    _put(head.objectness, *next(queue), path)
+    _put(head.boxes, (weight, bias), path)
+    _put(head.objectness, next(queue), path)
 
 
-def _put(conv: nn.Conv2d, weight: Tensor, bias: Tensor, path: Path) -> None:
+def _put(conv: nn.Conv2d, values: Pair, path: Path) -> None:
+    weight, bias = values
     if conv.weight.shape != weight.shape or conv.bias is None or conv.bias.shape != bias.shape:
         raise ExportError(
             f"{path}: a convolution of shape {tuple(weight.shape)} where YOLOX-Nano has {tuple(conv.weight.shape)}"
@@ -76,7 +79,7 @@ def _put(conv: nn.Conv2d, weight: Tensor, bias: Tensor, path: Path) -> None:
         conv.bias.copy_(bias)
 
 
-def _convolutions(path: Path) -> Weights:
+def _convolutions(path: Path) -> list[Pair]:
     model = load_onnx(path)
     constants = {item.name: item for item in model.graph.initializer}
     return [

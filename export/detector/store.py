@@ -66,7 +66,8 @@ def _example(image: NDArray[np.uint8], truth: LabelledBoxes, number: dict[str, i
     scale = size / max(height, width)
     if scale != 1.0:
         small = max(1, int(width * scale + 1e-9)), max(1, int(height * scale + 1e-9))
-        image = np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR))
+        how = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
+        image = np.asarray(cv2.resize(image, small, interpolation=how), np.uint8)
     rows = [row for row, label in enumerate(truth.labels) if label in number]
     visible = np.ones(len(truth.labels)) if truth.visible is None else truth.visible
     return Example(

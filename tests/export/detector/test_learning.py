@@ -173,10 +173,10 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(drawn, tmp_path):
     broken = trainer("broken")
     step, steps = broken._step, []
 
-    def stop_after_four(images, truth):
+    def stop_after_four(images, targets):
         if len(steps) == 4:
             raise KeyboardInterrupt
-        steps.append(step(images, truth))
+        steps.append(step(images, targets))
 
     broken._step = stop_after_four
     with pytest.raises(KeyboardInterrupt):

@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from edgemap.export.detector.blocks import Conv, convolutions, fold_norms  # noqa: E402
+from edgemap.export.detector.blocks import convolutions, fold_norms  # noqa: E402
 from edgemap.export.detector.boxes import cells_of, decode, flatten  # noqa: E402
 from edgemap.export.detector.classes import NAMES  # noqa: E402
 from edgemap.export.detector.network import ANCHORS, SCALE_XY, STRIDES, Nano  # noqa: E402
@@ -30,7 +30,7 @@ def test_the_start_computes_what_yolox_nano_computes(yolox):
     load_yolox(network, yolox, NAMES)
     session = onnxruntime.InferenceSession(str(yolox))
     picture = np.random.default_rng(0).integers(0, 256, (1, 3, 416, 416)).astype(np.float32)
-    theirs = session.run(None, {session.get_inputs()[0].name: picture})[0][0]
+    theirs = np.asarray(session.run(None, {session.get_inputs()[0].name: picture})[0])[0]
     rows = [COCO_NAMES.index(name) for name in NAMES]
     first = 0
     with torch.no_grad():
@@ -84,11 +84,13 @@ def test_folding_normalisation_changes_no_output():
     torch.manual_seed(0)
     network = Nano(3, norm=True)
     for part in convolutions(network):
-        assert isinstance(part, Conv)
-        part.norm.running_mean.normal_()
-        part.norm.running_var.uniform_(0.5, 2.0)
-        part.norm.weight.data.uniform_(0.5, 1.5)
-        part.norm.bias.data.normal_()
+        norm = part.norm
+        assert isinstance(norm, torch.nn.BatchNorm2d)
+        for tensor, low, high in ((norm.running_mean, -1.0, 1.0), (norm.running_var, 0.5, 2.0)):
+            assert tensor is not None
+            tensor.uniform_(low, high)
+        torch.nn.init.uniform_(norm.weight, 0.5, 1.5)
+        torch.nn.init.uniform_(norm.bias, -1.0, 1.0)
     network.eval()
     picture = torch.rand(1, 3, 64, 64)
     with torch.no_grad():
