@@ -68,5 +68,9 @@ def as_data(spec: str, frames: int | None = None, quiet: bool = False) -> Iterat
     with tempfile.TemporaryDirectory(prefix="edgemap-sim-") as name:
         folder = Path(name) / "drive"
         with tqdm(total=camera.world.frames, unit=" pictures", desc=spec, disable=quiet or None) as bar:
-            record(camera.world, folder, progress=lambda done, _: bar.update(done - bar.n))
+
+            def progress(done: int, _total: int) -> None:
+                bar.update(done - bar.n)
+
+            record(camera.world, folder, progress=progress)
         yield f"drive:{folder}"

@@ -7,6 +7,7 @@ from typing import Any
 
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
@@ -24,7 +25,9 @@ class SimCamera(CameraBase):
         super().__init__(name, world.camera.intrinsics, world.camera.mount)
         self.world = world
         self.size = (world.camera.intrinsics.width, world.camera.intrinsics.height)
-        self.rate_hz, self.frame_count, self.truth = world.camera.rate_hz, world.frames, truth_of(world)
+        self.rate_hz: float | None = world.camera.rate_hz
+        self.frame_count: int | None = world.frames
+        self.truth: Trajectory | None = truth_of(world)
         self._shots: Iterator[Shot] | None = None
         self._boxes: list[list[dict[str, Any]]] = []
 

@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 from edgemap.simulation.errors import SimulationError
 
 _AHEAD = 4
-T, R = TypeVar("T"), TypeVar("R")
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def default_workers() -> int:

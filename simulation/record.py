@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from edgemap.runtime.drives.locobot import write_locobot
+from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.apartment.credits import credits_text
@@ -94,11 +95,11 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
 def _write_video(store: FrameStore, rate_hz: float) -> None:
     paths = store.picture_paths()
     unfinished, path = store.parts / "video.mp4", store.folder / "video.mp4"
-    height, width = cv2.imread(str(paths[0])).shape[:2]
+    height, width = read_picture(paths[0]).shape[:2]
     writer = cv2.VideoWriter(str(unfinished), cv2.VideoWriter.fourcc(*"mp4v"), rate_hz, (width, height))
     if not writer.isOpened():
         raise SimulationError(f"{path}: OpenCV cannot write MPEG-4 video here")
     for picture in paths:
-        writer.write(cv2.imread(str(picture)))
+        writer.write(read_picture(picture))
     writer.release()
     unfinished.replace(path)

@@ -95,7 +95,7 @@ def _draw_passers(
             at = pose[:2] + rng.uniform(*_NEAR_M) * np.array([math.cos(bearing), math.sin(bearing)])
             if grid.clearance_m(at)[0] > _CLEAR_M:
                 model = models[int(rng.integers(len(models)))]
-                facing = SE2(*at, rng.uniform(-math.pi, math.pi))
+                facing = SE2(float(at[0]), float(at[1]), rng.uniform(-math.pi, math.pi))
                 movers.append(Mover(FIRST_MOVER_ID + number, furniture.piece(model), facing))
                 keys.append(model.key)
                 break

@@ -82,7 +82,7 @@ class _Explorer:
         self._router = Router(grid, limits)
         self._seen_s = np.zeros(len(sight.ids))
         nodes = self._router.nodes_m[rng.integers(len(self._router.nodes_m), size=24)]
-        starts = np.column_stack([nodes, rng.uniform(-math.pi, math.pi, len(nodes))])
+        starts = np.column_stack([nodes, rng.uniform(-math.pi, math.pi, len(nodes))]).astype(np.float64)
         shown = (sight.shares(starts) > _SEEN).sum(axis=1)
         self.pose = starts[int(np.argmax(shown))]
 
@@ -156,7 +156,8 @@ class _Explorer:
             return None
         spots = self._rng.choice(near, size=min(6, len(near)), replace=False)
         yaw = np.arctan2(apart[spots, 1], apart[spots, 0])
-        shares = self._sight.shares(np.column_stack([self._router.nodes_m[spots], yaw]))[:, subject]
+        looks = np.column_stack([self._router.nodes_m[spots], yaw]).astype(np.float64)
+        shares = self._sight.shares(looks)[:, subject]
         return int(spots[int(np.argmax(shares))])
 
     def _last_steps(self, goal_m: Array, subject: int) -> Array:

@@ -64,4 +64,4 @@ class PlanGrid:
 
     def _covered(self, item: Placed) -> NDArray[np.bool_]:
         local = np.abs(item.pose_home_object.inverse().apply(self._centres))
-        return (local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1)
+        return np.asarray((local <= [item.model.depth_m / 2.0, item.model.width_m / 2.0]).all(axis=-1))

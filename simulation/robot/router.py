@@ -32,7 +32,7 @@ class Router:
         self._grid, self._need_m = grid, limits.radius_m + limits.margin_m
         columns, rows = (int(side / _SPACING_M) for side in grid.size_m)
         x, y = np.meshgrid((np.arange(columns) + 0.5) * _SPACING_M, (np.arange(rows) + 0.5) * _SPACING_M)
-        points = np.stack([x.ravel(), y.ravel()], axis=1)
+        points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
         clearance = grid.clearance_m(points)
         free = clearance > self._need_m
         links = _links(free.reshape(rows, columns), clearance.reshape(rows, columns) - self._need_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
@@ -65,7 +66,7 @@ class Sight:
         inside[which] = self._unhidden(np.column_stack([eyes, np.full(len(eyes), position[2])])[which[0]], which)
         return inside.mean(axis=2)
 
-    def _unhidden(self, eyes: Array, which: tuple[Array, ...]) -> Array:
+    def _unhidden(self, eyes: Array, which: tuple[NDArray[np.intp], ...]) -> Array:
         """Whether nothing stands between each eye (K, 3) and its point."""
         targets = self._points[which[1], which[2]]
         along = (np.arange(1, _RAY_STEPS) / _RAY_STEPS)[None, :, None]

@@ -1,5 +1,7 @@
 """The robot's way: never into anything, within the robot's limits, with a view, the same for the same seed."""
 
+# pyright: reportArgumentType=false, reportOptionalSubscript=false, reportCallIssue=false
+
 from itertools import pairwise
 
 import numpy as np

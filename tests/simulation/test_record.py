@@ -1,4 +1,5 @@
 """Recordings: what was stopped goes on and ends with the same bytes; what they hold fits together."""
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 
 import json
 from dataclasses import replace
