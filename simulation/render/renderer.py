@@ -29,6 +29,7 @@ from edgemap.simulation.render.view import FAR_M, NEAR_M, View, clip_matrix, ove
 _WALLS_PX = (80, 60)
 # One byte per pixel tells the objects of one picture apart.
 _MOST_OBJECTS = 254
+_NOWHERE = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +98,7 @@ class Renderer:
         self._all = [(meshes, batch) for meshes in self._still for batch in meshes.packed.batches]
         self._corners = np.array([batch.corners for _, batch in self._all]).reshape(-1, 8, 3)
         self._walls = self._still[-1] if scene.surfaces else None
+        self._near_batch: dict[int, tuple[list[AreaLight], list[tuple[float, ...]]]] = {}
         self._moving: dict[int, tuple[Mesh, Meshes]] = {}
         self._small = canvas.target(_WALLS_PX, 0)
         self._sheet = canvas.target(
@@ -237,8 +239,9 @@ class Renderer:
         values = {"eye": tuple(draw.eye), "glow": tuple(glow), "exposure": exposure, "slot": slot}
         values |= {"day": light.day, "lamp": light.lamp, "gloss": material.gloss}
         for name, value in values.items():
-            if name in program:
-                program[name] = value
+            uniform = program.get(name, None)
+            if uniform is not None:
+                uniform.value = value
         program["clip_home"].write(draw.clip.T.astype("f4").tobytes())
         if batch.kind.glossy:
             self._highlights(program, draw, light)
@@ -248,16 +251,22 @@ class Renderer:
 
     def _highlights(self, program: Any, draw: _Draw, light: LightMix) -> None:
         """The lights nearest to a glossy batch, as it sees them."""
-        middle = draw.batch.corners.mean(axis=0)
-        home_draw = np.eye(4) if draw.home is None else draw.home
-        middle = (home_draw @ [*middle, 1.0])[:3]
+        near, places = self._near(draw.batch) if draw.home is None else self._near_moving(draw.batch, draw.home)
+        powers = [tuple(lamp.radiance * (0.5 * _share(lamp, light))) for lamp in near]
+        program["lamp_at"], program["lamp_power"] = places, [*powers, *[_NOWHERE] * (shaders.LAMPS - len(near))]
+
+    def _near(self, batch: Batch) -> tuple[list[AreaLight], list[tuple[float, ...]]]:
+        if id(batch) not in self._near_batch:
+            self._near_batch[id(batch)] = self._near_moving(batch, np.eye(4))
+        return self._near_batch[id(batch)]
+
+    def _near_moving(self, batch: Batch, home: Array) -> tuple[list[AreaLight], list[tuple[float, ...]]]:
+        """The nearest lights, and where they are for a batch that stands at `home` (4, 4), padded to LAMPS."""
+        middle = (home @ [*batch.corners.mean(axis=0), 1.0])[:3]
         near = sorted(self._scene.lights, key=lambda lamp: float(np.linalg.norm(lamp.centre - middle)))
-        near = near[: shaders.LAMPS]
-        local = np.linalg.inv(home_draw)
+        near, local = near[: shaders.LAMPS], np.linalg.inv(home)
         places = [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
-        powers = [tuple(lamp.radiance * 0.5 * _share(lamp, light)) for lamp in near]
-        blank = [(0.0, 0.0, 0.0)] * (shaders.LAMPS - len(near))
-        program["lamp_at"], program["lamp_power"] = [*places, *blank], [*powers, *blank]
+        return near, [*places, *[_NOWHERE] * (shaders.LAMPS - len(near))]
 
     def _shadows(self, clip: Array, movers: tuple[Mover, ...]) -> None:
         gl, context = self._canvas.gl, self._canvas.context
