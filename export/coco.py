@@ -10,7 +10,7 @@ LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "el
 NEVER_ON_THE_FLOOR = frozenset(
     """airplane|boat|traffic light|umbrella|handbag|tie|frisbee|skis|snowboard|sports ball|kite|baseball bat
 baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork|knife|spoon|bowl|banana|apple|sandwich
-orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
+orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|tv|mouse|remote|keyboard|cell phone|microwave|toaster|book|clock
 scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
 )
 

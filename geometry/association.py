@@ -25,7 +25,8 @@ class AssociationRule:
     class's footprint, whichever is more; objects seen side by side in one frame never merge. correlated: neighbouring
     frames repeat each other's error, so this many sightings weigh as one. systematic_m, systematic_extent_share:
     standard deviation of what no number of sightings takes away (a box's lower edge is not the footprint), at least,
-    and as a share of the footprint's longer side. min_count, min_confidence: what an object needs to show on the map.
+    and as a share of the footprint's longer side. min_count, min_confidence, max_sigma_m: what an object needs to show
+    on the map; the last is the largest standard deviation of its place, without what it shares with its neighbours.
     forget_after: frames after which one that does not is dropped.
     """
 
@@ -39,6 +40,7 @@ class AssociationRule:
     systematic_extent_share: float = 0.15
     min_count: int = 3
     min_confidence: float = 0.6
+    max_sigma_m: float = 0.4
     forget_after: int = 300
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.sighting import FOOTPRINT_M, WIDEST_UNKNOWN_M
+from edgemap.geometry.shapes import FOOTPRINT_M, WIDEST_UNKNOWN_M
 
 
 def footprint_m(label: str, width_m: float) -> tuple[float, float]:

@@ -13,28 +13,13 @@ from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.paper import size_m
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.shapes import Shape, shape_of
+from edgemap.geometry.standing import carried, covered
 
 Array = NDArray[np.float64]
 
-# Usual footprint of a class, width and depth in metres; where none is known, the box's own width serves for both.
-FOOTPRINT_M = {
-    "chair": (0.50, 0.50), "couch": (2.00, 0.90), "potted plant": (0.40, 0.40), "bed": (1.60, 2.00),
-    "dining table": (1.40, 0.90), "toilet": (0.40, 0.65), "tv": (1.00, 0.25), "refrigerator": (0.65, 0.65),
-    "oven": (0.60, 0.60), "sink": (0.60, 0.50), "bench": (1.40, 0.50), "suitcase": (0.45, 0.30),
-    "backpack": (0.35, 0.25), "vase": (0.20, 0.20), "bicycle": (1.70, 0.50), "motorcycle": (2.00, 0.80),
-    "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
-}  # fmt: skip
-WIDEST_UNKNOWN_M = 1.0
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
-
-# What people put on furniture; on the floor only where no furniture is seen under it.
-TABLETOP_LABELS = frozenset(
-    {"vase", "potted plant", "tv", "laptop", "book", "bottle", "wine glass", "cup", "bowl", "clock", "microwave",
-     "toaster", "teddy bear", "keyboard", "mouse", "remote", "cell phone", "fork", "knife", "spoon", "scissors",
-     "hair drier", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza",
-     "donut", "cake", "sink", "backpack", "handbag"}
-)  # fmt: skip
-SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
+HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,19 +83,17 @@ class PlacedSighting:
 
 @dataclass(frozen=True, slots=True)
 class BoxNoise:
-    """Standard deviations of a box against the object's footprint.
+    """Standard deviations of a box's edges.
 
     picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size).
     across_share, down_share: of the lower edge's middle across, and of the lower edge down, as a share of the box's
-    width and height. cut_share: across, of the width, where the box is cut by the picture's side. footprint_share: of
-    the footprint's centre, as a share of the footprint's longer side, whatever the picture says.
+    width and height. hidden_share: down, of the height, where nearer boxes cover the whole lower edge.
     """
 
     picture_share: float = 0.004
     across_share: float = 0.06
     down_share: float = 0.02
-    cut_share: float = 0.3
-    footprint_share: float = 0.15
+    hidden_share: float = 0.12
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,10 +119,8 @@ def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> ND
     feet = feet_px(detections)
     below = camera.below_horizon(feet)
     whole = detections.boxes[:, 3] < camera.intrinsics.height - 1 - rule.border_px
-    labels = detections.labels
-    allowed = np.array([rule.mapped is None or label in rule.mapped for label in labels], dtype=bool)
-    carried = np.array([_is_carried(i, detections, labels) for i in range(len(detections))], dtype=bool)
-    return below & whole & allowed & ~carried
+    allowed = np.array([rule.mapped is None or label in rule.mapped for label in detections.labels], dtype=bool)
+    return below & whole & allowed & ~carried(detections)
 
 
 def feet_px(detections: Detections) -> Array:
@@ -151,41 +132,80 @@ def feet_px(detections: Detections) -> Array:
 def sightings_of(
     detections: Detections, camera: FloorCamera, rule: FloorRule, frame: int = 0, stamp_s: float = 0.0
 ) -> list[Sighting]:
-    """Every box that stands on the floor, projected there: footprint centre, covariance and size."""
-    standing = np.flatnonzero(on_floor(detections, camera, rule))
-    if len(standing) == 0:
+    """Every box that stands on the floor, projected there: footprint centre, covariance and size.
+
+    Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
+    lower edge, that width says how far it is, as well as it can.
+    """
+    rows = np.flatnonzero(on_floor(detections, camera, rule))
+    if len(rows) == 0:
         return []
-    feet = feet_px(detections)[standing]
+    boxes, feet = detections.boxes[rows], feet_px(detections)[rows]
+    px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
+    widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
+    labels = detections.labels
+    shapes = [shape_of(labels[row], width_m) for row, width_m in zip(rows, widths_m, strict=True)]
+    cover = np.array([covered(detections.boxes, row) for row in rows])
+    cut, across_px, sigmas_px = _edges(boxes, shapes, px_per_m, cover, camera, rule)
+    feet = feet + np.column_stack([across_px, np.zeros(len(feet))])
     near = camera.floor_points(feet)
-    own, shared = floor_covariances(camera, feet, _sigmas_px(detections.boxes[standing], camera, rule), rule.noise)
-    depth = camera.optical_depth_m(near)
-    lens = camera.mount.position_base_m()[:2]
-    labels, sightings = detections.labels, []
-    for row, index in enumerate(standing):
-        label = labels[index]
-        x0, y0, x1, y1 = detections.boxes[index]
-        width_m = size_m(float(depth[row]), x1 - x0, camera.intrinsics.fx)
-        height_m = size_m(float(depth[row]), y1 - y0, camera.intrinsics.fy)
-        if not np.isfinite(own[row]).all():  # half a pixel from the horizon
+    own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
+    depths_m = camera.optical_depth_m(near)
+    lens, sightings = camera.mount.position_base_m()[:2], []
+    for at, (row, shape) in enumerate(zip(rows, shapes, strict=True)):
+        if not np.isfinite(own[at]).all():  # half a pixel from the horizon
             continue
-        bearing = near[row] - lens
-        reach = float(np.linalg.norm(bearing))
-        unknown = min(width_m, WIDEST_UNKNOWN_M)
-        footprint = FOOTPRINT_M.get(label, (unknown, unknown))
-        half_depth = footprint[1] / 2.0
-        direction = bearing / max(reach, 1e-9)
-        sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[row] + shared[row])[-1]))
-        guessed = np.outer(direction, direction) * (0.5 * half_depth) ** 2  # depth is not seen
-        guessed += np.eye(2) * (rule.box.footprint_share * max(footprint)) ** 2
-        if sigma_m > rule.max_sigma_m or reach > rule.max_distance_m:
+        x0, y0, x1, y1 = boxes[at]
+        width_m = size_m(float(depths_m[at]), x1 - x0, camera.intrinsics.fx)
+        height_m = size_m(float(depths_m[at]), y1 - y0, camera.intrinsics.fy)
+        bearing = near[at] - lens
+        reach_m = float(np.linalg.norm(bearing))
+        sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[at] + shared[at])[-1]))
+        if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
             continue
+        direction = bearing / max(reach_m, 1e-9)
+        foot_m, foot_m2 = near[at], own[at]
+        if cover[at] > HIDDEN and not cut[at]:
+            usual_m = reach_m * shape.width / max(width_m, 1e-9)
+            sigma_m = usual_m * shape.width_sigma / shape.width
+            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - reach_m, sigma_m)
+        along = np.outer(direction, direction)
+        guessed = along * shape.along**2 + (np.eye(2) - along) * shape.across**2  # the footprint is not seen
         sightings.append(
             Sighting(
-                label, float(detections.scores[index]), near[row] + direction * half_depth, own[row] + guessed,
-                shared[row], width_m, height_m, max(footprint), reach, int(index), frame, stamp_s,
+                labels[row], float(detections.scores[row]), foot_m + direction * shape.reach_m(width_m),
+                foot_m2 + guessed, shared[at], width_m, height_m, shape.extent, reach_m, int(row), frame, stamp_s,
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)
+
+
+def _edges(
+    boxes: Array, shapes: list[Shape], px_per_m: Array, cover: Array, camera: FloorCamera, rule: FloorRule
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which boxes the picture's sides cut (N,), how far across the true middle then is (N,), and the standard
+    deviations (N, 2) of the lower edges' middles, across and down; px."""
+    longer = max(camera.intrinsics.width, camera.intrinsics.height)
+    sizes = boxes[:, 2:] - boxes[:, :2]
+    left, right = boxes[:, 0] <= rule.border_px, boxes[:, 2] >= camera.intrinsics.width - rule.border_px
+    missing_px = np.maximum(np.array([shape.width for shape in shapes]) * px_per_m - sizes[:, 0], 0.0)
+    across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * missing_px)
+    unsure_px = np.array([shape.width_sigma for shape in shapes]) * px_per_m
+    shares = np.column_stack(
+        [np.full(len(boxes), rule.box.across_share), np.hypot(rule.box.down_share, rule.box.hidden_share * cover)]
+    )
+    sigmas_px = np.hypot(rule.box.picture_share * longer, shares * sizes)
+    sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, 0.5 * unsure_px + 0.25 * missing_px, 0.0))
+    return left | right, across_px, sigmas_px
+
+
+def _ranged(foot_m: Array, foot_m2: Array, direction: Array, error_m: float, sigma_m: float) -> tuple[Array, Array]:
+    """A place (2,) with covariance (2, 2) after a measured range: Kalman's update with one scalar.
+
+    error_m: measured range less that of the place, along the direction (2,); sigma_m: its standard deviation.
+    """
+    gain = foot_m2 @ direction / (direction @ foot_m2 @ direction + sigma_m**2)
+    return foot_m + gain * error_m, foot_m2 - np.outer(gain, foot_m2 @ direction)
 
 
 def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
@@ -212,29 +232,3 @@ def _overlap_of_smaller(a: Array, b: Array) -> float:
     """Intersection of two boxes as a share of the smaller one."""
     sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
     return float(np.prod(np.maximum(sides, 0.0)) / min(np.prod(a[2:] - a[:2]), np.prod(b[2:] - b[:2])))
-
-
-def _sigmas_px(boxes: Array, camera: FloorCamera, rule: FloorRule) -> Array:
-    """Standard deviations (N, 2) of the lower edges' middles, across and down, px."""
-    longer = max(camera.intrinsics.width, camera.intrinsics.height)
-    sizes = boxes[:, 2:] - boxes[:, :2]
-    cut = (boxes[:, 0] <= rule.border_px) | (boxes[:, 2] >= camera.intrinsics.width - rule.border_px)
-    shares = np.column_stack(
-        [np.where(cut, rule.box.cut_share, rule.box.across_share), np.full(len(boxes), rule.box.down_share)]
-    )
-    return np.hypot(rule.box.picture_share * longer, shares * sizes)
-
-
-def _is_carried(index: int, detections: Detections, labels: list[str]) -> bool:
-    """A tabletop object whose lower edge lies inside a piece of furniture's box, well above that one's own feet."""
-    if labels[index] not in TABLETOP_LABELS:
-        return False
-    x0, _, x1, y1 = detections.boxes[index]
-    middle = (x0 + x1) / 2.0
-    for other, label in enumerate(labels):
-        if other == index or label not in SUPPORT_LABELS or label == labels[index]:
-            continue
-        sx0, sy0, sx1, sy1 = detections.boxes[other]
-        if sx0 <= middle <= sx1 and sy0 <= y1 <= sy1 - 0.15 * (sy1 - sy0) and (sx1 - sx0) > (x1 - x0):
-            return True
-    return False

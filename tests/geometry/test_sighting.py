@@ -2,6 +2,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor import FloorCamera
@@ -9,6 +11,7 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.sighting import FloorRule, on_floor, sightings_of
+from edgemap.geometry.standing import covered
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator")
 CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
@@ -25,11 +28,12 @@ def seen(*boxes):
 
 
 def test_position_and_size_by_hand():
-    """Lower edge 100 px below the horizon: 5 m from the lens, which sits 0.2 m ahead; a chair is 0.5 m deep."""
-    (chair,) = sightings_of(seen(("chair", 270, 240, 370, 340)), CAMERA, FloorRule())
+    """Lower edge 100 px below the horizon: 5 m from the lens, which sits 0.2 m ahead; a chair that looks 0.6 m wide has
+    its middle 0.13 + 0.23 * 0.6 = 0.268 m behind its lower edge."""
+    (chair,) = sightings_of(seen(("chair", 290, 240, 350, 340)), CAMERA, FloorRule())
     assert chair.distance_m == pytest.approx(5.0)
-    assert chair.position_base_m == pytest.approx([0.2 + 5.0 + 0.25, 0.0])
-    assert chair.width_m == pytest.approx(1.0)
+    assert chair.position_base_m == pytest.approx([0.2 + 5.0 + 0.268, 0.0])
+    assert chair.width_m == pytest.approx(0.6)
     assert chair.height_m == pytest.approx(1.0)
 
 
@@ -78,19 +82,19 @@ def test_nothing_seen_is_nothing_sighted():
 
 
 def test_a_sighting_lands_on_the_map_where_the_robot_looks():
-    (chair,) = sightings_of(seen(("chair", 270, 240, 370, 340)), CAMERA, FloorRule())
+    (chair,) = sightings_of(seen(("chair", 290, 240, 350, 340)), CAMERA, FloorRule())
     placed = chair.placed(SE2(1.0, 2.0, math.pi / 2), np.zeros((3, 3)))
-    assert placed.position_map_m == pytest.approx([1.0, 2.0 + 5.45])
+    assert placed.position_map_m == pytest.approx([1.0, 2.0 + 5.468])
     np.testing.assert_allclose(
         sorted(np.linalg.eigvalsh(placed.covariance_m2)), sorted(np.linalg.eigvalsh(chair.covariance_m2)), rtol=1e-9
     )
 
 
 def test_yaw_error_moves_far_objects_sideways():
-    (chair,) = sightings_of(seen(("chair", 270, 240, 370, 340)), CAMERA, FloorRule())
+    (chair,) = sightings_of(seen(("chair", 290, 240, 350, 340)), CAMERA, FloorRule())
     placed = chair.placed(SE2(), np.diag([0.0, 0.0, 0.01**2]))
     spread = placed.from_pose(placed.pose_covariance)
-    assert spread[1, 1] == pytest.approx((5.45 * 0.01) ** 2)
+    assert spread[1, 1] == pytest.approx((5.468 * 0.01) ** 2)
     assert spread[0, 0] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -111,7 +115,42 @@ def test_a_box_drawn_round_projected_points_leads_back_to_them():
     column, row = CAMERA.project(foot)[0] + 0.5
     (chair,) = sightings_of(seen(("chair", column - 20, row - 80, column + 20, row)), CAMERA, FloorRule())
     bearing = foot[0] - [0.2, 0.0]
-    assert chair.position_base_m == pytest.approx(foot[0] + 0.25 * bearing / np.linalg.norm(bearing), abs=1e-6)
+    behind_m = 0.13 + 0.23 * chair.width_m
+    assert chair.position_base_m == pytest.approx(foot[0] + behind_m * bearing / np.linalg.norm(bearing), abs=1e-6)
+
+
+def test_a_box_cut_by_the_pictures_side_has_its_middle_where_the_class_is_usually_wide():
+    """40 px seen at 5 m are 0.4 m; a chair looks 0.58 m wide, so its middle is 0.29 m left of the right edge."""
+    (chair,) = sightings_of(seen(("chair", 0, 240, 40, 340)), CAMERA, FloorRule())
+    right_edge_m = (319.5 - (40 - 0.5)) / 500.0 * 5.0
+    across_m = chair.position_base_m[1] * (5.0 / (chair.position_base_m[0] - 0.2))  # back along the ray, to 5 m ahead
+    assert across_m == pytest.approx(right_edge_m + 0.29)
+    (whole,) = sightings_of(seen(("chair", 10, 240, 68, 340)), CAMERA, FloorRule())
+    assert chair.covariance_m2[1, 1] > 2.0 * whole.covariance_m2[1, 1]
+
+
+def test_a_hidden_lower_edge_is_doubted_and_the_usual_width_says_how_far_it_is():
+    """A chair that would be twice as wide as chairs look: with nearer furniture before its feet it is believed to stand
+    nearer, and doubted."""
+    chair, table = ("chair", 285, 240, 355, 300), ("dining table", 200, 260, 440, 400)
+    (plain,) = sightings_of(seen(chair), CAMERA, FloorRule())
+    hidden = next(s for s in sightings_of(seen(chair, table), CAMERA, FloorRule()) if s.label == "chair")
+    assert plain.width_m == pytest.approx(1.167, abs=1e-3)  # twice as wide as chairs look: it must be nearer
+    assert hidden.covariance_m2[0, 0] > 3.0 * plain.covariance_m2[0, 0]
+    assert hidden.position_base_m[0] < plain.position_base_m[0] - 0.5
+    assert hidden.distance_m == plain.distance_m
+
+
+@given(st.lists(st.tuples(*[st.floats(0, 640)] * 4), min_size=1, max_size=6))
+def test_a_covered_share_is_the_share_of_columns_behind_nearer_boxes(corners):
+    boxes = np.array([[min(a, c), min(b, d), max(a, c) + 2, max(b, d) + 2] for a, b, c, d in corners])
+    x0, _, x1, y1 = boxes[0]
+    columns = np.linspace(x0, x1, 20001)
+    behind = np.zeros(len(columns), dtype=bool)
+    for left, top, right, bottom in boxes[1:]:
+        if bottom > y1 + 3 and top < y1:
+            behind |= (columns >= left) & (columns <= right)
+    assert covered(boxes, 0) == pytest.approx(behind.mean(), abs=1e-3)
 
 
 def test_a_box_that_ends_at_the_horizon_has_no_place_however_far_is_allowed():

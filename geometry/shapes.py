@@ -1,0 +1,66 @@
+"""What is usual for a class: the floor it takes, how wide it looks, and how far behind its lower edge its middle is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+WIDEST_UNKNOWN_M = 1.0
+
+# Usual footprint of a class, width and depth in metres; where none is known, the box's own width serves for both.
+FOOTPRINT_M = {
+    "chair": (0.50, 0.50), "couch": (2.00, 0.90), "potted plant": (0.40, 0.40), "bed": (1.60, 2.00),
+    "dining table": (1.40, 0.90), "toilet": (0.40, 0.65), "tv": (1.00, 0.25), "refrigerator": (0.65, 0.65),
+    "oven": (0.60, 0.60), "sink": (0.60, 0.50), "bench": (1.40, 0.50), "suitcase": (0.45, 0.30),
+    "backpack": (0.35, 0.25), "vase": (0.20, 0.20), "bicycle": (1.70, 0.50), "motorcycle": (2.00, 0.80),
+    "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """How a class looks to a camera near the floor, all in metres.
+
+    reach, reach_per_width: the middle of the footprint lies `reach + reach_per_width * apparent width` behind the
+    middle of the box's lower edge. along, across: standard deviations of that, along the line of sight and across it.
+    width, width_sigma: usual apparent width (eq. 4), over all sides. extent: the longer side of the footprint.
+    """
+
+    reach: float
+    reach_per_width: float
+    along: float
+    across: float
+    width: float
+    width_sigma: float
+    extent: float
+
+    def reach_m(self, width_m: float) -> float:
+        """From the lower edge to the footprint's middle, for an apparent width."""
+        widest = self.width + 2.0 * self.width_sigma
+        return max(self.reach + self.reach_per_width * min(width_m, widest), 0.0)
+
+
+# Least squares on 19,000 boxes of rendered homes (seeds 8000-8021, training furniture; `reach` to `width_sigma`): boxes
+# not cut by the picture, nothing hidden, nearer than 6 m.
+MEASURED = {
+    "backpack": Shape(0.06, 0.00, 0.04, 0.03, 0.30, 0.06, 0.35),
+    "bed": Shape(1.18, -0.20, 0.20, 0.25, 1.05, 0.36, 2.00),
+    "chair": Shape(0.13, 0.23, 0.07, 0.06, 0.58, 0.14, 0.50),
+    "couch": Shape(0.87, -0.15, 0.19, 0.14, 1.61, 0.35, 2.00),
+    "dining table": Shape(0.08, 0.36, 0.18, 0.11, 0.95, 0.32, 1.40),
+    "oven": Shape(0.33, 0.00, 0.05, 0.08, 0.57, 0.14, 0.60),
+    "potted plant": Shape(0.12, 0.00, 0.10, 0.05, 0.48, 0.21, 0.40),
+    "refrigerator": Shape(0.31, 0.00, 0.12, 0.09, 0.79, 0.14, 0.65),
+    "suitcase": Shape(0.12, 0.25, 0.13, 0.05, 0.49, 0.18, 0.45),
+    "toilet": Shape(0.15, 0.00, 0.12, 0.05, 0.50, 0.15, 0.65),
+    "vase": Shape(0.06, 0.00, 0.04, 0.04, 0.28, 0.06, 0.20),
+}
+
+
+def shape_of(label: str, width_m: float) -> Shape:
+    """The shape of a class as measured; else guessed from its usual footprint; else from its apparent width."""
+    if label in MEASURED:
+        return MEASURED[label]
+    unknown_m = min(width_m, WIDEST_UNKNOWN_M)
+    wide, deep = FOOTPRINT_M.get(label, (unknown_m, unknown_m))
+    extent = max(wide, deep)
+    return Shape(deep / 2.0, 0.0, 0.25 * deep, 0.1 * extent, (wide + deep) / 2.0, 0.3 * wide, extent)
