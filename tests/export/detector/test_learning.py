@@ -10,7 +10,7 @@ from edgemap.export.detector.assign import Targets, assign  # noqa: E402
 from edgemap.export.detector.augment import PAD, flip, mosaic, plain, single  # noqa: E402
 from edgemap.export.detector.begin import begin  # noqa: E402
 from edgemap.export.detector.boxes import cells_of, decode, flatten, generalised_iou, overlap  # noqa: E402
-from edgemap.export.detector.loader import Batches, collate  # noqa: E402
+from edgemap.export.detector.loader import Batches, collate, rarity  # noqa: E402
 from edgemap.export.detector.loss import detection_loss  # noqa: E402
 from edgemap.export.detector.store import Example, load_examples  # noqa: E402
 from edgemap.export.detector.train import Settings, Trainer  # noqa: E402
@@ -201,3 +201,13 @@ def test_pictures_are_read_once_at_the_network_s_size(tmp_path):
     assert found.labels.tolist() == [0]
     assert found.unasked is not None
     assert not found.unasked.any()
+
+
+def test_rare_classes_come_more_often_into_mosaics():
+    """Of 100 pictures all show a chair, 3 a couch: sqrt(0.3 / 0.03) = 3.16; hidden ones do not count."""
+    box = (0.0, 0, 50, 50)
+    common, rare = example([box], [0]), example([box, box], [0, 1])
+    hidden = example([box, box], [0, 1], [1.0, 0.1])
+    factors = rarity([common] * 96 + [rare] * 3 + [hidden])
+    assert factors[:96].tolist() == [1.0] * 96
+    assert factors[96:].tolist() == pytest.approx([10**0.5] * 3 + [1.0])
