@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from edgemap.runtime.drives.locobot import write_locobot
@@ -15,11 +14,11 @@ from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.apartment.credits import credits_text
-from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.robot.wheels import wheel_odometry
 from edgemap.simulation.shots import shots
 from edgemap.simulation.store import FrameStore, write_text
 from edgemap.simulation.truth import object_records
+from edgemap.simulation.video import write_video
 from edgemap.simulation.world import World
 
 Progress = Callable[[int, int], None]
@@ -93,13 +92,6 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
 
 
 def _write_video(store: FrameStore, rate_hz: float) -> None:
-    paths = store.picture_paths()
-    unfinished, path = store.parts / "video.mp4", store.folder / "video.mp4"
-    height, width = read_picture(paths[0]).shape[:2]
-    writer = cv2.VideoWriter(str(unfinished), cv2.VideoWriter.fourcc(*"mp4v"), rate_hz, (width, height))
-    if not writer.isOpened():
-        raise SimulationError(f"{path}: OpenCV cannot write MPEG-4 video here")
-    for picture in paths:
-        writer.write(read_picture(picture))
-    writer.release()
-    unfinished.replace(path)
+    unfinished = store.parts / "video.mp4"
+    write_video(unfinished, map(read_picture, store.picture_paths()), rate_hz)
+    unfinished.replace(store.folder / "video.mp4")
