@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.apartment.placed import ALIVE
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.view import View
@@ -65,12 +66,12 @@ def object_records(
     apartment: Apartment, pose_home_map: SE2, boxes: Sequence[Sequence[dict[str, Any]]]
 ) -> list[dict[str, Any]]:
     """One record per labelled object, in the map frame: position of the footprint's centre, footprint, size in metres,
-    and in how many pictures it counts as seen."""
+    and in how many pictures it counts as seen. People and pets walk away: they have boxes, but are no map's objects."""
     pose_map_home = pose_home_map.inverse()
     seen = [record["id"] for frame in boxes for record in frame if is_seen(record)]
     records = []
     for item in apartment.furniture:
-        if not item.label:
+        if not item.label or item.label in ALIVE:
             continue
         centre = pose_map_home.apply([item.pose_home_object.x_m, item.pose_home_object.y_m])
         footprint = pose_map_home.apply(item.footprint_home_m())

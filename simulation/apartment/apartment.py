@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.simulation.apartment.layout import Layout
-from edgemap.simulation.apartment.placed import Placed
+from edgemap.simulation.apartment.placed import ALIVE, Placed
 from edgemap.simulation.apartment.plan import FloorPlan, draw_plan
 from edgemap.simulation.apartment.rooms import furnish_room
 
@@ -18,7 +18,6 @@ HELD_OUT_FROM_SEED = 9000
 _LEAST_PIECES = 15
 _FILLERS = ("potted plant", "chair", "armchair", "chair", "stool", "suitcase", "potted plant", "vase", "backpack")
 _SEATS = {"chair", "armchair", "stool"}
-_NOT_FURNITURE = {"person", "cat", "dog"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ def furnish(seed: int) -> Apartment:
     for room in plan.rooms:
         furnish_room(home, room, len(plan.rooms) == 1, clutter)
     for _ in range(3 * _LEAST_PIECES):
-        if sum(item.on_floor and item.label not in {"", *_NOT_FURNITURE} for item in home.placed) >= _LEAST_PIECES:
+        if sum(item.on_floor and item.label not in {"", *ALIVE} for item in home.placed) >= _LEAST_PIECES:
             break
         room = plan.rooms[home.count(0, len(plan.rooms) - 1)]
         kind = _FILLERS[home.count(0, len(_FILLERS) - 1)]

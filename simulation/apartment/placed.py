@@ -9,6 +9,9 @@ from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.render.mesh import Array
 
+# What walks away: detected, but never mapped, and nothing that a home must offer.
+ALIVE = frozenset({"person", "cat", "dog"})
+
 
 @dataclass(frozen=True, slots=True)
 class Placed:

@@ -9,13 +9,12 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.runtime.drives.drive import SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.apartment.placed import ALIVE
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.plan_grid import PlanGrid
 
 # Sample points of a piece in units of its half sides and its height: enough to tell a third from a half.
 _ACROSS, _ALONG, _UP = (-0.8, 0.0, 0.8), (-0.7, 0.7), (0.2, 0.55, 0.9)
-# Detected, but never mapped: not what a drive must show.
-ALIVE = frozenset({"person", "cat", "dog"})
 _RAY_STEPS = 48
 _NEAREST_M, _FARTHEST_M = 0.4, 7.0
 
