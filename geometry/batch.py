@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 
 from edgemap.geometry.association import AssociationRule, Estimate, assign, mahalanobis2, may_merge
+from edgemap.geometry.exclusion import without_overlaps
 from edgemap.geometry.floor_map import MapObject
 from edgemap.geometry.sighting import PlacedSighting
 
@@ -30,7 +31,7 @@ def batch_objects(frames: list[list[PlacedSighting]], rule: AssociationRule | No
         for number, cluster in enumerate(shown, start=1):
             position, covariance = cluster.position_m, cluster.covariance(rule)
             found.append(cluster.sums.as_object(f"{label}-{number}", label, position, covariance))
-    return found
+    return without_overlaps(found)
 
 
 def _agglomerate(members: list[tuple[int, PlacedSighting]], rule: AssociationRule) -> list[Estimate]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.association import AssociationRule, Estimate, assign, may_merge
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.exclusion import without_overlaps
 from edgemap.geometry.floor_map import MapObject, id_order
 from edgemap.geometry.sighting import PlacedSighting
 
@@ -141,7 +142,7 @@ class FloorMap:
         return ids
 
     def objects(self) -> list[MapObject]:
-        """Objects with enough evidence, ordered by id."""
+        """Objects with enough evidence, none in the place of a better one, ordered by id."""
         found = []
         for label, kind in self._classes.items():
             for item in kind.objects:
@@ -149,7 +150,7 @@ class FloorMap:
                     item.shown = item.as_map_object(label, self.rule)
                 if item.shown is not None:
                     found.append(item.shown)
-        return sorted(found, key=lambda item: id_order(item.id))
+        return without_overlaps(sorted(found, key=lambda item: id_order(item.id)))
 
     def doubt(self, identity: str, most: float) -> None:
         """Show an object with this confidence at most."""

@@ -145,7 +145,7 @@ def sightings_of(
     widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
     labels = detections.labels
     shapes = [shape_of(labels[row], width_m) for row, width_m in zip(rows, widths_m, strict=True)]
-    cover = np.array([covered(detections.boxes, row) for row in rows])
+    cover = np.array([covered(detections.boxes, int(row)) for row in rows])
     cut, across_px, sigmas_px = _edges(boxes, shapes, px_per_m, cover, camera, rule)
     feet = feet + np.column_stack([across_px, np.zeros(len(feet))])
     near = camera.floor_points(feet)

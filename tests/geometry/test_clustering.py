@@ -109,7 +109,7 @@ def test_objects_that_turn_out_to_be_one_merge_and_the_older_id_stays(placed):
     assert {item.id for item in chairs.objects()} == {"chair-1", "chair-2"}
     for frame in range(12, 200):  # what lies between pulls both together
         chairs.update([placed("chair", 2.22, 0.0, frame, sigma_m=0.1)])
-        if len(chairs.objects()) == 1:
+        if chairs.merged:
             break
     (one,) = chairs.objects()
     assert one.id == "chair-1"
