@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from edgemap.simulation.apartment.made import COUNTS, LIBRARY, made
+from edgemap.simulation.apartment.mesh_cache import kept
 from edgemap.simulation.apartment.simplify import simplified
 from edgemap.simulation.apartment.tint import Tint
 from edgemap.simulation.errors import SimulationError
@@ -163,15 +164,23 @@ def load(key: str) -> Mesh:
     if model.library == LIBRARY:
         return made(model.path)
     size = (model.width_m, model.height_m, model.depth_m)
-    return simplified(read_obj(_archive(model.library), model.path, model.rotation, size), _MOST_TRIANGLES)
+
+    def read() -> Mesh:
+        return simplified(read_obj(_archive(model.library), model.path, model.rotation, size), _MOST_TRIANGLES)
+
+    return kept(key, _library(model.library), _MOST_TRIANGLES, read)
 
 
 @lru_cache(maxsize=8)
 def _archive(library: str) -> zipfile.ZipFile:
-    path = LIBRARIES / f"{library}.sh3f"
+    path = _library(library)
     if not path.exists():
         raise SimulationError(f"{path} is missing: apt-get install sweethome3d-furniture")
     return zipfile.ZipFile(path)
+
+
+def _library(library: str) -> Path:
+    return LIBRARIES / f"{library}.sh3f"
 
 
 def _model(library: str, entry: dict[str, str]) -> Model:
