@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.session import Bundle
 
-DEFAULT_BUNDLE = "yolov3-tiny"
+DEFAULT_BUNDLE = "edgemap-nano"
 HIGHEST_M = 100.0
 MOST_THREADS = 64
 
@@ -176,9 +176,7 @@ HOW_TO_MEASURE = (
 )
 
 
-def open_described(
-    spec: str, camera_file: Path | None, realtime: bool = False, frames: int | None = None
-) -> Camera:
+def open_described(spec: str, camera_file: Path | None, realtime: bool = False, frames: int | None = None) -> Camera:
     """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size.
 
     frames: how long `sim:SEED` drives; other sources are as long as they are.
