@@ -1,12 +1,15 @@
-"""Batches for training, made one ahead in a thread; every picture's changes are seeded by epoch and position."""
+"""Batches for training, made ahead in processes; every picture's changes are seeded by epoch and position."""
 
 from __future__ import annotations
 
-import queue
-import threading
+import multiprocessing
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from multiprocessing.process import BaseProcess
+from multiprocessing.queues import Queue
+from queue import Empty
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -15,8 +18,11 @@ from torch import Tensor
 from edgemap.export.detector.assign import Targets
 from edgemap.export.detector.augment import flip, mosaic, plain, recolour, single
 from edgemap.export.detector.store import Example
+from edgemap.export.errors import ExportError
 
-AHEAD = 4  # batches
+# Two processes, though there are two cores: in a thread, Python's lock makes the network wait for pictures.
+WORKERS = 2
+AHEAD = 3  # batches of each process
 COMMON_SHARE = 0.3  # of pictures: a class seen in fewer is shown more often
 
 
@@ -36,29 +42,34 @@ class Batches:
         return max(1, len(self._examples) // self._batch)
 
     def epoch(self, number: int, first: int = 0) -> Iterator[tuple[Tensor, Targets]]:
-        """Batches `first` to the last: pictures (B, 3, size, size) float32 BGR 0..255, and their truth."""
-        ready: queue.Queue[tuple[Tensor, Targets] | BaseException | None] = queue.Queue(AHEAD)
-        stop = threading.Event()
-        worker = threading.Thread(target=self._fill, args=(ready, stop, number, first), daemon=True)
-        worker.start()
+        """Batches `first` to the last: pictures (B, 3, size, size) float32 BGR 0..255, and their truth.
+
+        The processes are forked, so that they share the pictures in memory. Raises ExportError where one dies.
+        """
+        context = multiprocessing.get_context("fork")
+        queues = [context.Queue(AHEAD) for _ in range(WORKERS)]
+        workers = [
+            context.Process(target=self._fill, args=(queue, number, first + at), daemon=True)
+            for at, queue in enumerate(queues)
+        ]
+        for worker in workers:
+            worker.start()
         try:
-            while (item := ready.get()) is not None:
-                if isinstance(item, BaseException):
-                    raise item
-                yield item
+            for index in range(first, len(self)):
+                at = (index - first) % WORKERS
+                yield collate(_next(queues[at], workers[at]))
         finally:
-            stop.set()
-            while worker.is_alive():
-                try:
-                    ready.get(timeout=0.05)
-                except queue.Empty:
-                    continue
+            for worker in workers:
+                worker.kill()
+                worker.join()
 
     def make(self, epoch: int, index: int) -> tuple[Tensor, Targets]:
         """One batch of an epoch."""
+        return collate(self._pick(epoch, index))
+
+    def _pick(self, epoch: int, index: int) -> list[Example]:
         order = np.random.default_rng([self._seed, epoch]).permutation(len(self._examples))
-        picked = [self._one(epoch, int(at), order) for at in range(index * self._batch, (index + 1) * self._batch)]
-        return collate(picked)
+        return [self._one(epoch, int(at), order) for at in range(index * self._batch, (index + 1) * self._batch)]
 
     def _one(self, epoch: int, position: int, order: np.ndarray) -> Example:
         generator = np.random.default_rng([self._seed, epoch, position])
@@ -74,15 +85,20 @@ class Batches:
             made = flip(made)
         return Example(recolour(made.image, generator), made.boxes, made.labels, made.visible)
 
-    def _fill(self, ready: queue.Queue, stop: threading.Event, epoch: int, first: int) -> None:
+    def _fill(self, queue: Queue, epoch: int, first: int) -> None:
+        """What one process does: every WORKERS-th batch."""
+        cv2.setNumThreads(0)
+        for index in range(first, len(self), WORKERS):
+            queue.put(self._pick(epoch, index))
+
+
+def _next(queue: Queue, worker: BaseProcess) -> list[Example]:
+    while True:
         try:
-            for index in range(first, len(self)):
-                if stop.is_set():
-                    return
-                ready.put(self.make(epoch, index))
-            ready.put(None)
-        except BaseException as error:
-            ready.put(error)
+            return queue.get(timeout=5.0)
+        except Empty:
+            if not worker.is_alive():
+                raise ExportError(f"a process that makes training pictures died (code {worker.exitcode})") from None
 
 
 def rarity(examples: Sequence[Example]) -> NDArray[np.float64]:

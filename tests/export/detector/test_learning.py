@@ -164,6 +164,15 @@ def test_batches_are_the_same_again_from_any_point(drawn):
     assert not torch.equal(whole[0], next(iter(batches.epoch(2)))[0])
 
 
+def test_a_batch_that_cannot_be_made_ends_training_with_one_line(drawn):
+    class Broken(Batches):
+        def _pick(self, epoch, index):
+            raise SystemExit(3)
+
+    with pytest.raises(ExportError, match="died"):
+        next(iter(Broken(drawn, 64, 4, seed=3, mosaic_share=0.5).epoch(0)))
+
+
 def test_a_resumed_run_ends_where_an_unbroken_one_does(drawn, tmp_path):
     """Two epochs at once, or one stopped and gone on with: the same weights to the last bit."""
     settings = Settings(size=64, batch=8, epochs=2, rate=1e-3, threads=1)
