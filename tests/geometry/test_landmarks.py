@@ -1,0 +1,122 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.landmarks import Landmarks, Noise, Tilt, View, levelled, locate, look, new_landmarks, refined
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+
+CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12, 0.05))
+NOISE = Noise(track_rad=0.001, drift_rad=0.0003)
+REACH_M = 4.0
+
+motions = st.builds(SE2, st.floats(-0.15, 0.15), st.floats(-0.03, 0.03), st.floats(-0.15, 0.15))
+tilts = st.builds(Tilt, st.floats(-0.004, 0.004), st.floats(-0.004, 0.004))
+
+
+def scene(seed: int, floor: int = 80, walls: int = 40):
+    """Points (N, 3) of the start's base frame that the camera sees there: on the floor, and on walls 3 to 8 m away."""
+    rng = np.random.default_rng(seed)
+    on_floor = CAMERA.floor_points(rng.uniform([0, 90], [320, 240], (floor, 2)))
+    rays = CAMERA.rays_base(rng.uniform([0, 0], [320, 35], (walls, 2)))
+    on_walls = CAMERA.mount.position_base_m() + rays * (rng.uniform(3, 8, walls) / rays[:, 0])[:, None]
+    return np.concatenate([np.column_stack([on_floor, np.zeros(floor)]), on_walls])
+
+
+def seen_from(points, view: View):
+    """Image points of a scene, worked out with matrices and not with the code under test."""
+    base = np.column_stack([view.pose.inverse().apply(points[:, :2]), points[:, 2]])
+    turned = (base - CAMERA.mount.position_base_m()) @ view.tilt.rotation()
+    optical = turned @ CAMERA.mount.rotation_base_optical()
+    return optical[:, :2] / optical[:, 2:]
+
+
+def landmarks_of(points, view: View | None = None):
+    seen = seen_from(points, view or View())
+    return new_landmarks(np.column_stack([seen, np.ones(len(seen))]), CAMERA, view or View(), NOISE, REACH_M)
+
+
+@settings(max_examples=25, deadline=None)
+@given(motions, tilts, st.integers(0, 10**6))
+def test_the_view_is_found(motion, tilt, seed):
+    points = scene(seed)
+    known = landmarks_of(points)
+    known.inverse_m[80:] = 1.0 / np.linalg.norm(points[80:] - CAMERA.mount.position_base_m(), axis=1)
+    known.variance[80:] = 1e-6
+    found = locate(known, seen_from(points, View(motion, tilt)), CAMERA, View(), NOISE)
+    assert np.abs((motion.inverse() @ found.view.pose).vector()).max() < 2e-3
+    assert found.view.tilt.pitch_rad == pytest.approx(tilt.pitch_rad, abs=1e-3)
+    assert found.weights.min() > 0.8
+
+
+def test_jacobians_are_the_slopes_of_what_is_seen():
+    known = landmarks_of(scene(0))
+    pose, tilt = SE2(0.1, 0.03, 0.06), Tilt(0.004, 0.0)
+    sight, step = look(known, CAMERA, View(pose, tilt)), 1e-6
+    for column, change in enumerate([SE2(step, 0, 0), SE2(0, step, 0), SE2(0, 0, step)]):
+        moved = look(known, CAMERA, View(pose @ change, tilt)).seen
+        np.testing.assert_allclose((moved - sight.seen) / step, sight.by_view[:, :, column], atol=1e-4)
+    pitched = look(known, CAMERA, View(pose, Tilt(tilt.pitch_rad + step, 0.0))).seen
+    np.testing.assert_allclose((pitched - sight.seen) / step, sight.by_view[:, :, 3], atol=1e-4)
+    nearer = Landmarks(known.anchor_m, known.ray, known.inverse_m + step, known.variance, known.floor, known.age)
+    np.testing.assert_allclose(
+        (look(nearer, CAMERA, View(pose, tilt)).seen - sight.seen) / step, sight.by_inverse, atol=1e-4
+    )
+
+
+def test_far_points_alone_tell_the_turn_but_not_the_way():
+    points = scene(1)[80:]
+    found = locate(landmarks_of(points), seen_from(points, View(SE2(0, 0, 0.05))), CAMERA, View(), NOISE)
+    assert found.view.pose.yaw_rad == pytest.approx(0.05, abs=2e-3)
+    assert math.sqrt(found.covariance[2, 2]) < 0.02
+    assert math.sqrt(found.covariance[1, 1]) > 0.03
+
+
+def test_somebody_walking_by_is_not_believed():
+    points, motion = scene(2), SE2(0.06, 0, 0.02)
+    seen = seen_from(points, View(motion))
+    seen[:30] += [0.06, 0.01]
+    found = locate(landmarks_of(points), seen, CAMERA, View(SE2(0.05, 0, 0)), NOISE)
+    assert np.abs((motion.inverse() @ found.view.pose).vector()).max() < 5e-3
+    assert found.weights[:30].max() < 0.1
+    _, keep = refined(landmarks_of(points), found, NOISE)
+    assert keep[30:80].all()
+
+
+def test_what_stands_before_the_floor_is_found_out():
+    points, motion = scene(3), SE2(0.25, 0.0, 0.0)
+    lens = CAMERA.mount.position_base_m()
+    points[:20] = lens + 0.6 * (points[:20] - lens)  # on furniture: nearer than the floor along the same ray
+    known = landmarks_of(points)
+    assert known.floor[:20].all()
+    found = locate(known, seen_from(points, View(motion)), CAMERA, View(SE2(0.24, 0, 0)), NOISE)
+    after, _ = refined(known, found, NOISE)
+    standing = ~after.floor[:20]
+    assert standing.sum() > 10
+    true = 1.0 / np.linalg.norm(points[:20] - lens, axis=1)
+    np.testing.assert_allclose(after.inverse_m[:20][standing], true[standing], rtol=0.2)
+    assert after.floor[20:80].all()
+
+
+def test_fewer_tracks_mean_a_larger_covariance():
+    points = scene(4)
+    many = locate(landmarks_of(points), seen_from(points, View()), CAMERA, View(), NOISE)
+    few = locate(landmarks_of(points[:12]), seen_from(points[:12], View()), CAMERA, View(), NOISE)
+    assert np.trace(few.covariance[:2, :2]) > 3 * np.trace(many.covariance[:2, :2])
+
+
+def test_levelling_keeps_the_floor_on_the_floor_and_takes_a_share_of_the_tilt():
+    view = View(SE2(0.1, 0.0, 0.1), Tilt(0.01, -0.004))
+    known = landmarks_of(scene(5), view)
+    after, level = levelled(known, CAMERA, view, 0.25)
+    assert level.pose == view.pose
+    assert level.tilt.pitch_rad == pytest.approx(0.0075)
+    heights = after.anchor_m[:, 2] + after.ray[:, 2] / after.inverse_m
+    np.testing.assert_allclose(heights[after.floor], 0.0, atol=1e-9)
+    before, now = look(known, CAMERA, view).seen, look(after, CAMERA, level).seen
+    np.testing.assert_allclose(now, before, atol=2e-4)
