@@ -106,6 +106,13 @@ class Meshes:
         return " ".join(FORMATS[name] if name in used else f"{sizes[name]}x" for name in sizes)
 
 
+def depth_of(target: Any) -> NDArray[np.float32]:
+    """A framebuffer's depth (rows, columns), 0..1, as OpenGL keeps it."""
+    width, height = target.size
+    raw = target.read(components=1, attachment=-1, dtype="f4", alignment=1)
+    return np.frombuffer(raw, dtype=np.float32).reshape(height, width)
+
+
 def release(target: Any) -> None:
     """Give a framebuffer back with its pixels."""
     for buffer in (*target.color_attachments, target.depth_attachment):

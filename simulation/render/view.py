@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
@@ -47,6 +48,13 @@ def projection(intrinsics: Intrinsics) -> Array:
     matrix[2, 2:] = (FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)
     matrix[3, 2] = 1.0
     return matrix
+
+
+def metres(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Optical depth from a depth buffer's 0..1, as `projection` fills it; FAR_M where nothing was drawn."""
+    return np.float32(2.0 * FAR_M * NEAR_M) / (
+        np.float32(FAR_M + NEAR_M) - (np.float32(2.0) * depth - np.float32(1.0)) * np.float32(FAR_M - NEAR_M)
+    )
 
 
 def oversampled(intrinsics: Intrinsics, times: int) -> Intrinsics:

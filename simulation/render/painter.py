@@ -1,0 +1,114 @@
+"""Colours of what is drawn: solid things, shadows on the floor, then what one sees through; highlights on gloss."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from edgemap.simulation.render import shaders
+from edgemap.simulation.render.batches import Batch
+from edgemap.simulation.render.canvas import Canvas
+from edgemap.simulation.render.draw import Draw
+from edgemap.simulation.render.mesh import Array, LightGroup
+from edgemap.simulation.render.scene import AreaLight, LightMix
+
+_NOWHERE = (0.0, 0.0, 0.0)
+_Place = tuple[float, ...]
+
+
+class Painter:
+    """Draws colours, with the slots of the ids in the fourth byte, and depths. lights: of the home."""
+
+    def __init__(self, canvas: Canvas, lights: Sequence[AreaLight]) -> None:
+        self._canvas, self._lights = canvas, lights
+        self._near_batch: dict[int, tuple[list[AreaLight], list[_Place]]] = {}
+
+    def paint(
+        self,
+        target: Any,
+        draws: Sequence[Draw],
+        shadows: Iterable[tuple[Array, _Place]],
+        light: LightMix,
+        exposure: float,
+    ) -> None:
+        """Fill a framebuffer. draws: near ones first; shadows: clip matrices and places for `Canvas.shadow`."""
+        target.use()
+        target.clear(0.0, 0.0, 0.0, 0.0)
+        self._canvas.context.enable_only(self._canvas.gl.DEPTH_TEST)
+        for draw in draws:
+            if not draw.batch.see_through:
+                self._colour(draw, light, exposure, draw.slot / 255.0)
+        self._shadows(target, shadows)
+        self._see_through(target, [draw for draw in draws if draw.batch.see_through], light, exposure)
+
+    def _shadows(self, target: Any, shadows: Iterable[tuple[Array, _Place]]) -> None:
+        gl, context = self._canvas.gl, self._canvas.context
+        context.enable(gl.BLEND)
+        _write(target, colour=True, slot=False, depth=False)
+        for clip, place in shadows:
+            self._canvas.shadow(clip, place)
+        _write(target, colour=True, slot=True)
+        context.disable(gl.BLEND)
+
+    def _see_through(self, target: Any, draws: list[Draw], light: LightMix, exposure: float) -> None:
+        """Blended colours, far ones first; then their ids, which cannot be blended."""
+        gl, context = self._canvas.gl, self._canvas.context
+        context.enable(gl.BLEND)
+        _write(target, colour=True, slot=False)
+        for draw in reversed(draws):
+            self._colour(draw, light, exposure, draw.batch.material.opacity)
+        context.disable(gl.BLEND)
+        _write(target, colour=False, slot=True)
+        context.depth_func = "<="
+        for draw in draws:
+            self._colour(draw, light, exposure, draw.slot / 255.0)
+        context.depth_func = "<"
+        _write(target, colour=True, slot=True)
+
+    def _colour(self, draw: Draw, light: LightMix, exposure: float, slot: float) -> None:
+        batch, material = draw.batch, draw.batch.material
+        program = self._canvas.program(batch.kind)
+        glow = np.array(material.emission) * _share(material.group, light)
+        values = {"eye": tuple(draw.eye), "glow": tuple(glow), "exposure": exposure, "slot": slot}
+        values |= {"day": light.day, "lamp": light.lamp, "gloss": material.gloss}
+        for name, value in values.items():
+            uniform = program.get(name, None)
+            if uniform is not None:
+                uniform.value = value
+        program["clip_home"].write(draw.clip.T.astype("f4").tobytes())
+        if batch.kind.glossy:
+            self._highlights(program, draw, light)
+        if batch.kind.image:
+            self._canvas.texture(material.texture).use(0)
+        draw.meshes.array(program).render(vertices=batch.count, first=batch.first)
+
+    def _highlights(self, program: Any, draw: Draw, light: LightMix) -> None:
+        """The lights nearest to a glossy batch, as it sees them."""
+        near, places = self._near(draw.batch) if draw.home is None else self._near_moving(draw.batch, draw.home)
+        powers = [tuple(lamp.radiance * (0.5 * _share(lamp.group, light))) for lamp in near]
+        program["lamp_at"], program["lamp_power"] = places, [*powers, *[_NOWHERE] * (shaders.LAMPS - len(near))]
+
+    def _near(self, batch: Batch) -> tuple[list[AreaLight], list[_Place]]:
+        if id(batch) not in self._near_batch:
+            self._near_batch[id(batch)] = self._near_moving(batch, np.eye(4))
+        return self._near_batch[id(batch)]
+
+    def _near_moving(self, batch: Batch, home: Array) -> tuple[list[AreaLight], list[_Place]]:
+        """The nearest lights, and where they are for a batch that stands at `home` (4, 4), padded to LAMPS."""
+        middle = (home @ [*batch.corners.mean(axis=0), 1.0])[:3]
+        near = sorted(self._lights, key=lambda lamp: float(np.linalg.norm(lamp.centre - middle)))
+        near, local = near[: shaders.LAMPS], np.linalg.inv(home)
+        places = [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
+        return near, [*places, *[_NOWHERE] * (shaders.LAMPS - len(near))]
+
+
+def _write(target: Any, colour: bool, slot: bool, depth: bool = True) -> None:
+    """Choose what drawing changes; masks count from the next `use` on."""
+    target.color_mask, target.depth_mask = (colour, colour, colour, slot), depth
+    target.use()
+
+
+def _share(group: LightGroup, light: LightMix) -> float:
+    return light.day if group == "day" else light.lamp
