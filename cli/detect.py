@@ -18,7 +18,7 @@ from edgemap.cli.options import (
     MountText,
     Threads,
     find_bundle,
-    in_unit,
+    least_score,
     read_intrinsics,
     read_mount,
 )
@@ -35,7 +35,7 @@ def command(
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
-    confidence: Confidence = 0.3,
+    confidence: Confidence = None,
     threads: Threads = None,
     plot: Annotated[
         Path | None,
@@ -60,8 +60,8 @@ def command(
 
     if not images:
         raise OptionError("no pictures given")
-    in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
+    confidence = least_score(confidence, loaded)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
     documents = []
     try:

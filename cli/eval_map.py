@@ -17,7 +17,7 @@ from edgemap.cli.options import (
     Threads,
     at_least,
     find_bundle,
-    in_unit,
+    least_score,
     lens_and_mount,
     new_map,
 )
@@ -40,7 +40,7 @@ def command(
     bundle: BundleName = DEFAULT_BUNDLE,
     odometry: OdometrySpec = "planar",
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
-    confidence: Confidence = 0.3,
+    confidence: Confidence = None,
     clustering: Annotated[
         Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
     ] = "default",
@@ -65,8 +65,8 @@ def command(
     from edgemap.runtime.drives import open_drive
 
     at_least(1, frames=frames)
-    in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads)
+    confidence = least_score(confidence, loaded)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
         if not drive.objects or drive.truth is None or drive.mount is None:

@@ -66,7 +66,10 @@ CameraFile = Annotated[
     tyro.conf.arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that bring none."),
 ]
 Confidence = Annotated[
-    float, tyro.conf.arg(metavar="0..1", help="Least score of a box (objectness times class probability).")
+    float | None,
+    tyro.conf.arg(
+        metavar="0..1", help="Least score of a box (objectness times class probability); by default the bundle's own."
+    ),
 ]
 Threads = Annotated[
     int | None, tyro.conf.arg(metavar="N", help="Threads of each network; by default two, where there are two cores.")
@@ -103,6 +106,14 @@ def in_unit(**values: float) -> None:
     for name, value in values.items():
         if not 0.0 < value <= 1.0:
             raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
+
+
+def least_score(confidence: float | None, bundle: Bundle) -> float:
+    """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
+    if confidence is None:
+        return bundle.manifest.confidence
+    in_unit(confidence=confidence)
+    return confidence
 
 
 def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:

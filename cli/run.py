@@ -21,7 +21,7 @@ from edgemap.cli.options import (
     at_least,
     choose_classes,
     find_bundle,
-    in_unit,
+    least_score,
     lens_and_mount,
     new_map,
     open_described,
@@ -45,7 +45,7 @@ def command(
     classes: Annotated[
         str | None, tyro.conf.arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
     ] = None,
-    confidence: Confidence = 0.3,
+    confidence: Confidence = None,
     clustering: Annotated[
         Literal["default", "paper"],
         tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
@@ -105,9 +105,9 @@ def command(
     from edgemap.runtime.sinks.run_folder import RunFolder
 
     at_least(1, frames=frames)
-    in_unit(confidence=confidence)
     check_name(recording)
     loaded = find_bundle(bundle, threads)
+    confidence = least_score(confidence, loaded)
     mapped = choose_classes(classes, loaded)
     with open_described(camera, camera_file, realtime and not view, frames) as source:
         lens, seat = lens_and_mount(source, intrinsics, mount)

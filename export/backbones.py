@@ -30,7 +30,10 @@ DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 
 @dataclass
 class Backbone:
-    """A detector ready to be bundled. features: export's word for a feature to the output's name."""
+    """A detector ready to be bundled. features: export's word for a feature to the output's name.
+
+    confidence: least score of a box that maps best.
+    """
 
     name: str
     model: ModelProto
@@ -41,6 +44,7 @@ class Backbone:
     measured: dict[str, Any]
     licence: str
     sources: tuple[str, ...]
+    confidence: float = 0.3
 
 
 def darknet_backbone(

@@ -77,6 +77,7 @@ def export_backbone(
         sha256={},
         odometry=odometry,
         envelope={key: value for checkpoint in checkpoints for key, value in checkpoint.envelope.items()},
+        confidence=part.confidence,
         measured=part.measured | {f"odometry.{item.kind}": item.measured for item in checkpoints if item.measured},
         licence=part.licence,
         sources=part.sources,

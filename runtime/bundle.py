@@ -126,7 +126,8 @@ class Manifest(Strict):
     """`bundle.json`. sha256: of every other file in the folder, by its relative path.
 
     envelope: camera heights, pitches, fields of view, frame rates and speeds that a trained odometry has seen
-    (empty while none is trained). measured: figures with their data. sources: where the weights came from.
+    (empty while none is trained). confidence: least score of a box, unless told otherwise. measured: figures with their
+    data. sources: where the weights came from.
     """
 
     format: str
@@ -137,6 +138,7 @@ class Manifest(Strict):
     odometry: dict[str, OdometryHead] = {}
     parity: dict[str, Parity] = {}
     envelope: dict[str, tuple[float, float]] = {}
+    confidence: float = 0.3
     measured: dict[str, Any] = {}
     licence: str = ""
     sources: tuple[str, ...] = ()

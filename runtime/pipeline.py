@@ -56,7 +56,7 @@ class Pipeline:
         object_map: ObjectMap,
         *,
         rule: FloorRule | None = None,
-        confidence: float = 0.3,
+        confidence: float | None = None,
         forgetter: Forgetter | NeverForgets | None = None,
     ) -> None:
         self.camera, self.odometry, self.map = camera, odometry, object_map
@@ -65,7 +65,8 @@ class Pipeline:
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
-        self._decode = Decoder(bundle.manifest.detector, confidence)
+        least = bundle.manifest.confidence if confidence is None else confidence
+        self._decode = Decoder(bundle.manifest.detector, least)
         self._watch = Stopwatch()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self._started = False
