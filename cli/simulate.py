@@ -26,6 +26,14 @@ def command(
         Literal["day", "lamp", "mixed", "dim", "changing"] | None, tyro.conf.arg(help="Drawn from the seed by default.")
     ] = None,
     people: Annotated[int | None, tyro.conf.arg(metavar="N", help="People walking about; drawn by default.")] = None,
+    moved: Annotated[
+        int,
+        tyro.conf.arg(
+            metavar="K",
+            help="Another drive through the same home after K of its pieces were removed and K put elsewhere: "
+            "moved.json says which, and where in the first drive's map the new one starts.",
+        ),
+    ] = 0,
     plain: Annotated[
         bool,
         tyro.conf.arg(
@@ -58,7 +66,7 @@ def command(
 
     need_simulation()
     at_least(1, frames=frames, pictures=pictures)
-    at_least(0, people=people, seed=seed)
+    at_least(0, people=people, seed=seed, moved=moved)
     typed = "edgemap simulate " + shlex.join(sys.argv[2:])
     with tqdm(unit=" pictures", disable=None) as bar:
 
@@ -78,19 +86,19 @@ def command(
             from edgemap.simulation.record import record
             from edgemap.simulation.world import draw_world
 
-            world = draw_world(seed, frames, _choices(plain, mount, light, people))
+            world = draw_world(seed, frames, _choices(plain, mount, light, people, moved))
             record(world, out, video=video, depth=depth, progress=progress, command=typed)
     kind = "yolo" if pictures is not None else "drive"
     print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
 
 
-def _choices(plain: bool, mount: str | None, light: str | None, people: int | None) -> Choices:
+def _choices(plain: bool, mount: str | None, light: str | None, people: int | None, moved: int) -> Choices:
     from dataclasses import replace
 
     from edgemap.simulation.camera.setup import CameraSetup
     from edgemap.simulation.world import PLAIN, Choices
 
-    choices = PLAIN if plain else Choices()
+    choices = replace(PLAIN if plain else Choices(), moved=moved)
     if mount is not None:
         seat = read_mount(mount, CameraSetup().mount)
         choices = replace(choices, mount=seat)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +15,7 @@ from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.apartment.credits import credits_text
+from edgemap.simulation.changes import moved_record
 from edgemap.simulation.robot.wheels import wheel_odometry
 from edgemap.simulation.shots import shots
 from edgemap.simulation.store import FrameStore, write_text
@@ -69,6 +71,8 @@ def record(
         boxes = [store.read(index) for index in range(world.frames)]
         objects = object_records(world.apartment, world.poses()[0], boxes)
         write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist())
+    if moved := moved_record(world):
+        write_text(folder / "moved.json", json.dumps(moved, indent=1))
     write_text(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
@@ -88,7 +92,7 @@ def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, 
         "height_m": world.camera.mount.height_m,
         "pitch_rad": world.camera.mount.pitch_rad,
         "focal_px": world.camera.intrinsics.fx,
-    }
+    } | ({"moved": len(world.changes.moved)} if world.changes else {})
 
 
 def _write_video(store: FrameStore, rate_hz: float) -> None:

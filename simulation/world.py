@@ -14,6 +14,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import HELD_OUT_FROM_SEED, Apartment, Placed, furnish
 from edgemap.simulation.apartment.furniture import Model
+from edgemap.simulation.apartment.moved import Changes, move_furniture
 from edgemap.simulation.apartment.shell import build_shell
 from edgemap.simulation.camera.setup import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope, light_of
@@ -40,7 +41,10 @@ _SPARE_S = 40.0
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What the user fixes; None is drawn from the seed. contract: whether the world must offer what `sim:SEED` does."""
+    """What the user fixes; None is drawn from the seed. contract: whether the world must offer what `sim:SEED` does.
+
+    moved: so many pieces are removed from the seed's home and as many put elsewhere, and another way is driven.
+    """
 
     camera: CameraSetup | None = None
     mount: Mount | None = None
@@ -50,6 +54,7 @@ class Choices:
     limits: Limits | None = None
     habits: Habits | None = None
     contract: bool = True
+    moved: int = 0
 
 
 PLAIN = Choices(CameraSetup(), effects=Effects(), light="day", people=0)
@@ -57,7 +62,10 @@ PLAIN = Choices(CameraSetup(), effects=Effects(), light="day", people=0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """All that a seed determines. home_seed: of the home, which is the seed's own or one of its substitutes'."""
+    """All that a seed determines. home_seed: of the home, which is the seed's own or one of its substitutes'.
+
+    changes: what was moved since the seed's own drive, start_before: where that one starts, in the home frame.
+    """
 
     seed: int
     home_seed: int
@@ -68,6 +76,8 @@ class World:
     motion: Motion
     frames: int
     walkers: tuple[Walker, ...] = ()
+    changes: Changes | None = None
+    start_before: SE2 | None = None
 
     @property
     def stamps_s(self) -> np.ndarray:
@@ -85,7 +95,7 @@ class World:
 
 def build_scene(apartment: Apartment, seed: int) -> Scene:
     """Everything to light and draw, ids as in `apartment.furniture`."""
-    shell = build_shell(apartment, np.random.default_rng([seed, 1]))
+    shell = build_shell(apartment.before or apartment, np.random.default_rng([seed, 1]))
     solids = tuple(
         Solid(item.id, furniture.piece(item.model, item.tint).placed(*_place(item))) for item in apartment.furniture
     )
@@ -113,8 +123,23 @@ def draw_world(seed: int, frames: int, choices: Choices | None = None, envelope:
         for number in range(_DRIVES):
             world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices, envelope)
             if world is not None:
-                return world
+                return _after_moving(world, number, frames, choices, envelope) if choices.moved else world
     raise SimulationError(f"seed {seed}: none of {_HOMES} homes offers a drive of {_LEAST_WAY_M:.0f} m")
+
+
+def _after_moving(before: World, number: int, frames: int, choices: Choices, envelope: Envelope) -> World:
+    """Another drive with the same camera, light and robot, through the home with some of its furniture moved."""
+    seed, home_seed = before.seed, before.home_seed
+    for turn in range(1, _DRIVES + 1):
+        apartment, changes = move_furniture(
+            before.apartment, choices.moved, np.random.default_rng([seed, home_seed, choices.moved, turn, 6])
+        )
+        grid = PlanGrid(apartment)
+        eased = replace(choices, contract=False)
+        world = _draw_drive(seed, home_seed, number, frames, apartment, grid, eased, envelope, (turn,))
+        if world is not None:
+            return replace(world, changes=changes, start_before=before.poses()[0])
+    raise SimulationError(f"seed {seed}: no drive through its home with {choices.moved} pieces moved")
 
 
 def _draw_drive(
@@ -126,6 +151,7 @@ def _draw_drive(
     grid: PlanGrid,
     choices: Choices,
     envelope: Envelope,
+    turn: tuple[int, ...] = (),
 ) -> World | None:
     rng = np.random.default_rng([seed, home_seed, number, 1])
     camera = choices.camera or envelope.draw_camera(rng)
@@ -136,7 +162,7 @@ def _draw_drive(
     limits = choices.limits or envelope.draw_limits(rng)
     drawn = int(rng.choice(len(envelope.people), p=envelope.people))
     sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
-    way = [seed, home_seed, number, 2]
+    way = [seed, home_seed, number, 2, *turn]
     try:
         motion = drive(
             grid, sight, limits, np.random.default_rng(way), CONTRACT_FRAMES / camera.rate_hz, choices.habits
@@ -150,7 +176,7 @@ def _draw_drive(
     people = drawn if choices.people is None else choices.people
     models = furniture.people(home_seed >= HELD_OUT_FROM_SEED)
     seconds = frames / camera.rate_hz
-    walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5))
+    walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5, *turn))
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 

@@ -22,10 +22,11 @@ _SEATS = {"chair", "armchair", "stool"}
 
 @dataclass(frozen=True, slots=True)
 class Apartment:
-    """A plan and its furniture."""
+    """A plan and its furniture. before: the home as it was, where furniture was moved since: its walls stay as then."""
 
     plan: FloorPlan
     furniture: tuple[Placed, ...]
+    before: Apartment | None = None
 
 
 def furnish(seed: int) -> Apartment:

@@ -76,19 +76,24 @@ class Layout:
         label = furniture.kinds()[kind].label
         tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
         item = Placed(len(self.placed) + 1, label, model, pose, z_m, tint, kind)
+        return item if self.settle(item, room, tuple(other.id for other in ignore), spare_m) else None
+
+    def settle(
+        self, item: Placed, room: RoomArea, ignored: tuple[int, ...] = (), spare_m: tuple[float, float] = (0.0, 0.0)
+    ) -> bool:
+        """Put a piece where it says unless something is in the way, as `put` does; whether it was put there."""
         corners = item.footprint_home_m()
         if (corners < [room.x0, room.y0]).any() or (corners > [room.x1, room.y1]).any():
-            return None
-        top = z_m + model.height_m
+            return False
+        top = item.z_m + item.model.height_m
         around = corners + spare_m[0] * np.sign(corners - corners.mean(axis=0))
-        ignored = tuple(other.id for other in ignore)
-        if top > self.plan.height_m or self.boxes.meets(around, z_m, top + spare_m[1], ignored):
-            return None
-        if not self.floor.takes(corners, z_m):
-            return None
-        self.boxes.add(corners, z_m, top, item.id)
+        if top > self.plan.height_m or self.boxes.meets(around, item.z_m, top + spare_m[1], ignored):
+            return False
+        if not self.floor.takes(corners, item.z_m):
+            return False
+        self.boxes.add(corners, item.z_m, top, item.id)
         self.placed.append(item)
-        return item
+        return True
 
     def against_wall(
         self, kind: str, room: RoomArea, sides: Iterable[str] = SIDES, z_m: float = 0.0, above_m: float = 0.0

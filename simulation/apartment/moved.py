@@ -1,0 +1,88 @@
+"""A home after some of its furniture was carried away or put elsewhere: what a map of yesterday must unlearn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edgemap.simulation.apartment.apartment import Apartment
+from edgemap.simulation.apartment.layout import SIDES, Layout
+from edgemap.simulation.apartment.placed import ALIVE, Placed
+from edgemap.simulation.errors import SimulationError
+
+# Nobody carries these elsewhere between two drives.
+_FIXTURES = frozenset({"toilet", "sink", "oven", "refrigerator"})
+# Old and new places of one label stay so far apart that no map can take one for another.
+_APART_M = 1.2
+_TRIES = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What differs: pieces that are gone, and pieces before and after they were put elsewhere (ids stay)."""
+
+    removed: tuple[Placed, ...]
+    moved: tuple[tuple[Placed, Placed], ...]
+
+
+def move_furniture(apartment: Apartment, count: int, rng: np.random.Generator) -> tuple[Apartment, Changes]:
+    """The home with `count` labelled pieces of its floor removed and as many put to other free places.
+
+    Whatever else stands there stays. Fixtures, and what carries something, are left alone. Raises SimulationError where
+    the home has too few pieces that can be moved.
+    """
+    candidates = [item for item in apartment.furniture if _movable(item, apartment.furniture)]
+    order = [candidates[row] for row in rng.permutation(len(candidates)).tolist()]
+    removed, movers = order[:count], order[count:]
+    left: list[Placed] = [item for item in apartment.furniture if item not in removed]
+    moved: list[tuple[Placed, Placed]] = []
+    for item in movers:
+        if len(moved) == count:
+            break
+        others = [other for other in left if other is not item]
+        shunned = [other for other in (*apartment.furniture, *left) if other.label == item.label]
+        place = _elsewhere(apartment, item, others, shunned, rng)
+        if place is not None:
+            moved.append((item, place))
+            left = [place if other is item else other for other in left]
+    if len(moved) < count:
+        raise SimulationError(
+            f"of the home's {len(candidates)} pieces that can be moved {len(removed)} were to go and {count} to be put "
+            f"elsewhere, but only {len(moved)} found a free place"
+        )
+    return Apartment(apartment.plan, tuple(left), before=apartment), Changes(tuple(removed), tuple(moved))
+
+
+def _movable(item: Placed, furniture: tuple[Placed, ...]) -> bool:
+    if not item.label or not item.on_floor or item.label in ALIVE or item.label in _FIXTURES:
+        return False
+    half = np.array([item.model.depth_m, item.model.width_m]) / 2.0
+    for other in furniture:
+        middle = item.pose_home_object.inverse().apply([other.pose_home_object.x_m, other.pose_home_object.y_m])
+        if not other.on_floor and (np.abs(middle) < half).all() and other.z_m < item.model.height_m + 0.1:
+            return False
+    return True
+
+
+def _elsewhere(
+    apartment: Apartment, item: Placed, others: list[Placed], shunned: list[Placed], rng: np.random.Generator
+) -> Placed | None:
+    """The piece near a wall of any room, far from where it and its like stand or stood; None where that fails."""
+    plan, home = apartment.plan, Layout(apartment.plan, False, rng)
+    for other in others:
+        home.boxes.add(other.footprint_home_m(), other.z_m, other.z_m + other.model.height_m, other.id)
+        home.floor.takes(other.footprint_home_m(), other.z_m)
+    taken = np.array([[other.pose_home_object.x_m, other.pose_home_object.y_m] for other in shunned])
+    for _ in range(_TRIES):
+        room, side = plan.rooms[home.count(0, len(plan.rooms) - 1)], SIDES[home.count(0, len(SIDES) - 1)]
+        pose = home.wall_pose(item.model, room, side, home.uniform(0.0, 1.0), home.uniform(0.05, 0.4))
+        if np.hypot(*(taken - [pose.x_m, pose.y_m]).T).min() < _APART_M:
+            continue
+        turn = home.uniform(-0.4, 0.4) if item.label in {"couch", "bed"} else home.uniform(-math.pi, math.pi)
+        for yaw in (turn, 0.0):
+            place = replace(item, pose_home_object=replace(pose, yaw_rad=pose.yaw_rad + yaw))
+            if home.settle(place, room):
+                return place
+    return None
