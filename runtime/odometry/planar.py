@@ -1,4 +1,4 @@
-"""Odometry without learning: corners on the floor, followed from frame to frame, moved by one planar motion."""
+"""Odometry without learning: corners are followed from frame to frame and remembered as landmarks."""
 
 from __future__ import annotations
 
@@ -8,22 +8,35 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.landmarks import Landmarks, Located, Noise, View, levelled, locate, look, new_landmarks, refined
 from edgemap.geometry.planar import planar_motion
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion, unknown_covariance
 from edgemap.runtime.session import Tensors
 
 Array = NDArray[np.float64]
+Pixels = NDArray[np.float32]
 
-WORKING_WIDTH = 424  # px; wider pictures are scaled down to it
-MAX_CORNERS = 200
-REACH_HEIGHTS = 12.0  # floor points farther than this many camera heights say little about the way
-TRACK_SIGMA_PX = 0.35  # of one tracked corner, at working resolution
+WORKING_WIDTH = 320  # px; wider pictures are scaled down to it
+WINDOW_PX, LEVELS = 11, 3  # of the tracker; with two levels it loses a robot that starts to spin at once
+MAX_CORNERS = 160
+CORNERS_APART_PX = 6
+FLOOR_SHARE = 0.6  # of the corners, looked for where the floor is within reach
+REACH_HEIGHTS = 12.0  # what lies farther than this many camera heights is not taken for floor
+MAX_AGE = 30  # frames that a landmark is remembered
+TRACK_SIGMA_PX = 0.3  # of one tracked corner, at working resolution
+DRIFT_SIGMA_PX = 0.1  # what it wanders in one frame
+LEVELLING = 0.25  # share of the tilt that is taken for the landmarks' and not for the camera's
+TRUSTED_SHARE = 0.4  # of the tracks that must agree, or a fresh start is tried
+AGREES_MORE = 1.3  # times as many must agree on the fresh start, which has looser landmarks
+LEAST_WEIGHT = 8.0  # tracks that must agree at all
 GUESSED_STEPS = 5  # frames that the last motion is carried on where tracking fails
+LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
 class PlanarOdometry:
-    """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) below the horizon, RANSAC over SE(2) on the floor.
+    """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) as landmarks, and the pose among them (`locate`).
 
     A step that finds no motion repeats the last one, with unknown covariance and a fault; after some it stands still.
     """
@@ -35,7 +48,13 @@ class PlanarOdometry:
         size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self._size = size
         self._camera = FloorCamera(camera.intrinsics.scaled(*size), camera.mount)
-        self._mask = _floor_mask(self._camera)
+        focal = self._camera.intrinsics.fx
+        self._noise = Noise(TRACK_SIGMA_PX / focal, DRIFT_SIGMA_PX / focal)
+        self._reach_m = REACH_HEIGHTS * camera.mount.height_m
+        self._rays = _ray_table(self._camera)
+        base = np.dstack([self._rays, np.ones(self._rays.shape[:2])]) @ camera.mount.rotation_base_optical().T
+        reaches = -base[..., 2] * self._reach_m > camera.mount.height_m * np.linalg.norm(base, axis=2)
+        self._floor_mask = np.where(reaches, 255, 0).astype(np.uint8)
         self._seed = seed
         self.reset("start")
 
@@ -46,74 +65,126 @@ class PlanarOdometry:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
         last, self._grey = self._grey, grey
         if last is None:
-            self._corners = self._find(grey)
+            self._seek(grey)
             return Motion()
-        before, after = self._follow(last, grey)
-        found = planar_motion(
-            self._camera.floor_points(before),
-            self._camera.floor_points(after),
-            np.hypot(self._sigmas(before), self._sigmas(after)),
-            np.random.default_rng((self._seed, frame.index)),
-        )
-        if found is None:
-            self._corners = self._find(grey)
-            return self._guess(len(before))
-        self._motion, self._guesses = found.motion, 0
-        kept = after[found.inliers].astype(np.float32)
-        self._corners = kept if len(kept) > MAX_CORNERS // 2 else self._find(grey, kept)
-        return Motion(found.motion, found.covariance)
+        self._follow(last, grey)
+        found = self._locate(frame.index) if len(self._corners) >= LEAST_WEIGHT else None
+        if found is None or found.weights.sum() < LEAST_WEIGHT:
+            return self._guess(grey)
+        motion = self._view.pose.inverse() @ found.view.pose
+        turn = np.eye(3)
+        turn[:2, :2] = motion.rotation()
+        now = found.covariance[:3, :3]
+        doubt = len(found.weights) / found.weights.sum()
+        covariance = doubt * (self._covariance + turn @ now @ turn.T) + LEAST_COVARIANCE
+        self._view, self._motion, self._covariance, self._guesses = found.view, motion, now, 0
+        self._landmarks, keep = refined(self._landmarks, found, self._noise)
+        self._keep(keep & (self._landmarks.age < MAX_AGE))
+        self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, LEVELLING)
+        self._seek(grey)
+        return Motion(motion, covariance)
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""
         self._grey: MatLike | None = None
-        self._corners = np.zeros((0, 2), dtype=np.float32)
-        self._motion, self._guesses = Motion().motion, GUESSED_STEPS
+        self._view, self._covariance = View(), np.zeros((3, 3))
+        self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
+        self._landmarks = Landmarks.none()
+        self._motion, self._guesses = SE2(), GUESSED_STEPS
 
-    def _guess(self, corners: int) -> Motion:
+    def _locate(self, index: int) -> Located:
+        """The view that the remembered landmarks agree on; where few do, and more do when forgotten, anew."""
+        seen = self._bearings(self._corners)
+        start = View(self._view.pose @ self._motion)
+        found = locate(self._landmarks, seen, self._camera, start, self._noise)
+        if not self._guesses and found.weights.sum() > TRUSTED_SHARE * len(seen):
+            return found
+        rays = _rays(self._bearings(self._before))
+        anew = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m)
+        before, after = (self._camera.floor_points(pixels[anew.floor]) for pixels in (self._before, self._corners))
+        sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
+        rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
+        start = View(self._view.pose @ (rough.motion if rough else self._motion))
+        other = locate(anew, seen, self._camera, start, self._noise)
+        if other.weights.sum() < AGREES_MORE * found.weights.sum():
+            return found
+        self._landmarks = anew
+        return other
+
+    def _guess(self, grey: MatLike) -> Motion:
         self._guesses += 1
-        fault = f"planar odometry: no motion agrees among {corners} floor corners"
+        fault = f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
+        motion = self._motion if self._guesses <= GUESSED_STEPS else SE2()
+        self._view = View(self._view.pose @ motion)
+        self._corners, self._landmarks = self._corners[:0], Landmarks.none()
+        self._seek(grey)
         if self._guesses > GUESSED_STEPS:
-            return Motion(Motion().motion, unknown_covariance(), fault)
-        return Motion(self._motion, unknown_covariance() * 0.05, fault)
+            return Motion(motion, unknown_covariance(), fault)
+        return Motion(motion, unknown_covariance() * 0.05, fault)
 
-    def _find(self, grey: MatLike, known: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        mask = self._mask
-        wanted = MAX_CORNERS
-        if known is not None and len(known):
-            mask = mask.copy()
-            for x, y in known:
-                cv2.circle(mask, (int(x), int(y)), 5, 0, -1)
-            wanted -= len(known)
-        corners = cv2.goodFeaturesToTrack(grey, wanted, 0.005, 6, mask=mask, blockSize=3)
-        fresh = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2).astype(np.float32)
-        return fresh if known is None else np.concatenate([known, fresh])
-
-    def _follow(self, last: MatLike, grey: MatLike) -> tuple[Array, Array]:
-        """Pixels (N, 2) before and after, of the corners that were followed to a place on the floor nearby."""
+    def _follow(self, last: MatLike, grey: MatLike) -> None:
+        """Move the corners to where they are now; those that are lost or leave the picture go, with their landmarks."""
         if len(self._corners) == 0:
-            return np.zeros((0, 2)), np.zeros((0, 2))
-        points = self._corners.reshape(-1, 1, 2)
+            return
+        sight = look(self._landmarks, self._camera, View(self._view.pose @ self._motion))
+        expected = self._camera.intrinsics.project(np.column_stack([sight.seen, np.where(sight.ahead, 1.0, np.nan)]))
+        expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            last, grey, points, points.copy(), winSize=(15, 15), maxLevel=3,
-            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02), minEigThreshold=1e-4,
+            last, grey, self._corners[:, None], expected[:, None].copy(), winSize=(WINDOW_PX, WINDOW_PX),
+            maxLevel=LEVELS, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=1e-4,
         )  # fmt: skip
-        after = moved.reshape(-1, 2).astype(np.float64)
-        inside = ((after >= 0) & (after <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
+        self._before, self._corners = self._corners, moved.reshape(-1, 2)
+        inside = ((self._corners >= 0) & (self._corners <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
         good = (status.reshape(-1) == 1) & inside
-        good[good] &= self._mask[after[good, 1].round().astype(int), after[good, 0].round().astype(int)] > 0
-        return self._corners[good].astype(np.float64), after[good]
+        self._before = self._before[good]
+        self._keep(good)
 
-    def _sigmas(self, pixels: Array) -> Array:
-        """How far a tracking error moves each floor point, (N,) metres."""
-        up, down = pixels - [0.0, 0.5], pixels + [0.0, 0.5]
-        along = self._camera.floor_points(up) - self._camera.floor_points(down)
-        return TRACK_SIGMA_PX * np.nan_to_num(np.linalg.norm(along, axis=1), nan=10.0) + 1e-4
+    def _keep(self, which: NDArray[np.bool_]) -> None:
+        self._corners, self._landmarks = self._corners[which], self._landmarks.chosen(which)
+
+    def _seek(self, grey: MatLike) -> None:
+        """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
+        missing = MAX_CORNERS - len(self._corners)
+        if missing < MAX_CORNERS // 5:
+            return
+        free = np.full(grey.shape, 255, dtype=np.uint8)
+        for x, y in self._corners:
+            cv2.circle(free, (int(x), int(y)), CORNERS_APART_PX, 0, -1)
+        floors = int(self._landmarks.floor.sum())
+        for mask, have, share in (
+            (free & self._floor_mask, floors, FLOOR_SHARE),
+            (free & ~self._floor_mask, len(self._corners) - floors, 1.0 - FLOOR_SHARE),
+        ):
+            wanted = round(share * MAX_CORNERS) - have
+            if wanted <= 0:
+                continue
+            found = cv2.goodFeaturesToTrack(grey, wanted, 0.005, CORNERS_APART_PX, mask=mask, blockSize=3)
+            if found is None:
+                continue
+            fresh = found.reshape(-1, 2)
+            rays = _rays(self._bearings(fresh))
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m)
+            self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
+
+    def _bearings(self, pixels: Pixels) -> Array:
+        """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
+        whole = np.clip(pixels.astype(np.intp), 0, [self._size[0] - 2, self._size[1] - 2])
+        part = pixels - whole
+        u, v = whole.T
+        a, b = part[:, :1], part[:, 1:]
+        table = self._rays
+        return (1 - b) * ((1 - a) * table[v, u] + a * table[v, u + 1]) + b * (
+            (1 - a) * table[v + 1, u] + a * table[v + 1, u + 1]
+        )
 
 
-def _floor_mask(camera: FloorCamera) -> NDArray[np.uint8]:
-    """255 where a pixel sees the floor within reach, else 0."""
+def _rays(bearings: Array) -> Array:
+    return np.column_stack([bearings, np.ones(len(bearings))])
+
+
+def _ray_table(camera: FloorCamera) -> Array:
+    """Normalised image points of all pixels, (height, width, 2)."""
     height, width = camera.intrinsics.height, camera.intrinsics.width
     v, u = np.mgrid[0:height, 0:width]
-    points = camera.floor_points(np.column_stack([u.ravel(), v.ravel()]))
-    near = np.linalg.norm(points - camera.mount.position_base_m()[:2], axis=1) < REACH_HEIGHTS * camera.mount.height_m
-    return (near.reshape(height, width) * 255).astype(np.uint8)
+    return camera.intrinsics.rays(np.column_stack([u.ravel(), v.ravel()]))[:, :2].reshape(height, width, 2)
