@@ -21,33 +21,48 @@ from edgemap.geometry.visibility import ViewRule, expected_boxes, in_plain_view,
 class ForgetRule:
     """How soon an object is doubted.
 
-    surest, gone: log-odds that an object has at most, and below which it leaves. frame_weight: of one frame's look, as
-    neighbouring frames repeat each other's misses. false_rate: how often something is detected where nothing stands.
-    prior_hits, prior_looks: what is known of a class's detection rate before any look. same_iou: a box of its label
-    that overlaps the expected one this much counts as a look at it, whichever object it went to. trusted_rate: no miss
-    weighs as if the detection rate were higher, as what was always seen may be missed for a while from one side; with
-    these numbers an object takes at least eight misses in a row to leave.
+    surest, gone: log-odds that an object has at most, and below which it leaves. look_m, look_rad, look_frames: frames
+    with the robot moved or turned less than this, or fewer, are one look, as they repeat each other's misses; it is a
+    miss where none of them shows the object. weight: of one look's log-odds, as looks are not quite independent either.
+    false_rate: how often something is detected where nothing stands. prior_hits, prior_looks: what is known of a
+    class's detection rate before any look. same_iou: a box of its label that overlaps the expected one this much counts
+    as a look at it, whichever object it went to. trusted_rate: no miss weighs as if the detection rate were higher, as
+    what was always seen may be missed for a while from one side.
     """
 
     surest: float = 2.5
     gone: float = -2.0
-    frame_weight: float = 0.5
+    look_m: float = 0.12
+    look_rad: float = 0.15
+    look_frames: int = 15
+    weight: float = 0.6
     false_rate: float = 0.05
-    prior_hits: float = 5.6
+    prior_hits: float = 6.4
     prior_looks: float = 8.0
     same_iou: float = 0.3
-    trusted_rate: float = 0.72
+    trusted_rate: float = 0.8
     view: ViewRule = field(default_factory=ViewRule)
 
 
 class _Rate:
-    """How often what is in plain view is detected. pending: misses since the last hit, which may mean that it left."""
+    """How often a look at what is in plain view shows it. pending: misses since the last hit, which may mean that it
+    left."""
 
     def __init__(self) -> None:
         self.hits = self.looks = self.pending = 0
 
     def add(self, hits: int, looks: int) -> None:
         self.hits, self.looks = self.hits + hits, self.looks + looks
+
+
+@dataclass(slots=True)
+class _Look:
+    """Frames from about one place. seen: whether any of them shows the object, None where something like it was seen
+    in its place."""
+
+    pose_map_base: SE2
+    frame: int
+    seen: bool | None = False
 
 
 class NeverForgets:
@@ -70,6 +85,8 @@ class Forgetter:
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
         self.looks: dict[str, int] = defaultdict(int)
+        self._frame = 0
+        self._open: dict[str, _Look] = {}
         self._log_odds: dict[str, float] = {}
         self._own: dict[str, _Rate] = defaultdict(_Rate)
         self._class: dict[str, _Rate] = defaultdict(_Rate)
@@ -84,25 +101,28 @@ class Forgetter:
         """
         if not isinstance(floor_map, FloorMap):
             return []
-        objects = self._concerned(floor_map.objects(), pose_map_base, set(object_ids))
+        self._frame += 1
+        sighted, gone = set(object_ids), []
+        objects = self._concerned(floor_map.objects(), pose_map_base, sighted)
         boxes = expected_boxes(objects, self.camera, pose_map_base)
         clear = in_plain_view(objects, boxes, self.camera, pose_map_base, detections, self.rule.view)
-        labels, sighted, gone = np.array(detections.labels, dtype=object), set(object_ids), []
+        labels = np.array(detections.labels, dtype=object)
         for row, item in enumerate(objects):
-            hit = item.id in sighted
-            if not hit and not clear[row]:
+            if item.id in sighted:
+                self._hit(item, pose_map_base, bool(clear[row]))
+            elif clear[row]:
+                like = detections.boxes[labels == item.label] if len(detections) else np.zeros((0, 4))
+                self._miss(item, pose_map_base, bool((iou(boxes[row], like) >= self.rule.same_iou).any()))
+            else:
                 continue
-            like = detections.boxes[labels == item.label] if len(detections) else np.zeros((0, 4))
-            if not hit and (iou(boxes[row], like) >= self.rule.same_iou).any():
-                continue
-            if self._weigh(item, hit, bool(clear[row])) < self.rule.gone:
+            log_odds = self._log_odds.get(item.id, self.rule.surest)
+            if log_odds < self.rule.gone and item.id not in sighted:
                 floor_map.drop(item.id)
                 gone.append(item.id)
-                del self._log_odds[item.id]
-            elif self._log_odds[item.id] < self.rule.surest:
-                floor_map.doubt(item.id, 1.0 / (1.0 + math.exp(-self._log_odds[item.id])))
+                for known in (self._log_odds, self._open):
+                    known.pop(item.id, None)
             else:
-                floor_map.doubt(item.id, 1.0)
+                floor_map.doubt(item.id, 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0)
         return gone
 
     def _concerned(self, objects: list[MapObject], pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
@@ -114,24 +134,48 @@ class Forgetter:
         return [item for item, close in zip(objects, near, strict=True) if close or item.id in sighted]
 
     def detection_rate(self, item: MapObject) -> float:
-        """How often this object is detected when in plain view: its own looks over its class's over the prior."""
+        """How often a clear look shows this object: its own looks over its class's over the prior."""
         rule, own, kind = self.rule, self._own[item.id], self._class[item.label]
         usual = (kind.hits + rule.prior_hits) / (kind.looks + rule.prior_looks)
         rate = (own.hits + usual * rule.prior_looks) / (own.looks + rule.prior_looks)
         return min(max(rate, 2.0 * rule.false_rate), 0.95)
 
-    def _weigh(self, item: MapObject, hit: bool, clear: bool) -> float:
-        rule, rate = self.rule, self.detection_rate(item)
-        missed = 1.0 - min(rate, rule.trusted_rate)
-        ratio = rate / rule.false_rate if hit else missed / (1.0 - rule.false_rate)
-        now = self._log_odds.get(item.id, rule.surest) + rule.frame_weight * math.log(ratio)
-        self._log_odds[item.id] = min(now, rule.surest)
+    def _hit(self, item: MapObject, pose_map_base: SE2, clear: bool) -> None:
+        """It is there: that weighs at once, and whatever is missed in the same look does not."""
+        self._weigh(item, self.detection_rate(item) / self.rule.false_rate)
         if clear:
-            own = self._own[item.id]
-            self.looks[item.id] += 1
-            own.pending += 1
-            if hit:  # so it was there all the while
-                for rates in (own, self._class[item.label]):
-                    rates.add(1, own.pending)
-                own.pending = 0
-        return self._log_odds[item.id]
+            self._look_at(item, pose_map_base).seen = True
+
+    def _miss(self, item: MapObject, pose_map_base: SE2, like_it: bool) -> None:
+        look = self._look_at(item, pose_map_base)
+        if like_it and not look.seen:
+            look.seen = None
+
+    def _look_at(self, item: MapObject, pose_map_base: SE2) -> _Look:
+        """The look that this frame belongs to; a look that ends by it is counted and weighed."""
+        rule, look = self.rule, self._open.get(item.id)
+        if look is not None:
+            way = look.pose_map_base.inverse() @ pose_map_base
+            same = math.hypot(way.x_m, way.y_m) < rule.look_m and abs(way.yaw_rad) < rule.look_rad
+            if same and self._frame - look.frame < rule.look_frames:
+                return look
+            if look.seen is not None:
+                self._count(item, look.seen)
+        self._open[item.id] = _Look(pose_map_base, self._frame)
+        return self._open[item.id]
+
+    def _count(self, item: MapObject, seen: bool) -> None:
+        own = self._own[item.id]
+        self.looks[item.id] += 1
+        own.pending += 1
+        if seen:  # so it was there all the while
+            for rates in (own, self._class[item.label]):
+                rates.add(1, own.pending)
+            own.pending = 0
+        else:
+            missed = 1.0 - min(self.detection_rate(item), self.rule.trusted_rate)
+            self._weigh(item, missed / (1.0 - self.rule.false_rate))
+
+    def _weigh(self, item: MapObject, ratio: float) -> None:
+        now = self._log_odds.get(item.id, self.rule.surest) + self.rule.weight * math.log(ratio)
+        self._log_odds[item.id] = min(now, self.rule.surest)

@@ -72,7 +72,7 @@ def in_plain_view(
     reach = np.array([np.linalg.norm(item.position_m - here) for item in objects])
     for row in np.flatnonzero(inside & (reach >= rule.nearest_m) & (reach <= rule.farthest_m)).tolist():
         views = np.array(objects[row].seen_from_m).reshape(-1, 2)
-        if len(views) == 0 or np.linalg.norm(views - here, axis=1).min() > rule.near_view_m:
+        if len(views) == 0 or _off_lines_m(here, views, objects[row].position_m) > rule.near_view_m:
             continue
         seen_m = np.linalg.norm(views - objects[row].position_m, axis=1).max() + HALF_VIEW_M
         if reach[row] > rule.range_share * seen_m:
@@ -82,6 +82,13 @@ def in_plain_view(
         )
         clear[row] = covered_share(boxes[row], nearer) <= rule.covered_share
     return clear
+
+
+def _off_lines_m(here: Array, views: Array, position_m: Array) -> float:
+    """Distance from a place (2,) to the nearest of the lines from views (N, 2) to an object's position (2,)."""
+    lines = position_m - views
+    along = np.einsum("ni,ni->n", here - views, lines) / np.maximum((lines**2).sum(axis=1), 1e-9)
+    return float(np.linalg.norm(views + np.clip(along, 0.0, 1.0)[:, None] * lines - here, axis=1).min())
 
 
 def covered_share(box: Array, others: Array) -> float:
