@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ def _told_once(corners: Array) -> tuple[Array, NDArray[np.uint32]]:
     return rows[keep], inverse.astype(np.uint32).reshape(corners.shape[:2])
 
 
-def _material(entry: dict, textures: list[NDArray[np.uint8]]) -> Material:
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()}
-    number = values.pop("texture")
+def _material(entry: dict[str, Any], textures: list[NDArray[np.uint8]]) -> Material:
+    number = entry.pop("texture")
+    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in entry.items()}
     return Material(texture=None if number is None else textures[number], **values)
