@@ -51,7 +51,7 @@ bench: setup
 
 # Renders the demo drive anew (runtime/demo/); some minutes.
 demo: setup
-	$(BIN)/edgemap simulate --plain --seed 5 --frames 200 --video -o runtime/demo
+	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/demo
 
 clean:
 	rm -rf $(VENV) .typing build dist *.egg-info
