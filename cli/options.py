@@ -40,9 +40,9 @@ OdometrySpec = Annotated[
     str,
     tyro.conf.arg(
         metavar="SPEC",
-        help="Where the robot's motion comes from: planar (floor corners); truth (the drive's own poses); paper "
-        "(the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum "
-        "(poses of the base).",
+        help="Where the robot's motion comes from: hybrid (floor corners, and wheels where the source brings them); "
+        "planar (floor corners); truth (the drive's own poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv "
+        "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of the base).",
     ),
 ]
 MountText = Annotated[

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 def command(
     camera: CameraSpec = "demo",
     bundle: BundleName = DEFAULT_BUNDLE,
-    odometry: OdometrySpec = "planar",
+    odometry: OdometrySpec = "hybrid",
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,

@@ -164,8 +164,10 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
     their common scale is left to the floor within `noise.scale`, or it would wander. Tukey's weights, scale annealed.
     """
     view, log_scale = _turned_to(landmarks, seen, camera, start), 0.0
+    weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
+    misfit, sight, information = seen, look(landmarks, camera, view), np.eye(6)
     free = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
-    sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
+    sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     prior = np.diag([1e-2, 1e-2, 1e-2, noise.tilt_rad**-2, noise.tilt_rad**-2, noise.scale**-2])
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * free)
@@ -178,11 +180,12 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
         information = weighted.T @ jacobian.reshape(-1, 6) + prior
         pull = weighted.T @ white.ravel()
         pull[3:] -= np.diag(prior)[3:] * [view.tilt.pitch_rad, view.tilt.roll_rad, log_scale]
-        step = np.linalg.solve(information, pull)
+        step = np.asarray(np.linalg.solve(information, pull), dtype=np.float64)
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[5], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 5.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    return Located(view, np.linalg.inv(information)[:5, :5] * excess, weights, misfit, sight, log_scale)
+    covariance = np.asarray(np.linalg.inv(information)[:5, :5] * excess, dtype=np.float64)
+    return Located(view, covariance, weights, misfit, sight, log_scale)
 
 
 def refined(

@@ -11,11 +11,11 @@ from edgemap.runtime.errors import MissingExtraError
 
 try:
     import matplotlib as mpl
-    import matplotlib.colors
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
     from matplotlib.axes import Axes
+    from matplotlib.colors import to_rgba
     from matplotlib.figure import Figure
 except ImportError:
     raise MissingExtraError("drawing needs matplotlib: pip install 'edgemap[plot]'") from None
@@ -32,7 +32,7 @@ INK, PAPER, GRID = "#22272e", "#ffffff", "#e6e8eb"
 
 def label_colours(labels: Iterable[str]) -> dict[str, tuple[float, float, float, float]]:
     """Each label's colour, the same in every figure and on the live page, as RGBA in 0..1."""
-    return {label: mpl.colors.to_rgba(label_colour(label)) for label in sorted(set(labels))}
+    return {label: to_rgba(label_colour(label)) for label in sorted(set(labels))}
 
 
 def floor_axes(axes: Axes, title: str, frame: str) -> None:

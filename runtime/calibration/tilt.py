@@ -190,7 +190,7 @@ def _level_axes(up: Array) -> tuple[Array, Array]:
     """Two level directions at right angles, the first as near to where the camera looks as can be."""
     ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
     ahead = ahead / np.linalg.norm(ahead)
-    return ahead, np.cross(up, ahead)
+    return ahead, np.asarray(np.cross(up, ahead), dtype=np.float64)
 
 
 def _nodding(pictures: list[Segments], up: Array) -> float:

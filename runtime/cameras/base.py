@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -26,6 +27,7 @@ class CameraBase:
         self.rate_hz: float | None = None
         self.frame_count: int | None = None
         self.truth: Trajectory | None = None
+        self.wheel: Path | None = None  # a CSV of wheel odometry that came with the pictures
         self._delivered = 0
 
     def read(self) -> Frame | None:

@@ -23,4 +23,5 @@ def drive_camera(
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
     camera.rate_hz = drive.rate_hz
     camera.truth = drive.truth
+    camera.wheel = drive.wheel
     return camera

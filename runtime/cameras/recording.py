@@ -18,6 +18,7 @@ from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.recordings.reader import McapReading
 from edgemap.runtime.recordings.stamps import ns_of, to_s
 from edgemap.runtime.recordings.topics import STAMPS
+from edgemap.runtime.trajectory import Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
@@ -113,7 +114,7 @@ class RecordingCamera(CameraBase):
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
             self.rate_hz = facts.rate_hz
             if TRUTH_FILE in recording.attachments:
-                self.truth = read_trajectory_file(recording.attachments[TRUTH_FILE])
+                self.truth: Trajectory | None = read_trajectory_file(recording.attachments[TRUTH_FILE])
             return
         if intrinsics is None and (info := self._info()) is not None:
             self.intrinsics = lens_of(info, "rect" in self.topic, f"{self._path}")

@@ -8,6 +8,7 @@ from edgemap.geometry.floor import FloorCamera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.odometry.hybrid import HybridOdometry
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
@@ -22,7 +23,14 @@ __all__ = ["Motion", "Odometry", "open_odometry"]
 def open_odometry(
     spec: str, bundle: Bundle, camera: Camera, floor: FloorCamera, allow_untrained: bool = False
 ) -> Odometry:
-    """The odometry that a SPEC names: planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum. Raises OdometryError."""
+    """The odometry that a SPEC names: hybrid, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
+
+    Raises OdometryError for one that is unknown or not to be had here.
+    """
+    if spec == "hybrid":
+        wheel: Path | None = getattr(camera, "wheel", None)
+        wheels = [] if wheel is None else [open_odometry(f"wheel:{wheel}", bundle, camera, floor)]
+        return HybridOdometry([PlanarOdometry(floor), *wheels])
     if spec == "planar":
         return PlanarOdometry(floor)
     if spec == "paper":
@@ -37,4 +45,4 @@ def open_odometry(
         return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec)
-    raise OdometryError(f"odometry {spec!r} is not planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum")
+    raise OdometryError(f"odometry {spec!r} is not hybrid, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum")

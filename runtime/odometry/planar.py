@@ -162,7 +162,7 @@ class PlanarOdometry:
             found = cv2.goodFeaturesToTrack(grey, wanted, 0.005, CORNERS_APART_PX, mask=mask, blockSize=3)
             if found is None:
                 continue
-            fresh = found.reshape(-1, 2)
+            fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
             rays = _rays(self._bearings(fresh))
             new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m)
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)

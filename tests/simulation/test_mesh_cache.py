@@ -28,7 +28,10 @@ def chair():
         Material((1.0, 1.0, 1.0), alike, gloss=0.3),
         Material((0.1, 0.2, 0.3), emission=(3.0, 2.0, 1 / 7), group="day"),
     )
-    parts = [Part(material, *rng.normal(size=(2, 7, 3, 3)), rng.normal(size=(7, 3, 2))) for material in materials]
+    parts = [
+        Part(material, rng.normal(size=(7, 3, 3)), rng.normal(size=(7, 3, 3)), rng.normal(size=(7, 3, 2)))
+        for material in materials
+    ]
     shell = box((-0.1, -0.2, 0.0), (0.1, 0.2, 0.7), Material()).parts[2]
     return Mesh((*parts, Part(shell.material, -shell.positions, -0.0 * shell.normals, shell.uv)))
 

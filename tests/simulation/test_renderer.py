@@ -87,7 +87,8 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
 
     setup = CameraSetup()
     apartment, _ = world
-    pose = SE2(*apartment.plan.rooms[0].centre, 0.7)
+    x_m, y_m = apartment.plan.rooms[0].centre
+    pose = SE2(x_m, y_m, 0.7)
     ids, depth = renderer.ids_and_depth(View.of_base(pose, setup.mount))
     rows, columns = np.mgrid[0:480:7, 0:640:7]
     rays = setup.intrinsics.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))

@@ -88,7 +88,7 @@ def test_folding_normalisation_changes_no_output():
         assert isinstance(norm, torch.nn.BatchNorm2d)
         for tensor, low, high in ((norm.running_mean, -1.0, 1.0), (norm.running_var, 0.5, 2.0)):
             assert isinstance(tensor, torch.Tensor)
-            tensor.uniform_(low, high)
+            torch.nn.init.uniform_(tensor, low, high)
         torch.nn.init.uniform_(norm.weight, 0.5, 1.5)
         torch.nn.init.uniform_(norm.bias, -1.0, 1.0)
     network.eval()
