@@ -18,7 +18,8 @@ def command(
         Path, tyro.conf.arg(aliases=["-o"], metavar="DIR", help="The folder; one that was stopped goes on.")
     ],
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the home, the drive, the camera and the light.")] = 0,
-    frames: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures, at 10 Hz.")] = 450,
+    frames: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures, at --rate.")] = 450,
+    rate: Annotated[float, tyro.conf.arg(metavar="HZ", help="Pictures per second.")] = 10.0,
     video: Annotated[bool, tyro.conf.arg(help="One compact video.mp4, not pictures.")] = False,
     depth: Annotated[bool, tyro.conf.arg(help="Depth pictures too: 16 bits, millimetres.")] = False,
     mount: MountText = None,
@@ -67,6 +68,8 @@ def command(
     need_simulation()
     at_least(1, frames=frames, pictures=pictures)
     at_least(0, people=people, seed=seed, moved=moved)
+    if not 1.0 <= rate <= 120.0:
+        raise OptionError(f"--rate {rate:g}: expected 1 to 120 pictures per second")
     typed = "edgemap simulate " + shlex.join(sys.argv[2:])
     with tqdm(unit=" pictures", disable=None) as bar:
 
@@ -86,19 +89,21 @@ def command(
             from edgemap.simulation.record import record
             from edgemap.simulation.world import draw_world
 
-            world = draw_world(seed, frames, _choices(plain, mount, light, people, moved))
+            world = draw_world(seed, frames, _choices(plain, mount, rate, light, people, moved))
             record(world, out, video=video, depth=depth, progress=progress, command=typed)
     kind = "yolo" if pictures is not None else "drive"
     print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
 
 
-def _choices(plain: bool, mount: str | None, light: str | None, people: int | None, moved: int) -> Choices:
+def _choices(
+    plain: bool, mount: str | None, rate_hz: float, light: str | None, people: int | None, moved: int
+) -> Choices:
     from dataclasses import replace
 
     from edgemap.simulation.camera.setup import CameraSetup
     from edgemap.simulation.world import PLAIN, Choices
 
-    choices = replace(PLAIN if plain else Choices(), moved=moved)
+    choices = replace(PLAIN if plain else Choices(), moved=moved, rate_hz=rate_hz)
     if mount is not None:
         seat = read_mount(mount, CameraSetup().mount)
         choices = replace(choices, mount=seat)

@@ -26,6 +26,11 @@ def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
     return [_true_object(item, frames_seen) for item in drive.objects]
 
 
+def _shown(camera: Camera) -> list[TrueObject]:
+    """What sim:SEED knows, which is more with every picture that it renders."""
+    return [_true_object(record) for record in camera.object_records() or []]
+
+
 def _true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:
     """A record of objects.json; seen: in how many frames each id was seen, None to believe the record."""
     from edgemap.evaluation.objects import TrueObject
@@ -47,14 +52,12 @@ def judge_of(
     from edgemap.runtime.drives import open_drive
 
     spec = f"drive:{DEMO}" if spec == "demo" else spec
-    # What sim:SEED knows, which is more with every picture that it renders; other cameras know nothing.
-    records: Callable[[], list[dict[str, Any]]] = getattr(camera, "object_records", list)
     drive = open_drive(spec) if spec.partition(":")[0] in DRIVES_WITH_OBJECTS else None
-    if records is list and (drive is None or not drive.objects or camera.truth is None):
+    if camera.object_records() is None and (drive is None or not drive.objects or camera.truth is None):
         return None
 
     def judge(objects: list[MapObject], frames: int) -> list[Verdict]:
-        truth = true_objects(drive, frames) if drive else [_true_object(record) for record in records()]
+        truth = true_objects(drive, frames) if drive else _shown(camera)
         return verdicts(objects, [item for item in truth if labels is None or item.label in labels])
 
     return judge

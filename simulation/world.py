@@ -27,9 +27,10 @@ from edgemap.simulation.robot.motion import Limits, Motion
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.sight import Sight
 
-# What a drive must offer within its first frames, told from the plan: a little more than the contract asks, because
-# the plan's estimate of what is seen is one. Judged on every n-th picture.
-CONTRACT_FRAMES = 450
+# What a drive must offer within its first 45 s, told from the plan: a little more than the contract asks, because
+# the plan's estimate of what is seen is one. Judged on every n-th of 450 moments, whatever the camera's rate.
+CONTRACT_STAMPS_S = np.arange(450) / 10.0
+_CONTRACT_S = 45.0
 _LEAST_ROOMS, _LEAST_WAY_M, _LEAST_OBJECTS = 2, 15.3, 13
 _EVERY, _SEEN_SHARE, _LEAST_SEEN = 3, 0.45, 15
 # Homes and drives in each that are tried for one seed. Substitutes come from the seed's own hundred, so that the homes
@@ -43,11 +44,13 @@ _SPARE_S = 40.0
 class Choices:
     """What the user fixes; None is drawn from the seed. contract: whether the world must offer what `sim:SEED` does.
 
+    rate_hz: of the camera.
     moved: so many pieces are removed from the seed's home and as many put elsewhere, and another way is driven.
     """
 
     camera: CameraSetup | None = None
     mount: Mount | None = None
+    rate_hz: float | None = None
     effects: Effects | None = None
     light: str | None = None
     people: int | None = None
@@ -110,7 +113,7 @@ def _place(item: Placed) -> tuple[float, float, float, float]:
 def draw_world(seed: int, frames: int, choices: Choices | None = None, envelope: Envelope | None = None) -> World:
     """The world of a seed: the first home, camera and drive, in a fixed order, that offer what the contract asks.
 
-    The contract is judged on the drive's first 450 pictures whatever `frames` is, and a drive is one endless stream, so
+    The contract is judged on the drive's first 45 s whatever `frames` is, and a drive is one endless stream, so
     a longer recording of a seed begins with the shorter one. Raises SimulationError where no try will do.
     """
     choices, envelope = choices or Choices(), envelope or Envelope()
@@ -157,6 +160,7 @@ def _draw_drive(
     camera = choices.camera or envelope.draw_camera(rng)
     if choices.mount is not None:
         camera = replace(camera, mount=choices.mount)
+    camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else envelope.draw_light(rng)
     effects = choices.effects or envelope.draw_effects(rng, light)
     limits = choices.limits or envelope.draw_limits(rng)
@@ -164,10 +168,8 @@ def _draw_drive(
     sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2, *turn]
     try:
-        motion = drive(
-            grid, sight, limits, np.random.default_rng(way), CONTRACT_FRAMES / camera.rate_hz, choices.habits
-        )
-        if choices.contract and not _fulfils(motion, sight, camera):
+        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
+        if choices.contract and not _fulfils(motion, sight):
             return None
         seconds = frames / camera.rate_hz + _SPARE_S
         motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
@@ -180,8 +182,8 @@ def _draw_drive(
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 
-def _fulfils(motion: Motion, sight: Sight, camera: CameraSetup) -> bool:
-    poses = motion.at(np.arange(CONTRACT_FRAMES) / camera.rate_hz)
+def _fulfils(motion: Motion, sight: Sight) -> bool:
+    poses = motion.at(CONTRACT_STAMPS_S)
     if np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() < _LEAST_WAY_M:
         return False
     seen = (sight.shares(poses[::_EVERY]) > _SEEN_SHARE).sum(axis=0) * _EVERY

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Self
 
+from edgemap.runtime.cameras.around import CameraAround
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.frame import Frame
 
@@ -43,30 +43,18 @@ class Pause:
         return (self._clock_s() if since_s is None else since_s) - self._lost_s
 
 
-class PausableCamera:
+class PausableCamera(CameraAround):
     """A camera whose `read` waits while the run is held. stopped: asked meanwhile; true ends the frames."""
 
     def __init__(self, camera: Camera, pause: Pause, stopped: Callable[[], bool]) -> None:
-        self.name, self.live, self.size = camera.name, camera.live, camera.size
-        self.intrinsics, self.mount = camera.intrinsics, camera.mount
-        self.rate_hz, self.frame_count, self.truth = camera.rate_hz, camera.frame_count, camera.truth
-        self._camera, self._pause, self._stopped = camera, pause, stopped
+        super().__init__(camera)
+        self._pause, self._stopped = pause, stopped
 
     def read(self) -> Frame | None:
         """The next frame, handed over when the run is not held; None at the end or when stopped."""
-        frame = self._camera.read()
+        frame = super().read()
         while self._pause.paused:
             if self._stopped():
                 return None
             time.sleep(LOOK_EVERY_S)  # not Event.wait: a signal handler may run in here and set the same event
         return frame
-
-    def close(self) -> None:
-        """Close the camera behind it."""
-        self._camera.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()

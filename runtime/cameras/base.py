@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,16 @@ class CameraBase:
         self.rate_hz: float | None = None
         self.frame_count: int | None = None
         self.truth: Trajectory | None = None
-        self.wheel: Path | None = None  # a CSV of wheel odometry that came with the pictures
+        self.wheel: Path | None = None
         self._delivered = 0
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. See `Camera.read`."""
         raise NotImplementedError
+
+    def object_records(self) -> list[dict[str, Any]] | None:
+        """What stands there; None: not known. See `Camera.object_records`."""
+        return None
 
     def close(self) -> None:
         """Let go of the source; may be called twice."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol, Self, runtime_checkable
+from pathlib import Path
+from typing import Any, Protocol, Self, runtime_checkable
 
 from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
@@ -17,7 +18,8 @@ class Camera(Protocol):
     name: the SPEC it was opened from. live: true for devices that run on whether we read or not.
     intrinsics, mount: None where the source does not know them. rate_hz: nominal frame rate, None if unknown.
     size: (width, height) of the pictures that it delivers, px. frame_count: None for live sources.
-    truth: the drive's own poses from its start, None where unknown.
+    truth: the drive's own poses from its start, None where unknown. wheel: wheel odometry that came with the pictures,
+    a CSV or a recording, None where there is none.
     """
 
     name: str
@@ -28,10 +30,15 @@ class Camera(Protocol):
     rate_hz: float | None
     frame_count: int | None
     truth: Trajectory | None
+    wheel: Path | None
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet
         delivered, waiting for it. Raises CameraError where the device stops delivering or a picture is damaged."""
+        ...
+
+    def object_records(self) -> list[dict[str, Any]] | None:
+        """What stands there, as in objects.json, with what the frames delivered so far show; None where unknown."""
         ...
 
     def close(self) -> None:

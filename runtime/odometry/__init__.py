@@ -28,8 +28,7 @@ def open_odometry(
     Raises OdometryError for one that is unknown or not to be had here.
     """
     if spec == "hybrid":
-        wheel: Path | None = getattr(camera, "wheel", None)
-        wheels = [] if wheel is None else [open_odometry(f"wheel:{wheel}", bundle, camera, floor)]
+        wheels = [] if camera.wheel is None else [open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)]
         return HybridOdometry([PlanarOdometry(floor), *wheels])
     if spec == "planar":
         return PlanarOdometry(floor)

@@ -1,19 +1,24 @@
 """What a camera's source knows, as `run` judges a map by it; and how that is told."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 
 from edgemap.cli.truth import judge_of, object_lines
 from edgemap.geometry.floor_map import MapObject
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.paced import PacedCamera
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 
 
-def world(*records) -> Any:
+class World(CameraBase):
     """A camera that knows its world, as sim:SEED does."""
-    return SimpleNamespace(truth=None, object_records=lambda: list(records))
+
+    def __init__(self, *records):
+        super().__init__("sim")
+        self.records = list(records)
+
+    def object_records(self):
+        return self.records
 
 
 def record(label, x_m, frames=20):
@@ -21,10 +26,16 @@ def record(label, x_m, frames=20):
 
 
 def test_a_simulated_world_judges_by_what_it_has_shown():
-    judge = judge_of("sim:9150", world(record("chair", 2.0), record("bed", 5.0), record("tv", 7.0, frames=2)), None)
+    judge = judge_of("sim:9150", World(record("chair", 2.0), record("bed", 5.0), record("tv", 7.0, frames=2)), None)
     assert judge is not None
     assert [(row.state, row.label) for row in judge([CHAIR], 60)] == [("found", "chair"), ("missed", "bed")]
-    judge = judge_of("sim:9150", world(record("chair", 2.0), record("bed", 5.0)), {"chair"})
+    judge = judge_of("sim:9150", World(record("chair", 2.0), record("bed", 5.0)), {"chair"})
+    assert judge is not None
+    assert [row.state for row in judge([CHAIR], 60)] == ["found"]
+
+
+def test_a_simulated_world_judges_at_its_own_pace_too():
+    judge = judge_of("sim:9150", PacedCamera(World(record("chair", 2.0))), None)
     assert judge is not None
     assert [row.state for row in judge([CHAIR], 60)] == ["found"]
 
@@ -37,12 +48,11 @@ def test_the_demo_is_judged_and_a_webcam_is_not():
         assert judge is not None
         assert {row.state for row in judge([], 10_000)} == {"missed"}
         assert judge([], 0) == []  # nothing was seen yet, nothing is asked for
-    webcam: Any = SimpleNamespace(truth=None)
-    assert judge_of("0", webcam, None) is None
+    assert judge_of("0", CameraBase("0"), None) is None
 
 
 def test_lines_tell_each_object_what_is_missing_and_the_sum():
-    judge = judge_of("sim:1", world(record("chair", 2.0), record("bed", 5.0)), None)
+    judge = judge_of("sim:1", World(record("chair", 2.0), record("bed", 5.0)), None)
     assert judge is not None
     first, second, last = object_lines([CHAIR], judge([CHAIR], 60))
     assert first.endswith("found, 0.30 m off")

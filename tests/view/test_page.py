@@ -11,6 +11,7 @@ from support.steps import Steps
 
 from edgemap.geometry.floor_map import load_map, save_map
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.frame import Frame
@@ -175,6 +176,14 @@ def test_a_held_camera_gives_nothing_until_resumed_and_ends_when_stopped():
     pause.set(True)
     stop.set()
     assert camera.read() is None
+
+
+def test_a_camera_that_can_be_held_knows_all_that_the_one_behind_it_knows():
+    with open_camera("demo") as demo:
+        camera = PausableCamera(PacedCamera(demo), Pause(), lambda: False)
+        assert isinstance(camera, Camera)
+        for name in Camera.__annotations__:
+            assert getattr(camera, name) is getattr(demo, name), name
 
 
 def test_a_frame_is_encoded_once_and_shrunk_to_the_screen():

@@ -13,6 +13,7 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
+from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.drives import write_drive
 from edgemap.runtime.errors import CameraError
@@ -170,6 +171,23 @@ def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
     assert [camera.read().index, camera.read().index] == [2, 3]
     assert waits == pytest.approx([0.07])
     assert camera.read() is None
+
+
+def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
+    class Knowing(CameraBase):
+        def object_records(self):
+            return [{"id": "chair-1"}]
+
+    with open_camera("demo") as camera, open_camera("demo", realtime=True) as paced:
+        assert isinstance(paced, PacedCamera)
+        assert isinstance(paced, Camera)
+        for name in Camera.__annotations__:
+            if name != "truth":
+                assert getattr(paced, name) == getattr(camera, name), name
+        assert paced.truth.poses == camera.truth.poses
+        assert paced.wheel.name == "wheel.csv"
+        assert paced.object_records() is None
+    assert PacedCamera(Knowing("sim")).object_records() == [{"id": "chair-1"}]
 
 
 @pytest.mark.parametrize("spec", ["nonsense", "realsens", "kity:/tmp"])
