@@ -1,0 +1,32 @@
+"""A camera round another one: what it delivers is read in another way, what it knows stays as it is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.frame import Frame
+
+
+class CameraAround(CameraBase):
+    """All that a camera knows, from a camera behind. Subclasses change `read`."""
+
+    def __init__(self, camera: Camera) -> None:
+        super().__init__(camera.name, camera.intrinsics, camera.mount)
+        self.live, self.size = camera.live, camera.size
+        self.rate_hz, self.frame_count = camera.rate_hz, camera.frame_count
+        self.truth, self.wheel = camera.truth, camera.wheel
+        self._camera = camera
+
+    def read(self) -> Frame | None:
+        """The next frame of the camera behind."""
+        return self._camera.read()
+
+    def object_records(self) -> list[dict[str, Any]] | None:
+        """What the camera behind knows."""
+        return self._camera.object_records()
+
+    def close(self) -> None:
+        """Close the camera behind."""
+        self._camera.close()
