@@ -12,7 +12,7 @@ from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
 from edgemap.simulation.truth import object_records
-from edgemap.simulation.world import CONTRACT_FRAMES, World, draw_world
+from edgemap.simulation.world import CONTRACT_STAMPS_S, World, draw_world
 
 
 class SimCamera(CameraBase):
@@ -54,4 +54,4 @@ class SimCamera(CameraBase):
 
 def open_sim(seed: int, frames: int | None = None, name: str | None = None) -> SimCamera:
     """The camera `sim:SEED`: 450 pictures unless told otherwise."""
-    return SimCamera(name or f"sim:{seed}", draw_world(seed, frames or CONTRACT_FRAMES))
+    return SimCamera(name or f"sim:{seed}", draw_world(seed, frames or len(CONTRACT_STAMPS_S)))
