@@ -38,7 +38,9 @@ def command(
     wheel: Annotated[
         str | None,
         tyro.conf.arg(
-            metavar="FILE.csv|.mcap", help="Wheel odometry to record beside them: stamp_s,x_m,y_m,yaw_rad, or nav_msgs."
+            metavar="FILE.csv|.mcap",
+            help="Wheel odometry to record beside them, by default the source's own: stamp_s,x_m,y_m,yaw_rad, or "
+            "nav_msgs.",
         ),
     ] = None,
     realtime: Annotated[bool, tyro.conf.arg(help="Pace files by their stamps, not at full speed.")] = False,
@@ -57,6 +59,7 @@ def command(
     check_name(out)
     track = wheel_track(wheel)
     with open_described(camera, camera_file, realtime) as source:
+        track = wheel_track(source.wheel) if track is None else track
         lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
         facts = Facts(source.name, lens, read_mount(mount, source.mount), source.rate_hz)
         recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
@@ -91,7 +94,7 @@ def check_name(path: Path | None) -> None:
         raise OptionError(f"{path} exists already; choose another file")
 
 
-def wheel_track(spec: str | None) -> Trajectory | None:
+def wheel_track(spec: str | Path | None) -> Trajectory | None:
     """Wheel odometry of a CSV or a recording. Raises CameraError."""
     from edgemap.runtime.drives.wheel_csv import read_wheel_csv
     from edgemap.runtime.recordings.wheel import is_recording, read_wheel
@@ -99,20 +102,20 @@ def wheel_track(spec: str | None) -> Trajectory | None:
 
     if spec is None:
         return None
-    return read_wheel(spec) if is_recording(spec) else Trajectory(*read_wheel_csv(Path(spec)))
+    return read_wheel(str(spec)) if is_recording(str(spec)) else Trajectory(*read_wheel_csv(Path(spec)))
 
 
 def recording_sinks(
     path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str
 ) -> list[RecordingSink]:
-    """What `edgemap run --record` adds: the run's own lens and mount, and its wheels where it goes by them."""
+    """What `edgemap run --record` adds: the run's own lens and mount, and wheels: those it goes by, else the source's."""
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
     from edgemap.runtime.sinks.recording import RecordingSink
 
     if path is None:
         return []
-    wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else None
+    wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
     facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz)
     recorder = Recorder(path, facts, lossless=lossless, wheel=wheel_track(wheel), truth=source.truth)
     return [RecordingSink(recorder)]

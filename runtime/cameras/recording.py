@@ -12,7 +12,7 @@ from edgemap.geometry.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, Facts, read_facts, read_trajectory_file
+from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import lens_of, mount_of
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.recordings.reader import McapReading
@@ -107,12 +107,13 @@ class RecordingCamera(CameraBase):
         return ns_of(message.header.stamp) or log_ns, image, message.header.frame_id
 
     def _describe(self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str) -> None:
-        """Lens, mount, rate and truth: as edgemap wrote them, else from CameraInfo and tf."""
+        """Lens, mount, rate, truth and wheels: as edgemap wrote them, else from CameraInfo and tf."""
         recording = self._recording
         facts = _facts(recording)
         if facts is not None:
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
             self.rate_hz = facts.rate_hz
+            self.wheel: Path | None = self._path if WHEEL_FILE in recording.attachments else None
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(recording.attachments[TRUTH_FILE])
             return

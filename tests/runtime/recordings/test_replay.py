@@ -90,7 +90,13 @@ def test_wheels_and_truth_come_back_bit_for_bit(tmp_path):
     with open_camera(str(path)) as camera:
         assert camera.truth.poses == ways[1].poses
         np.testing.assert_array_equal(camera.truth.stamps_s, stamps)
-    assert read_wheel(str(path)).poses == ways[0].poses
+        assert read_wheel(str(camera.wheel)).poses == ways[0].poses
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-8])  # without its end
+    with open_camera(str(cut)) as camera:
+        assert read_wheel(str(camera.wheel)).poses == ways[0].poses
+    with open_camera(str(record(tmp_path / "none.mcap", FACTS, frames))) as camera:
+        assert camera.wheel is None
     # The messages hold what the wheels had done when the last picture came, at 4/30 s: seven poses of fifty a second.
     replayed = read_wheel(f"{path}#/wheel/odometry")
     assert len(replayed.poses) == 7
