@@ -108,7 +108,7 @@ def wheel_track(spec: str | Path | None) -> Trajectory | None:
 def recording_sinks(
     path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str
 ) -> list[RecordingSink]:
-    """What `edgemap run --record` adds: the run's own lens and mount, and wheels: those it goes by, else the source's."""
+    """What `edgemap run --record` adds: the run's own lens and mount, and its wheels, else the source's."""
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
     from edgemap.runtime.sinks.recording import RecordingSink
