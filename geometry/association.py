@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from edgemap.geometry.floor_map import MapObject, SightingSums
-from edgemap.geometry.footprints import footprint_m
+from edgemap.geometry.shapes import extent_m
 from edgemap.geometry.sighting import PlacedSighting
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Estimate:
         estimate = cls.__new__(cls)
         estimate.saved = True
         estimate.sums = SightingSums.of_saved(item)
-        estimate.extent_m = max(footprint_m(item.label, item.width_m))
+        estimate.extent_m = extent_m(item.label, item.width_m)
         systematic_m = max(rule.systematic_m, rule.systematic_extent_share * estimate.extent_m)
         spread = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
         estimate.information = _inverse(spread / min(rule.correlated, max(float(item.count), 1.0)))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.shapes import shape_of
+from edgemap.geometry.shapes import extent_m
 
 # Least distance of two middles, as a share of the smaller one's extent.
 SAME_LABEL, OTHER_LABEL = 0.8, 0.5
@@ -23,7 +23,7 @@ def without_overlaps(objects: Sequence[MapObject]) -> list[MapObject]:
     """
     if len(objects) < 2:
         return list(objects)
-    extents_m = np.array([shape_of(item.label, item.width_m).extent for item in objects])
+    extents_m = np.array([extent_m(item.label, item.width_m) for item in objects])
     places = np.array([item.position_m for item in objects])
     pairs = KDTree(places).query_pairs(SAME_LABEL * float(extents_m.max()), output_type="ndarray")
     if len(pairs) == 0:

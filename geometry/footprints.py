@@ -5,13 +5,7 @@ from __future__ import annotations
 import math
 
 from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.shapes import FOOTPRINT_M, WIDEST_UNKNOWN_M
-
-
-def footprint_m(label: str, width_m: float) -> tuple[float, float]:
-    """Width and depth in metres: the class's usual footprint, else a square as wide as it looks, 1 m at most."""
-    unknown_m = min(width_m, WIDEST_UNKNOWN_M)
-    return FOOTPRINT_M.get(label, (unknown_m, unknown_m))
+from edgemap.geometry.shapes import footprint_m
 
 
 def radius_m(item: MapObject) -> float:

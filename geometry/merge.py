@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.alignment import Alignment, jacobian
 from edgemap.geometry.association import AssociationRule, positive
 from edgemap.geometry.floor_map import MapObject, id_order
-from edgemap.geometry.footprints import footprint_m
+from edgemap.geometry.shapes import extent_m
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
 
     What a box does not tell of the footprint is the same error in both maps: it does not shrink.
     """
-    systematic_m = max(rule.systematic_m, rule.systematic_extent_share * max(footprint_m(ours.label, ours.width_m)))
+    systematic_m = max(rule.systematic_m, rule.systematic_extent_share * extent_m(ours.label, ours.width_m))
     floor_m2 = np.eye(2) * systematic_m**2
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
     spread = np.linalg.inv(a + b)

@@ -13,7 +13,7 @@ from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.paper import size_m
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.shapes import Shape, shape_of
+from edgemap.geometry.shapes import Shape, extent_m, shape_of
 from edgemap.geometry.standing import carried, covered
 
 Array = NDArray[np.float64]
@@ -174,7 +174,8 @@ def sightings_of(
         sightings.append(
             Sighting(
                 labels[row], float(detections.scores[row]), foot_m + direction * shape.reach_m(width_m),
-                foot_m2 + guessed, shared[at], width_m, height_m, shape.extent, reach_m, int(row), frame, stamp_s,
+                foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
+                int(row), frame, stamp_s,
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)

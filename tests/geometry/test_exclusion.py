@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.exclusion import OTHER_LABEL, SAME_LABEL, without_overlaps
 from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.shapes import shape_of
+from edgemap.geometry.shapes import extent_m
 
 
 def thing(identity, x_m, y_m=0.0, count=10, confidence=0.9):
@@ -59,7 +59,7 @@ def test_nothing_overlaps_and_everything_dropped_has_a_better_neighbour(rows):
     kept = without_overlaps(objects)
 
     def apart(a, b):
-        extent = min(shape_of(item.label, item.width_m).extent for item in (a, b))
+        extent = min(extent_m(item.label, item.width_m) for item in (a, b))
         least = (SAME_LABEL if a.label == b.label else OTHER_LABEL) * extent
         return np.linalg.norm(a.position_m - b.position_m) >= least - 1e-9
 

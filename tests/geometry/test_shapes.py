@@ -1,0 +1,34 @@
+"""What is usual for a class, in numbers worked out by hand."""
+
+import pytest
+
+from edgemap.geometry.shapes import FOOTPRINT_M, MEASURED, extent_m, footprint_m, shape_of
+
+
+def test_a_known_class_takes_its_usual_floor_whatever_it_looks_like():
+    assert footprint_m("couch", 0.3) == footprint_m("couch", 5.0) == (2.00, 0.90)
+    assert extent_m("couch", 0.3) == 2.00
+    assert extent_m("toilet", 0.3) == 0.65  # deeper than wide
+
+
+def test_an_unknown_one_takes_what_it_looks_like_and_never_more_than_a_metre():
+    assert footprint_m("unicorn", 0.3) == (0.3, 0.3)
+    assert extent_m("unicorn", 7.0) == 1.0
+
+
+def test_every_measured_class_has_a_usual_footprint():
+    assert MEASURED.keys() <= FOOTPRINT_M.keys()
+
+
+def test_the_middle_lies_behind_the_edge_by_what_was_measured():
+    """Couch: 0.87 - 0.15 x 1.61 = 0.6285 m; wider than 1.61 + 2 x 0.35 = 2.31 m counts as 2.31 m: 0.5235 m."""
+    couch = shape_of("couch", 1.0)
+    assert couch.reach_m(1.61) == pytest.approx(0.6285)
+    assert couch.reach_m(9.0) == pytest.approx(0.5235)
+
+
+def test_what_was_not_measured_is_guessed_from_the_footprint():
+    """Bench, 1.40 x 0.50 m: the middle is half the depth behind the edge, 0.25 m, however wide it looks."""
+    bench = shape_of("bench", 3.0)
+    assert (bench.reach_m(0.2), bench.reach_m(3.0), bench.width) == pytest.approx((0.25, 0.25, 0.95))
+    assert (bench.along, bench.across, bench.width_sigma) == pytest.approx((0.125, 0.14, 0.42))
