@@ -15,6 +15,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
     "train detector": ("train_detector", "labelled pictures to a small detector's weights (host, extra 'export')"),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
+    "eval odometry": ("eval_odometry", "drift of the robot's own motion against true poses"),
     "eval map": ("eval_map", "mapped objects against the true ones: F1, errors, honesty"),
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
     "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
@@ -64,20 +65,26 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(words: str, rest: list[str]) -> None:
     try:
-        import tyro
+        from edgemap.cli.interrupt import interrupts_after_imports
 
-        from edgemap.geometry.errors import EdgemapError
+        with interrupts_after_imports():
+            _command(words, rest)
     except KeyboardInterrupt:
+        print(f"edgemap {words}: interrupted", file=sys.stderr)
         sys.exit(130)
+
+
+def _command(words: str, rest: list[str]) -> None:
+    import tyro
+
+    from edgemap.geometry.errors import EdgemapError
+
     try:
         command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
         tyro.cli(command, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except EdgemapError as error:
         print(f"edgemap {words}: {error}", file=sys.stderr)
         sys.exit(1)
-    except KeyboardInterrupt:
-        print(f"edgemap {words}: interrupted", file=sys.stderr)
-        sys.exit(130)
     except BrokenPipeError:  # `edgemap ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -9,7 +9,7 @@ from edgemap.geometry.intrinsics import Intrinsics
 from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.layout import read_setup, stamps_for
 from edgemap.runtime.drives.pictures import first_folder, list_pictures, read_picture
-from edgemap.runtime.drives.planarise import planarise_camera
+from edgemap.runtime.drives.planarise import planarise_camera, upright_camera
 from edgemap.runtime.drives.pose_files import check_count, read_matrices, read_text, trajectory
 from edgemap.runtime.errors import CameraError
 
@@ -29,8 +29,12 @@ def read_c2w(folder: Path) -> Drive:
     poses = read_matrices(path, 16)
     check_count(path, len(poses), len(images), pictures_folder)
     stamps = stamps_for(folder, ("stamps.txt", "times.txt"), len(images), pictures_folder, setup.rate_hz)
-    truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
-    return Drive("c2w", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, notes=setup.notes)
+    way = poses, setup.world_up, setup.mount
+    truth, full = trajectory(path, stamps, planarise_camera(*way)), upright_camera(*way)
+    return Drive(
+        "c2w", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, full_poses=full,
+        notes=setup.notes,
+    )  # fmt: skip
 
 
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:

@@ -52,7 +52,8 @@ class Drive:
     images: in order of time; empty for a drive whose pictures are in `video`. stamps_s: seconds, one per picture.
     truth: poses of the base, seen from the first one. boxes: true boxes per picture, empty where unknown.
     objects: records of `objects.json`. wheel: path of a CSV with the wheels' poses (stamp_s, x_m, y_m, yaw_rad).
-    depth: depth pictures, one per image, empty where there are none.
+    depth: depth pictures, one per image, empty where there are none. full_poses: of the lens, (N, 4, 4), one per
+    picture, base axes in a z-up frame, where the recorded poses have six dimensions.
     """
 
     kind: str
@@ -68,4 +69,5 @@ class Drive:
     wheel: Path | None = None
     video: Path | None = None
     depth: tuple[Path, ...] = ()
+    full_poses: NDArray[np.float64] | None = None
     notes: dict[str, Any] = field(default_factory=dict)

@@ -7,7 +7,7 @@ from pathlib import Path
 from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.layout import read_setup, stamps_for
 from edgemap.runtime.drives.pictures import first_folder, list_pictures
-from edgemap.runtime.drives.planarise import planarise_camera
+from edgemap.runtime.drives.planarise import planarise_camera, upright_camera
 from edgemap.runtime.drives.pose_files import check_count, read_matrices, trajectory
 
 
@@ -23,7 +23,9 @@ def read_kitti(folder: Path) -> Drive:
     poses = read_matrices(path, 12)
     check_count(path, len(poses), len(images), pictures_folder)
     stamps = stamps_for(folder, ("times.txt",), len(images), pictures_folder, setup.rate_hz)
-    truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
+    way = poses, setup.world_up, setup.mount
+    truth, full = trajectory(path, stamps, planarise_camera(*way)), upright_camera(*way)
     return Drive(
-        "kitti", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, notes=setup.notes
-    )
+        "kitti", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, full_poses=full,
+        notes=setup.notes,
+    )  # fmt: skip

@@ -34,6 +34,21 @@ def planarise_camera(poses_world_camera: Array, world_up: str, mount: Mount | No
     return _from_first([pose @ lever.inverse() for pose in lens])
 
 
+def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None) -> Array:
+    """Camera-to-world poses as (N, 4, 4) of the lens, base axes, in a z-up frame that starts where the first one is
+    and heads where it looks: all six dimensions, levelled by the mount's angles alone."""
+    up = up_vector(world_up)
+    headings = poses_world_camera[:, :3, :3] @ np.array(OPTICAL_FORWARD)
+    ahead = headings[0] - (headings[0] @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    start_world = np.array([ahead, np.cross(up, ahead), up])
+    optical_base = (mount or Mount(1.0)).rotation_base_optical().T
+    poses = np.tile(np.eye(4), (len(poses_world_camera), 1, 1))
+    poses[:, :3, :3] = start_world @ poses_world_camera[:, :3, :3] @ optical_base
+    poses[:, :3, 3] = (poses_world_camera[:, :3, 3] - poses_world_camera[0, :3, 3]) @ start_world.T
+    return poses
+
+
 def planarise_base(poses_world_base: Array, world_up: str) -> tuple[SE2, ...]:
     """Base-to-world poses, (N, 4, 4), base axes as in REP-103, to `pose_start_base`."""
     return _from_first(_planar(poses_world_base, world_up, BASE_FORWARD))

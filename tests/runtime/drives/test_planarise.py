@@ -10,7 +10,7 @@ import pytest
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives import open_drive
-from edgemap.runtime.drives.planarise import planarise_base, planarise_camera, up_vector
+from edgemap.runtime.drives.planarise import planarise_base, planarise_camera, up_vector, upright_camera
 from edgemap.runtime.errors import CameraError
 
 
@@ -67,6 +67,12 @@ def test_any_world_axis_pitch_and_roll_give_back_the_way(pitch_deg, roll_deg, up
     found = planarise_camera(np.array(poses), up, mount)
     for ours, true in zip(found, way, strict=True):
         assert ours.vector() == pytest.approx(true.vector(), abs=1e-9)
+    lever = np.array([mount.forward_m, mount.left_m])
+    for full, true in zip(upright_camera(np.array(poses), up, mount), way, strict=True):
+        turn = np.eye(3)
+        turn[:2, :2] = true.rotation()
+        np.testing.assert_allclose(full[:3, :3], turn, atol=1e-9)
+        np.testing.assert_allclose(full[:3, 3], [*(true.apply(lever) - lever), 0.0], atol=1e-9)
 
 
 def test_base_poses_head_along_their_x():
@@ -94,6 +100,9 @@ def test_real_kitti_drives_ahead_and_its_left_turn_is_positive(shared_data):
 
     about_down = Rotation.from_matrix(matrices[:, :, :3]).as_euler("YXZ")[:, 0]
     np.testing.assert_allclose(np.sin(found[:, 2] + about_down), 0.0, atol=1e-6)
+    # The full poses say the same seen from above, and the height besides.
+    np.testing.assert_allclose(drive.full_poses[:, :2, 3], found[:, :2], atol=1e-6)
+    np.testing.assert_allclose(drive.full_poses[:, 2, 3], -matrices[:, 1, 3], atol=1e-6)
     assert drive.rate_hz == 10.0
     assert len(drive.images) == 700
     assert drive.mount.height_m == 1.65

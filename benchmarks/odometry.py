@@ -1,0 +1,112 @@
+"""An odometry on drives with true poses: what `edgemap eval odometry` and the paper's tables are made of."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
+from edgemap.evaluation.planar_fit import planar_fit
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.drives import READERS, open_drive
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.follow import FeatureSource, Followed, follow
+from edgemap.runtime.odometry import open_odometry
+from edgemap.runtime.session import Bundle
+
+OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
+    for the kind's own. wheels: whether hybrid may use those that come with the data."""
+
+    first: int = 0
+    every: int = 1
+    frames: int | None = None
+    lengths_m: tuple[float, ...] | None = None
+    wheels: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoredDrive:
+    """One drive, followed and compared with its truth. planar_fit: as of `evaluation.planar_fit`, None for data whose
+    poses are planar already."""
+
+    spec: str
+    mount: Mount
+    followed: Followed
+    errors: DriveErrors
+    planar_fit: dict[str, float | None] | None
+
+    def document(self) -> dict[str, Any]:
+        """All figures and facts of the drive."""
+        rate_hz = 1.0 / float(np.median(np.diff(self.followed.stamps_s)))
+        mount = {"height_m": self.mount.height_m, "pitch_deg": round(degrees(self.mount.pitch_rad), 3)}
+        facts = {"data": self.spec, "rate_hz": round(rate_hz, 3), "mount": mount, "faults": self.followed.faults}
+        fit = {} if self.planar_fit is None else {"planar_fit": self.planar_fit}
+        return {**facts, **figures([self.errors]), **fit}
+
+
+def score_drive(
+    spec: str, odometry: str, bundle: Bundle, selection: Selection, progress: Callable[[], object] = lambda: None
+) -> ScoredDrive:
+    """Follow `KIND:DIR`, a recording, or `demo`, with the odometry of that SPEC.
+
+    Raises CameraError for data, OdometryError for an odometry that cannot be had, or data without truth or mount.
+    """
+    camera, full = _open(spec)
+    with camera:
+        if camera.truth is None:
+            raise OdometryError(f"{spec} brings no true poses of its own to compare with")
+        if camera.intrinsics is None or camera.mount is None:
+            raise OdometryError(f"{spec}: neither lens nor mount known: its camera.yaml must say how the camera sits")
+        if not selection.wheels:
+            camera.wheel = None
+        if odometry == OWN_WHEELS:
+            if camera.wheel is None:
+                raise OdometryError(f"{spec}: no wheel odometry comes with it")
+            odometry = f"wheel:{camera.wheel}"
+        motion = open_odometry(odometry, bundle, camera, FloorCamera(camera.intrinsics, camera.mount))
+        followed = follow(
+            camera, motion, FeatureSource(bundle), first=selection.first, every=selection.every,
+            frames=selection.frames, progress=progress,
+        )  # fmt: skip
+        lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
+        errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths)
+        fit = None if full is None else planar_fit(full[list(followed.indices)], lengths)
+        return ScoredDrive(spec, camera.mount, followed, errors, fit)
+
+
+def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:
+    """The document of `edgemap eval odometry`: each sequence by name, and all of them put together."""
+    errors = {name: drive.errors for name, drive in drives.items()}
+    total = {"sequences": len(drives), **figures(list(errors.values())), "worst": worst_drive(errors)}
+    total["faults"] = sum(drive.followed.faults for drive in drives.values())
+    return {"sequences": {name: drive.document() for name, drive in drives.items()}, "total": total}
+
+
+def sequence_names(specs: Sequence[str]) -> list[str]:
+    """A short name of each: the folder's or file's own, the whole SPEC where two would be the same."""
+    short = [spec if spec.startswith("sim:") else Path(spec.partition(":")[2] or spec).name or spec for spec in specs]
+    times = Counter(short)
+    return [name if times[name] == 1 else spec for name, spec in zip(short, specs, strict=True)]
+
+
+def _open(spec: str) -> tuple[Camera, NDArray[np.float64] | None]:
+    if spec.partition(":")[0] not in READERS:
+        return open_camera(spec), None
+    drive = open_drive(spec)
+    return drive_camera(drive, spec), drive.full_poses

@@ -1,0 +1,151 @@
+"""`edgemap eval odometry`: how far the robot's own motion drifts, against true poses."""
+
+from __future__ import annotations
+
+from math import degrees
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, OptionError, Threads, at_least, find_bundle
+
+Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
+DEFAULT_DATA = (("demo",),)
+
+
+def command(
+    data: Annotated[
+        Repeated,
+        tyro.conf.arg(
+            aliases=["--camera"],
+            metavar="demo|KIND:DIR|sim:SEED|FILE.mcap",
+            help="Drives with true poses, several at once or the option again: KIND is kitti, tum, c2w, drive or "
+            "locobot; sim:SEED is rendered. The demo by default.",
+        ),
+    ] = (),
+    bundle: BundleName = DEFAULT_BUNDLE,
+    odometry: Annotated[
+        str,
+        tyro.conf.arg(
+            metavar="SPEC",
+            help="As of `edgemap run`; besides, wheel alone is the wheel odometry that comes with the data.",
+        ),
+    ] = "hybrid",
+    without_wheels: Annotated[
+        bool, tyro.conf.arg(help="hybrid leaves aside the wheel odometry that comes with the data.")
+    ] = False,
+    first: Annotated[
+        int, tyro.conf.arg(name="from", metavar="N", help="Start with frame N, counted from 0; it is the origin.")
+    ] = 0,
+    every: Annotated[int, tyro.conf.arg(metavar="K", help="Use each K-th frame only: 2 makes 5 Hz out of 10 Hz.")] = 1,
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N of those frames.")] = None,
+    segments: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="L,…", help="Lengths in metres over which drift is taken; 1,2,5, and 100,200,…,800 for kitti."
+        ),
+    ] = None,
+    threads: Threads = None,
+    plot: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help="Draw each way with the true one into this folder.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare integrated motions with the drives' true poses, from a common start.
+
+    t_rel (percent of the way) and r_rel (degrees per metre) follow the KITTI protocol: means over all segments of a
+    length, started every tenth frame. ATE: positions after the best rigid alignment. eq. 9: the paper's RMSE of
+    integrated x and y, not aligned. NEES: 3 on average where the stated covariances are honest. Still: what is
+    estimated in frames in which the robot moves less than 0.5 mm and 0.01 degrees. The total counts every segment and
+    frame of all sequences once.
+    """
+    from tqdm import tqdm
+
+    from edgemap.benchmarks.odometry import ScoredDrive, Selection, score_drive, sequence_names, together
+    from edgemap.cli.simulated import as_data
+
+    at_least(1, every=every, frames=frames)
+    if first < 0:
+        raise OptionError(f"--from {first}: must be 0 or more")
+    selection = Selection(first, every, frames, _lengths(segments), not without_wheels)
+    specs = [spec for several in data or DEFAULT_DATA for spec in several]
+    if not specs:
+        raise OptionError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")
+    names = sequence_names(specs)
+    if repeated := next((name for name in names if names.count(name) > 1), None):
+        raise OptionError(f"--data {repeated} is given twice")
+    loaded = find_bundle(bundle, threads)
+    needed = None if frames is None else first + (frames - 1) * every + 1
+    drives: dict[str, ScoredDrive] = {}
+    for name, spec in zip(names, specs, strict=True):
+        with as_data(spec, needed, quiet=json) as found, tqdm(unit=" frames", desc=name, disable=json or None) as bar:
+            drives[name] = score_drive(found, odometry, loaded, selection, bar.update)
+        if plot:
+            from edgemap.plots.trajectories import plot_ways
+
+            followed = drives[name].followed
+            plot_ways(plot / f"{_file_name(name)}.png", name, followed.true, {odometry: followed.estimated})
+    document = {"bundle": loaded.manifest.name, "odometry": odometry, **together(drives)}
+    for name, spec in zip(names, specs, strict=True):
+        document["sequences"][name]["data"] = spec
+    if json:
+        import json as json_module
+
+        print(json_module.dumps(document, indent=1))
+        return
+    print(f"{odometry} odometry, bundle {document['bundle']}")
+    for name, own in document["sequences"].items():
+        mount = f"camera {own['mount']['height_m']:.2f} m high, {own['mount']['pitch_deg']:.1f} deg down"
+        print(f"{name}: {own['frames']} frames at {own['rate_hz']:g} Hz, {own['path_m']:.1f} m, {mount}")
+        _print(own)
+    if len(drives) > 1:
+        total = document["total"]
+        print(f"total: {len(drives)} sequences, {total['frames']} frames, {total['path_m']:.1f} m")
+        _print(total)
+
+
+def _lengths(text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        lengths = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        lengths = ()
+    if not lengths or not all(0.0 < length < float("inf") for length in lengths):
+        raise OptionError(f"--segments {text!r}: expected lengths in metres above 0, L,L,…")
+    return lengths
+
+
+def _file_name(name: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name).strip("-.") or "way"
+
+
+def _print(own: dict[str, Any]) -> None:
+    for key, unit, title in (("t_rel_percent", " %", "t_rel"), ("r_rel_deg_per_m", " deg/m", "r_rel")):
+        told = [f"{length} m {value:.3g}{unit}" for length, value in own[key].items() if value is not None]
+        missing = [length for length, value in own[key].items() if value is None]
+        if missing and key == "t_rel_percent":
+            told.append(f"no segment of {', '.join(missing)} m fits")
+        if told:
+            print(f"  {title}     {'   '.join(told)}")
+    print(f"  ATE       {own['ate_m']:.3f} m   eq. 9 {own['paper_rmse']:.3f} m, {own['paper_rmse_yaw_rad']:.4f} rad")
+    nees = "–" if own["nees"] is None else f"{own['nees']:.2f}, median {own['nees_median']:.2f}"
+    print(
+        f"  a frame   forward {100 * own['rmse_forward_m']:.3f} cm   left {100 * own['rmse_left_m']:.3f} cm   "
+        f"yaw {degrees(own['rmse_yaw_rad']):.3f} deg (RMSE)   NEES {nees}   {own['faults']} faults"
+    )
+    still = own["still"]
+    if still["frames"]:
+        cm, deg = still["cm_per_frame"], still["deg_per_frame"]
+        print(
+            f"  still     {still['frames']} frames: {cm['mean']:.4f} cm, at most {cm['max']:.4f}; "
+            f"{deg['mean']:.4f} deg, at most {deg['max']:.4f}"
+        )
+    if fit := own.get("planar_fit"):
+        drift = "" if fit["t_rel_percent"] is None else f", t_rel {fit['t_rel_percent']:.3g} %"
+        off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the way, at most {fit['max_m']:.2f} m{drift}"
+        height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
+        print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
+    if worst := own.get("worst"):
+        print(f"  worst     {worst['sequence']}: t_rel over {worst['length_m']:g} m {worst['t_rel_percent']:.3g} %")

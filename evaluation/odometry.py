@@ -1,0 +1,154 @@
+"""How true an odometry is, as `edgemap eval odometry` tells it: of one drive, or of several put together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.evaluation.trajectory import (
+    aligned_errors_m,
+    motion_errors,
+    motions,
+    normalised_errors,
+    path_m,
+    segment_errors,
+)
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+INDOOR_LENGTHS_M = (1.0, 2.0, 5.0)
+KITTI_LENGTHS_M = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
+STILL_M, STILL_RAD = 0.5e-3, math.radians(0.01)  # a base whose true motion is less than both stands still
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveErrors:
+    """All single errors of one drive of N frames.
+
+    segments: by length in m, (S, 2) metres and radians. aligned_m: (N,) after alignment. steps: (N - 1, 3) forward m,
+    left m, yaw rad of each motion. from_start: (N, 3) of the poses from a common start. nees: (N - 1,), None without
+    covariances. still: (K, 2), metres and radians that were estimated in each frame of standing still.
+    """
+
+    path_m: float
+    segments: dict[float, Array]
+    aligned_m: Array
+    steps: Array
+    from_start: Array
+    nees: Array | None
+    still: Array
+
+
+def errors_of(
+    true: Sequence[SE2],
+    estimated: Sequence[SE2],
+    covariances: Array | None = None,
+    lengths_m: Sequence[float] = INDOOR_LENGTHS_M,
+) -> DriveErrors:
+    """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion."""
+    if len(true) < 2:
+        raise ValueError(f"{len(true)} poses: a motion needs two")
+    steps_true, steps_found = motions(true), motions(estimated)
+    steps = motion_errors(steps_true, steps_found)
+    starts = [true[0].inverse() @ pose for pose in true], [estimated[0].inverse() @ pose for pose in estimated]
+    still = [
+        (math.hypot(found.x_m, found.y_m), abs(found.yaw_rad))
+        for wanted, found in zip(steps_true, steps_found, strict=True)
+        if math.hypot(wanted.x_m, wanted.y_m) < STILL_M and abs(wanted.yaw_rad) < STILL_RAD
+    ]
+    return DriveErrors(
+        path_m=float(path_m(true)[-1]),
+        segments={length: segment_errors(true, estimated, length) for length in lengths_m},
+        aligned_m=aligned_errors_m(true, estimated),
+        steps=steps,
+        from_start=motion_errors(*starts),
+        nees=None if covariances is None else normalised_errors(steps, covariances),
+        still=np.array(still).reshape(-1, 2),
+    )
+
+
+def score_trajectory(
+    true: Sequence[SE2],
+    estimated: Sequence[SE2],
+    covariances: Array | None = None,
+    lengths_m: Sequence[float] = INDOOR_LENGTHS_M,
+) -> dict[str, Any]:
+    """The figures of one drive; arguments as of `errors_of`."""
+    return figures([errors_of(true, estimated, covariances, lengths_m)])
+
+
+def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
+    """The figures of drives put together: every segment, frame and pose counts once, whichever drive it is of.
+
+    A length that fits in none is null. `paper_rmse` is the paper's equation 9: integrated x and y against the truth
+    from a common start, in metres, without alignment; the yaw apart. `nees` is three on average where the covariances
+    are honest, and null without them. `still`: what is estimated while the base stands still, null where it never does.
+    """
+    segments: dict[float, Array] = {}
+    for length in sorted({length for drive in drives for length in drive.segments}):
+        segments[length] = np.vstack([d.segments[length] for d in drives if length in d.segments])
+    relative = {length: errors / length for length, errors in segments.items()}
+    every = np.vstack([*relative.values(), np.zeros((0, 2))])
+    steps, from_start = (np.vstack([getattr(d, name) for d in drives]) for name in ("steps", "from_start"))
+    forward, left, yaw = (float(value) for value in np.sqrt((steps**2).mean(axis=0)))
+    known = [drive.nees for drive in drives if drive.nees is not None]
+    nees = np.concatenate(known) if known else None
+    still = np.vstack([drive.still for drive in drives])
+    return {
+        "frames": len(from_start),
+        "path_m": sum(drive.path_m for drive in drives),
+        "t_rel_percent": {f"{length:g}": _mean(100.0 * r[:, 0]) for length, r in relative.items()},
+        "r_rel_deg_per_m": {f"{length:g}": _mean(np.degrees(r[:, 1])) for length, r in relative.items()},
+        "t_rel_mean_percent": _mean(100.0 * every[:, 0]),
+        "r_rel_mean_deg_per_m": _mean(np.degrees(every[:, 1])),
+        "segments": {f"{length:g}": len(errors) for length, errors in segments.items()},
+        "ate_m": _rms(np.concatenate([drive.aligned_m for drive in drives])),
+        "rmse_forward_m": forward,
+        "rmse_left_m": left,
+        "rmse_yaw_rad": yaw,
+        "paper_rmse": _rms(np.linalg.norm(from_start[:, :2], axis=1)),
+        "paper_rmse_yaw_rad": _rms(from_start[:, 2]),
+        "nees": None if nees is None else float(nees.mean()),
+        "nees_median": None if nees is None else float(np.median(nees)),
+        "still": {
+            "frames": len(still),
+            "cm_per_frame": _mean_and_max(100.0 * still[:, 0]),
+            "deg_per_frame": _mean_and_max(np.degrees(still[:, 1])),
+        },
+    }
+
+
+def worst_drive(drives: dict[str, DriveErrors]) -> dict[str, Any] | None:
+    """The drive with the largest drift over the longest segments that most drives have; None where none fits."""
+    counts = {
+        length: sum(len(drive.segments.get(length, ())) > 0 for drive in drives.values())
+        for length in {length for drive in drives.values() for length in drive.segments}
+    }
+    length = max(counts, key=lambda length: (counts[length], length), default=0.0)
+    if not counts or not counts[length]:
+        return None
+    drift = {
+        name: 100.0 * float(drive.segments[length][:, 0].mean()) / length
+        for name, drive in drives.items()
+        if len(drive.segments.get(length, ()))
+    }
+    name = max(drift, key=drift.__getitem__)
+    return {"sequence": name, "length_m": length, "t_rel_percent": drift[name]}
+
+
+def _mean(values: Array) -> float | None:
+    return float(values.mean()) if len(values) else None
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def _mean_and_max(values: Array) -> dict[str, float] | None:
+    return {"mean": float(values.mean()), "max": float(values.max())} if len(values) else None
