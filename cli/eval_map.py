@@ -38,7 +38,7 @@ def command(
         ),
     ] = "demo",
     bundle: BundleName = DEFAULT_BUNDLE,
-    odometry: OdometrySpec = "planar",
+    odometry: OdometrySpec = "hybrid",
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
     clustering: Annotated[

@@ -270,10 +270,11 @@ def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):
     chair = {"id": 1, "label": "chair", "x_m": 5.25, "y_m": -0.84, "visible_frames": 12}
     couch = {"id": 2, "label": "couch", "x_m": 1.0, "y_m": 2.0, "visible_frames": 12}
     (pictures / "objects.json").write_text(json.dumps({"objects": [chair | common, couch | common]}))
-    flags = ("--bundle", painted_bundle, "--odometry", "planar", "--json")
+    flags = ("--bundle", painted_bundle, "--json")
     result = edgemap("eval", "map", "--data", f"drive:{pictures}", *flags)
     assert result.returncode == 0, result.stderr
     document = json.loads(result.stdout)
+    assert document["odometry"] == "hybrid"  # as `run` has it
     assert (document["objects_true"], document["path_m"]) == (2, 0.0)
     for name in ("true", "estimated"):
         assert (document[name]["precision"], document[name]["recall"]) == (1.0, 0.5)
