@@ -13,6 +13,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "bench": ("bench", "frames per second and latency, stage by stage, on this processor"),
     "pull": ("pull", "fetch a known model, or a finished bundle, into the cache"),
     "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
+    "train odometry": ("train_odometry", "drives with true poses to an odometry head (host, extra 'export')"),
     "train detector": ("train_detector", "labelled pictures to a small detector's weights (host, extra 'export')"),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
     "eval odometry": ("eval_odometry", "drift of the robot's own motion against true poses"),

@@ -65,9 +65,9 @@ def command(
     from edgemap.cli.extras import need_export
 
     need_export()
-    from edgemap.export.checkpoint import load_head
     from edgemap.export.detector.checkpoint import is_detector
     from edgemap.export.exporter import export_backbone
+    from edgemap.export.odometry.checkpoint import load_head
     from edgemap.runtime.bundle import read_manifest
 
     heads = list(head)

@@ -50,6 +50,9 @@ def command(
             "validation AP50; it knows photographs better than best.pt does.",
         ),
     ] = 0.03,
+    bfloat16: Annotated[
+        bool, tyro.conf.arg(help="Convolutions in bfloat16: 1.7 times as fast where the processor has AVX512-BF16.")
+    ] = False,
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
     validate_minutes: Annotated[
         float | None,
@@ -94,6 +97,7 @@ def command(
         keep=0.0 if scratch else keep,
         frozen=() if scratch else ("stem", "down4"),
         validate_minutes=validate_minutes,
+        bfloat16=bfloat16,
     )
     network = begin(start, NAMES, input, seed)
     print(f"reading {', '.join(data)} …", flush=True)

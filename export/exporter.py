@@ -9,12 +9,16 @@ from pathlib import Path
 from edgemap.export import parity
 from edgemap.export.backbones import Backbone, adopted_backbone, darknet_backbone
 from edgemap.export.bundle_writer import write_bundle
-from edgemap.export.checkpoint import HeadCheckpoint, load_head
-from edgemap.export.convlstm import random_head
+from edgemap.export.detector.backbone import NAME as NANO
 from edgemap.export.detector.backbone import nano_backbone
 from edgemap.export.errors import ExportError
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
+from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
+from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import head_to_onnx, seal
-from edgemap.runtime.bundle import FORMAT, Detector, Manifest, OdometryHead, StateSpec
+from edgemap.geometry.flow_cells import CHANNELS
+from edgemap.runtime.bundle import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, StateSpec
+from edgemap.runtime.store import bundle_folder
 
 
 def export_backbone(
@@ -39,6 +43,8 @@ def export_backbone(
     sources: where the weights came from, for the manifest. Raises ExportError or another EdgemapError; then nothing is
     left at `out`.
     """
+    if backbone == NANO:
+        backbone = str(bundle_folder(NANO) / "detector.pt")
     checkpoints = [load_head(path) for path in heads]
     kinds = [checkpoint.kind for checkpoint in checkpoints]
     if len(set(kinds)) != len(kinds):
@@ -54,12 +60,7 @@ def export_backbone(
     wanted = [checkpoint.feature for checkpoint in checkpoints]
     if not checkpoints and (feature is not None or not trained_here):
         wanted = [feature or ("stride32" if is_onnx else "head")]
-    if trained_here:
-        part = nano_backbone(Path(backbone), wanted)
-    elif is_onnx:
-        part = adopted_backbone(backbone, weights, wanted, sources)
-    else:
-        part = darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
+    part = open_backbone(backbone, weights, wanted, size, random_seed, sources)
     if wanted and not checkpoints:
         shape = _feature_shape(part.detector, part.features[wanted[0]])
         checkpoints = [HeadCheckpoint(random_head(shape), part.name, wanted[0], trained=False)]
@@ -86,16 +87,38 @@ def export_backbone(
     return write_bundle(out, manifest, models, lambda bundle: parity.prove(bundle, part.reference, trunks, part.exact))
 
 
+def open_backbone(
+    backbone: str,
+    weights: Path | None,
+    wanted: list[str],
+    size: tuple[int, int] | None = None,
+    random_seed: int | None = None,
+    sources: tuple[str, ...] = (),
+) -> Backbone:
+    """A backbone by name, .cfg, .onnx or best.pt, tapped where heads want it. Raises ExportError or DownloadError."""
+    if backbone == NANO:
+        backbone = str(bundle_folder(NANO) / "detector.pt")
+    if backbone.endswith(".pt"):
+        return nano_backbone(Path(backbone), wanted)
+    if backbone.endswith(".onnx") or backbone == "yolox-nano":
+        return adopted_backbone(backbone, weights, wanted, sources)
+    return darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
+
+
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
     name = part.features[checkpoint.feature]
     shape, head = _feature_shape(part.detector, name), checkpoint.head
     if head.shape != shape:
         raise ExportError(f"{checkpoint.kind} head takes features {head.shape}, {name} of {part.name} has {shape}")
-    words = [f"{word}{layer + 1}" for layer in range(len(head.hidden)) for word in ("hidden", "cell")]
     states = tuple(
-        StateSpec(input=f"{word}_in", output=f"{word}_out", shape=shape)
-        for word, shape in zip(words, head.state_shapes, strict=True)
+        StateSpec(input=f"{word}_in", output=f"{word}_out", shape=shape) for word, shape in head.state_shapes.items()
     )
+    geometry = None
+    if isinstance(head, FlowHead):
+        cells = (1, CHANNELS, head.rows, head.columns)
+        geometry = GeometrySpec(
+            cells="cells", shape=cells, stride=GRID_STRIDE, mount="mount", dt="dt", covariance="covariance"
+        )
     forward, left, yaw = checkpoint.sigma
     return OdometryHead(
         file=f"odometry.{checkpoint.kind}.onnx",
@@ -106,6 +129,7 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
         states=states,
         parameters=head.parameters_count,
         trained=checkpoint.trained,
+        geometry=geometry,
         sigma_forward_m=forward,
         sigma_left_m=left,
         sigma_yaw_rad=yaw,

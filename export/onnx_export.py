@@ -13,9 +13,10 @@ import torch
 from onnx import ModelProto, numpy_helper
 from torch import Tensor, nn
 
-from edgemap.export.convlstm import PaperHead
 from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
+from edgemap.export.odometry.flow import FlowHead
+from edgemap.export.odometry.paper import PaperHead
 from edgemap.runtime.bundle import METADATA_KEY, OPSETS, Detector, OdometryHead, contract_metadata
 
 OPSET = 18
@@ -36,11 +37,16 @@ def backbone_to_onnx(network: Darknet, detector: Detector) -> ModelProto:
     return to_onnx(folded, [example], [detector.input.name], list(dict.fromkeys(names)), detector)
 
 
-def head_to_onnx(head: PaperHead, record: OdometryHead) -> ModelProto:
-    """The paper's head as one step: feature and states in, motion and states out."""
-    example = [torch.zeros(head.shape), *(torch.zeros(shape) for shape in head.state_shapes)]
+def head_to_onnx(head: PaperHead | FlowHead, record: OdometryHead) -> ModelProto:
+    """A head as one step: feature, geometry where it wants any, and states in; motion and states out."""
+    shapes = [head.shape, *(state.shape for state in record.states)]
     inputs = [record.feature_input, *(state.input for state in record.states)]
     outputs = [record.motion, *(state.output for state in record.states)]
+    if (geometry := record.geometry) is not None:
+        shapes[1:1] = [geometry.shape, (1, 12), (1, 1)]
+        inputs[1:1] = [geometry.cells, geometry.mount, geometry.dt]
+        outputs.insert(1, geometry.covariance)
+    example = [torch.zeros(shape) for shape in shapes]
     return to_onnx(head, example, inputs, outputs, record)
 
 

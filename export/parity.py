@@ -10,9 +10,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from edgemap.export.convlstm import PaperHead
 from edgemap.export.errors import ExportError
-from edgemap.runtime.bundle import Parity
+from edgemap.export.odometry.flow import FlowHead
+from edgemap.export.odometry.paper import PaperHead
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.flow_cells import Grid, flow_cells
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.runtime.bundle import OdometryHead, Parity
 from edgemap.runtime.session import Bundle, Network, Tensors, session_options
 
 STEPS = 8
@@ -66,7 +71,9 @@ def random_picture(generator: np.random.Generator, height: int, width: int) -> N
     return np.clip(coarse + noise, 0, 255).astype(np.float32)
 
 
-def prove(bundle: Bundle, reference: Reference, heads: dict[str, PaperHead], exact: bool = False) -> dict[str, Parity]:
+def prove(
+    bundle: Bundle, reference: Reference, heads: dict[str, PaperHead | FlowHead], exact: bool = False
+) -> dict[str, Parity]:
     """Run source and bundle side by side; a Parity per file, relative tolerance 1e-4 for the backbone, 5e-4 for heads.
 
     Each of 2 cases is a chain of 8 steps: a fresh random picture per step, random states at the start, each side fed
@@ -98,7 +105,7 @@ def prove(bundle: Bundle, reference: Reference, heads: dict[str, PaperHead], exa
 class _Chain:
     """One head's recurrent run on both sides."""
 
-    def __init__(self, bundle: Bundle, kind: str, head: PaperHead) -> None:
+    def __init__(self, bundle: Bundle, kind: str, head: PaperHead | FlowHead) -> None:
         self._record, self._network = bundle.odometry_head(kind)
         self._head = head.eval()
         self.file = self._record.file
@@ -108,15 +115,37 @@ class _Chain:
         states = [generator.standard_normal(state.shape).astype(np.float32) for state in self._record.states]
         self._theirs: list[Tensor] = [torch.from_numpy(state) for state in states]
         self._ours = {state.input: values for state, values in zip(self._record.states, states, strict=True)}
+        self._geometry = random_geometry(generator, self._record)
 
     def step(self, expected: NDArray[np.float32], found: NDArray[np.float32], when: str) -> None:
+        given = [torch.from_numpy(tensor) for tensor in self._geometry.values()]
+        names = [self._record.motion]
+        if self._record.geometry is not None:
+            names.append(self._record.geometry.covariance)
         with torch.no_grad():
-            motion, *self._theirs = self._head(torch.from_numpy(expected), *self._theirs)
-        outputs = self._network.run({self._record.feature_input: found, **self._ours})
-        self.comparison.check(self._record.motion, motion.numpy(), outputs[self._record.motion], when)
+            results = list(self._head(torch.from_numpy(expected), *given, *self._theirs))
+        self._theirs = results[len(names) :]
+        outputs = self._network.run({self._record.feature_input: found, **self._geometry, **self._ours})
+        for name, tensor in zip(names, results, strict=False):
+            self.comparison.check(name, tensor.numpy(), outputs[name], when)
         for state, tensor in zip(self._record.states, self._theirs, strict=True):
             self.comparison.check(state.output, tensor.numpy(), outputs[state.output], when)
         self._ours = {state.input: outputs[state.output] for state in self._record.states}
+
+
+def random_geometry(generator: np.random.Generator, record: OdometryHead) -> Tensors:
+    """What a head that knows its camera is told, for some camera of the envelope; nothing for another head."""
+    spec = record.geometry
+    if spec is None:
+        return {}
+    mount = Mount.from_degrees(generator.uniform(0.2, 1.2), generator.uniform(5.0, 25.0), generator.uniform(-1.0, 1.0))
+    _, _, rows, columns = spec.shape
+    width, height = columns * spec.stride, rows * spec.stride
+    focal = width * generator.uniform(0.5, 0.9)
+    lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
+    grid = Grid(rows, columns, spec.stride, (1.0, 1.0), 0, 0, width, height)
+    cells, seat = flow_cells(FloorCamera(lens, mount), grid)
+    return {spec.cells: cells, spec.mount: seat, spec.dt: np.array([[0.1]], dtype=np.float32)}
 
 
 def open_network(path: Path, threads: int = 2) -> Network:

@@ -93,21 +93,38 @@ class Detector(Strict):
     classes: tuple[ClassEntry, ...]
 
 
+class GeometrySpec(Strict):
+    """Names of further tensors of an odometry that knows lens, mount and time (`geometry.flow_cells`).
+
+    cells: input, (1, 8, rows, columns), of cells of `stride` input px. mount: input, (1, 12). dt: input, (1, 1), seconds
+    since the previous frame. covariance: output, (1, 3, 3), of the motion.
+    """
+
+    cells: str
+    shape: tuple[int, ...]
+    stride: int
+    mount: str
+    dt: str
+    covariance: str
+
+
 class OdometryHead(Strict):
     """A stepwise learned odometry: features and states in, motion and states out.
 
     feature: the name of the backbone output that it reads. motion: the output's name, (1, 3) float32 holding
-    forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights.
+    forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights. geometry: what
+    kind `flow` takes and gives besides.
     """
 
     file: str
-    kind: Literal["paper"]
+    kind: Literal["paper", "flow"]
     feature: str
     feature_input: str
     motion: str
     states: tuple[StateSpec, ...]
     parameters: int
     trained: bool
+    geometry: GeometrySpec | None = None
     sigma_forward_m: float = 0.05
     sigma_left_m: float = 0.05
     sigma_yaw_rad: float = 0.05

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.flow_cells import Grid
 from edgemap.runtime.bundle import InputSpec
 
 
@@ -44,6 +45,14 @@ def place(spec: InputSpec, image_width: int, image_height: int) -> Placement:
     if spec.resize == "letterbox_topleft":
         left = top = 0
     return Placement(width, height, left, top, image_width, image_height)
+
+
+def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> Grid:
+    """Cells of `stride` input px over the whole input, for a picture of this size."""
+    where = place(spec, image_width, image_height)
+    scale = where.width / image_width, where.height / image_height
+    rows, columns = spec.height // stride, spec.width // stride
+    return Grid(rows, columns, stride, scale, where.left, where.top, where.width, where.height)
 
 
 class Preprocessor:

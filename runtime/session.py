@@ -68,6 +68,9 @@ class Bundle:
             raise OdometryError(f"bundle {self.manifest.name} has no {kind} odometry (it has: {has})")
         inputs = {head.feature_input: self._feature_shape(head)} | {state.input: state.shape for state in head.states}
         outputs = {head.motion: (1, 3)} | {state.output: state.shape for state in head.states}
+        if head.geometry is not None:
+            inputs |= {head.geometry.cells: head.geometry.shape, head.geometry.mount: (1, 12), head.geometry.dt: (1, 1)}
+            outputs |= {head.geometry.covariance: (1, 3, 3)}
         return head, _open(self.folder, self.manifest, head, inputs, outputs, self.threads)
 
     def _feature_shape(self, head: OdometryHead) -> tuple[int, ...]:

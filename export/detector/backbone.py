@@ -20,21 +20,22 @@ from edgemap.runtime.session import Tensors
 
 NAME = "edgemap-nano"
 CONFIDENCE = 0.6  # the best map of four validation homes (seeds 8101-8104)
-# Export's words for a feature, and which of the contract's it is.
-FEATURES = {"head": 0, "stride32": 0, "stride8": 1}
+FEATURES = {"head": 32, "stride32": 32, "stride8": 8, "stride4": 4}  # export's words for a feature, and its stride
 
 
 def nano_backbone(path: Path, wanted: list[str]) -> Backbone:
-    """The backbone of a best.pt. wanted: the features that heads read: head (the raw coarse map) or stride8.
+    """The backbone of a best.pt. wanted: the features that heads read: head (the raw coarse map), stride8, stride4.
 
     Raises ExportError.
     """
     checkpoint = load_detector(path)
-    detector = nano_detector(checkpoint.names, checkpoint.size, checkpoint.size)
     if unknown := sorted(set(wanted) - set(FEATURES)):
         raise ExportError(f"{path}: has no feature {unknown[0]!r}; there are {', '.join(FEATURES)}")
-    network = WithFeatures(copy.deepcopy(checkpoint.network)).eval()
-    names = [*(head.name for head in detector.heads), detector.features[1].name]
+    strides = list(dict.fromkeys(FEATURES[word] for word in wanted))
+    detector = nano_detector(checkpoint.names, checkpoint.size, checkpoint.size, strides)
+    extra = [stride for stride in strides if stride != 32]
+    network = WithFeatures(copy.deepcopy(checkpoint.network), extra).eval()
+    names = [*(head.name for head in detector.heads), *(f"feature_stride{stride}" for stride in extra)]
     example = torch.zeros(1, 3, checkpoint.size, checkpoint.size)
 
     def reference(picture: NDArray[np.float32]) -> Tensors:
@@ -52,7 +53,7 @@ def nano_backbone(path: Path, wanted: list[str]) -> Backbone:
         name=NAME,
         model=to_onnx(network, [example], [detector.input.name], names, detector),
         detector=detector,
-        features={word: detector.features[FEATURES[word]].name for word in wanted},
+        features={word: detector.features[strides.index(FEATURES[word])].name for word in wanted},
         reference=reference,
         exact=False,
         measured={"weights": weights, **checkpoint.measured},

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from edgemap.export.detector.blocks import fold_norms
 from edgemap.export.detector.classes import nano_classes
 from edgemap.export.detector.network import Nano
 from edgemap.export.errors import ExportError
+from edgemap.export.torch_files import finite, read_torch, save_whole
 
 FORMAT = "edgemap.detector/1"
 RESUME_FORMAT = "edgemap.detector-run/1"
@@ -74,8 +74,7 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
         raise ExportError(f"{path}: lacks {error.args[0]!r}, or it is no class of COCO") from None
     except (RuntimeError, TypeError, ValueError) as error:
         raise ExportError(f"{path}: weights do not fit their network ({str(error).splitlines()[0][:120]})") from None
-    if not all(bool(torch.isfinite(tensor).all()) for tensor in network.state_dict().values()):
-        raise ExportError(f"{path}: holds weights that are not finite")
+    finite(network, path)
     if fold and network.norm:
         fold_norms(network)
         network.norm = False
@@ -85,26 +84,6 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
 def is_detector(path: Path) -> bool:
     """Whether a torch file is a detector's checkpoint, and not an odometry head's. Raises ExportError."""
     return read_torch(path).get("format") == FORMAT
-
-
-def read_torch(path: Path) -> dict[str, Any]:
-    """A torch file of plain values. Raises ExportError."""
-    if not path.is_file():
-        raise ExportError(f"{path}: no such checkpoint")
-    try:
-        document = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises UnpicklingError, RuntimeError, EOFError, …
-        raise ExportError(f"{path}: not a torch checkpoint ({str(error).splitlines()[0][:120]})") from None
-    if not isinstance(document, dict):
-        raise ExportError(f"{path}: holds a {type(document).__name__}, no checkpoint")
-    return document
-
-
-def save_whole(document: dict[str, Any], path: Path) -> None:
-    """Write a torch file beside its place and rename it there."""
-    part = path.with_name(f".{path.name}.part")
-    torch.save(document, part)
-    part.replace(path)
 
 
 def average_into(average: dict[str, Tensor], network: Nano, decay: float) -> None:

@@ -12,6 +12,7 @@ from edgemap.export.detector.blocks import Conv, CrossStage, PyramidPool, Separa
 
 STRIDES = (8, 16, 32)
 WIDTHS = (64, 128, 256)  # channels of the trunk at these strides
+EARLY_WIDTH = 32  # channels of the first layers, stride 4
 HIDDEN = 64  # channels of each head's branches
 # Side of each stride's square anchor, px: the middle of the sizes that assignment gives to this stride.
 ANCHORS = ((24.0, 24.0), (64.0, 64.0), (192.0, 192.0))
@@ -96,14 +97,14 @@ class Nano(nn.Module):
 
 
 class WithFeatures(nn.Module):
-    """The network as it is exported: heads coarsest first, then the trunk's stride-8 map."""
+    """The network as it is exported: heads coarsest first, then features: strides 4 (the first layers') or 8."""
 
-    def __init__(self, network: Nano) -> None:
+    def __init__(self, network: Nano, strides: Sequence[int] = ()) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.strides = network, tuple(strides)
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
-        """(1, 3, H, W) to head_stride32, head_stride16, head_stride8 and the 64-channel map of stride 8."""
-        maps = self.network.trunk(image)
-        fine, middle, coarse = (head(x) for head, x in zip(self.network.heads, maps, strict=True))
-        return coarse, middle, fine, maps[0]
+        """(1, 3, H, W) to head_stride32, head_stride16, head_stride8 and the maps of the asked strides."""
+        early = self.network.early(image)
+        maps = self.network.late(early)
+        return *self.network.look(maps)[::-1], *({4: early, 8: maps[0]}[stride] for stride in self.strides)

@@ -12,7 +12,7 @@ from torch import Tensor
 from edgemap.evaluation.detection import ScoredPicture, average_precision
 from edgemap.export.detector.augment import plain
 from edgemap.export.detector.classes import nano_classes
-from edgemap.export.detector.network import ANCHORS, SCALE_XY, STRIDES, WIDTHS, Nano
+from edgemap.export.detector.network import ANCHORS, EARLY_WIDTH, SCALE_XY, STRIDES, WIDTHS, Nano
 from edgemap.export.detector.store import Example
 from edgemap.runtime.bundle import Detector, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.decode import Decoder
@@ -22,8 +22,11 @@ BATCH = 16
 CONFIDENCE, NMS_IOU = 0.005, 0.6
 
 
-def nano_detector(names: Sequence[str], width: int, height: int) -> Detector:
-    """The contract: BGR 0..255, letterboxed to the top left with grey 114; three raw heads; two features."""
+def nano_detector(names: Sequence[str], width: int, height: int, strides: Sequence[int] = ()) -> Detector:
+    """The contract: BGR 0..255, letterboxed to the top left with grey 114; three raw heads; features of some strides.
+
+    strides: 4 (32 channels of the first layers), 8 (64 channels) or 32 (the raw coarse head).
+    """
     channels = 5 + len(names)
     heads = tuple(
         HeadSpec(
@@ -35,9 +38,16 @@ def nano_detector(names: Sequence[str], width: int, height: int) -> Detector:
         )
         for stride, anchor in zip(STRIDES[::-1], ANCHORS[::-1], strict=True)
     )
-    features = (
-        FeatureSpec(name=heads[0].name, shape=heads[0].shape, stride=STRIDES[-1]),
-        FeatureSpec(name="feature_stride8", shape=(1, WIDTHS[0], height // STRIDES[0], width // STRIDES[0]), stride=8),
+    channels_of = {4: EARLY_WIDTH, 8: WIDTHS[0]}
+    features = tuple(
+        FeatureSpec(name=heads[0].name, shape=heads[0].shape, stride=32)
+        if stride == 32
+        else FeatureSpec(
+            name=f"feature_stride{stride}",
+            shape=(1, channels_of[stride], height // stride, width // stride),
+            stride=stride,
+        )
+        for stride in strides
     )
     return Detector(
         file="backbone.onnx",

@@ -23,7 +23,7 @@ __all__ = ["Motion", "Odometry", "open_odometry"]
 def open_odometry(
     spec: str, bundle: Bundle, camera: Camera, floor: FloorCamera, allow_untrained: bool = False
 ) -> Odometry:
-    """The odometry that a SPEC names: hybrid, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
+    """The odometry that a SPEC names: hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
 
     Raises OdometryError for one that is unknown or not to be had here.
     """
@@ -32,8 +32,8 @@ def open_odometry(
         return HybridOdometry([PlanarOdometry(floor), *wheels])
     if spec == "planar":
         return PlanarOdometry(floor)
-    if spec == "paper":
-        return LearnedOdometry(bundle, "paper", allow_untrained)
+    if spec in ("flow", "paper"):
+        return LearnedOdometry(bundle, spec, floor, allow_untrained)
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
@@ -44,4 +44,4 @@ def open_odometry(
         return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec)
-    raise OdometryError(f"odometry {spec!r} is not hybrid, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum")
+    raise OdometryError(f"odometry {spec!r} is not hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum")

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import OdometryHead
+from edgemap.runtime.bundle import Manifest, OdometryHead
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.session import Bundle, Network, Tensors
+from edgemap.runtime.preprocess import cell_grid
+from edgemap.runtime.session import Bundle, Tensors
+
+LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # between frames; after a longer gap the head starts again
+NOMINAL_DT_S = 0.1  # what a first frame is told
+MARGIN = 0.05  # share of a span of the envelope that a camera may lie outside without a word
 
 
 def initial_states(head: OdometryHead) -> Tensors:
@@ -17,19 +26,14 @@ def initial_states(head: OdometryHead) -> Tensors:
     return {state.input: np.full(state.shape, state.initial, dtype=np.float32) for state in head.states}
 
 
-def advance(head: OdometryHead, network: Network, features: Tensors, states: Tensors) -> tuple[SE2, Tensors]:
-    """One step of the network: features and states in, motion and states out. Nothing is kept here."""
-    outputs = network.run({head.feature_input: features[head.feature], **states})
-    forward_m, left_m, yaw_rad = (float(value) for value in outputs[head.motion][0])
-    return SE2(forward_m, left_m, yaw_rad), {state.input: outputs[state.output] for state in head.states}
-
-
 class LearnedOdometry:
-    """The paper's ConvLSTM head of a bundle. Raises OdometryError where it is untrained and not `allow_untrained`."""
+    """A head of the bundle, kind `paper` or `flow`; `flow` also reads the camera's geometry and the time between frames.
 
-    name = "paper"
+    Raises OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
+    """
 
-    def __init__(self, bundle: Bundle, kind: str = "paper", allow_untrained: bool = False) -> None:
+    def __init__(self, bundle: Bundle, kind: str, camera: FloorCamera, allow_untrained: bool = False) -> None:
+        self.name = kind
         self._head, self._network = bundle.odometry_head(kind)
         if not self._head.trained and not allow_untrained:
             raise OdometryError(
@@ -38,20 +42,66 @@ class LearnedOdometry:
             )
         sigmas = (self._head.sigma_forward_m, self._head.sigma_left_m, self._head.sigma_yaw_rad)
         self._covariance = np.diag(np.square(sigmas))
+        self._geometry: Tensors = {}
+        self._warning = ""
+        if self._head.geometry is not None:
+            spec, lens = self._head.geometry, camera.intrinsics
+            grid = cell_grid(bundle.manifest.detector.input, lens.width, lens.height, spec.stride)
+            cells, mount = flow_cells(camera, grid)
+            self._geometry = {spec.cells: cells, spec.mount: mount}
+            self._warning = outside_envelope(bundle.manifest, camera)
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
-        motion, self._states = advance(self._head, self._network, features, self._states)
-        if self._fresh:
-            self._fresh = False
-            return Motion()
-        if not np.isfinite(motion.vector()).all():
-            self.reset("motion not finite")
+        dt_s, self._last_s = frame.stamp_s - self._last_s, frame.stamp_s
+        if not self._fresh and self._geometry and not SHORTEST_DT_S <= dt_s <= LONGEST_DT_S:
+            self._start_again()
+        fresh, self._fresh = self._fresh, False
+        motion, covariance = self._feed(features, NOMINAL_DT_S if fresh else dt_s)
+        if fresh and math.isfinite(dt_s):
+            return Motion(fault=f"{self.name} odometry: {dt_s:.3f} s since the last frame, started again")
+        if fresh:
+            return Motion(fault=self._warning)
+        if not (np.isfinite(motion.vector()).all() and np.isfinite(covariance).all()):
+            self._start_again()
             return Motion(fault=f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
-        return Motion(motion, self._covariance)
+        return Motion(motion, covariance)
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""
+        self._start_again()
+        self._last_s = -math.inf
+
+    def _start_again(self) -> None:
         self._states = initial_states(self._head)
         self._fresh = True
+
+    def _feed(self, features: Tensors, dt_s: float) -> tuple[SE2, np.ndarray]:
+        head, tensors = self._head, dict(self._geometry)
+        if head.geometry is not None:
+            tensors[head.geometry.dt] = np.array([[dt_s]], dtype=np.float32)
+        outputs = self._network.run({head.feature_input: features[head.feature], **tensors, **self._states})
+        self._states = {state.input: outputs[state.output] for state in head.states}
+        covariance = self._covariance
+        if head.geometry is not None:
+            covariance = outputs[head.geometry.covariance][0].astype(np.float64)
+        return SE2(*outputs[head.motion][0]), (covariance + covariance.T) / 2.0
+
+
+def outside_envelope(manifest: Manifest, camera: FloorCamera) -> str:
+    """One line on how this camera differs from those that the bundle's odometry was trained with; empty where not."""
+    lens, mount = camera.intrinsics, camera.mount
+    left, right = lens.rays([(0.0, lens.cy), (lens.width - 1.0, lens.cy)])[:, 0]
+    values = {
+        "height_m": mount.height_m,
+        "pitch_deg": math.degrees(mount.pitch_rad),
+        "horizontal_view_deg": math.degrees(math.atan(right) - math.atan(left)),
+    }
+    found = []
+    for name, value in values.items():
+        if name in manifest.envelope:
+            low, high = manifest.envelope[name]
+            if not low - MARGIN * (high - low) <= value <= high + MARGIN * (high - low):
+                found.append(f"{name} {value:.2f} (trained on {low:g} to {high:g})")
+    return f"flow odometry: the camera is outside what it was trained on: {', '.join(found)}" if found else ""

@@ -5,8 +5,8 @@ import pytest
 import torch
 from scipy.ndimage import correlate
 
-from edgemap.export.checkpoint import HeadCheckpoint, load_head, save_head
-from edgemap.export.convlstm import PARAMETER_LIMIT, ConvLSTMCell, PaperHead, random_head
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
+from edgemap.export.odometry.paper import PARAMETER_LIMIT, ConvLSTMCell, PaperHead, random_head
 from edgemap.export.errors import ExportError
 
 

@@ -9,8 +9,8 @@ import torch
 
 from edgemap.export import backbones, exporter, parity
 from edgemap.export.architectures import yolov3
-from edgemap.export.checkpoint import HeadCheckpoint, save_head
-from edgemap.export.convlstm import PaperHead, random_head
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
+from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_weights import load_weights, random_weights, save_weights
 from edgemap.export.errors import ExportError

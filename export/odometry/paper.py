@@ -17,22 +17,23 @@ SLOPE = 0.1  # of the leaky ReLU, as in Darknet
 
 
 class ConvLSTMCell(nn.Module):
-    """One ConvLSTM step with 3x3 kernels; hidden h and cell c go in and come out, (1, hidden, H, W).
+    """One ConvLSTM step; hidden h and cell c go in and come out, (1, hidden, H, W).
 
     i, f, o = sigmoid and g = leaky ReLU of one convolution over [x, h]; c' = f c + i g; h' = o leaky ReLU(c'). The
     leaky ReLU stands where the textbook has tanh (paper, section 4.5). The forget gate's bias starts at 1.
+    kernel: side of the convolution's kernel, odd. slope: of the leaky ReLU; 0 makes it a ReLU.
     """
 
-    def __init__(self, channels: int, hidden: int) -> None:
+    def __init__(self, channels: int, hidden: int, kernel: int = 3, slope: float = SLOPE) -> None:
         super().__init__()
-        self.hidden = hidden
-        self.gates = nn.Conv2d(channels + hidden, 4 * hidden, 3, padding=1)
+        self.hidden, self.slope = hidden, slope
+        self.gates = nn.Conv2d(channels + hidden, 4 * hidden, kernel, padding=kernel // 2)
 
     def forward(self, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
         """x (1, channels, H, W) and the state to the new (h, c)."""
         i, f, o, g = torch.split(self.gates(torch.cat([x, h], dim=1)), self.hidden, dim=1)
-        c = torch.sigmoid(f) * c + torch.sigmoid(i) * functional.leaky_relu(g, SLOPE)
-        return torch.sigmoid(o) * functional.leaky_relu(c, SLOPE), c
+        c = torch.sigmoid(f) * c + torch.sigmoid(i) * functional.leaky_relu(g, self.slope)
+        return torch.sigmoid(o) * functional.leaky_relu(c, self.slope), c
 
 
 class PaperHead(nn.Module):
@@ -46,12 +47,20 @@ class PaperHead(nn.Module):
     motion_scale (3,), metres, metres, radians per unit of output. Raises ExportError where the count cannot be kept.
     """
 
-    def __init__(self, shape: Sequence[int], hidden: Sequence[int] = HIDDEN, dense: int | None = None) -> None:
+    def __init__(
+        self,
+        shape: Sequence[int],
+        hidden: Sequence[int] = HIDDEN,
+        dense: int | None = None,
+        kernel: int = 3,
+        slope: float = SLOPE,
+    ) -> None:
         super().__init__()
         _, channels, height, width = shape
         self.shape, self.hidden = (1, channels, height, width), tuple(hidden)
+        self.kernel, self.slope = kernel, slope
         inputs = [channels, *hidden[:-1]]
-        self.cells = nn.ModuleList(ConvLSTMCell(i, o) for i, o in zip(inputs, hidden, strict=True))
+        self.cells = nn.ModuleList(ConvLSTMCell(i, o, kernel, slope) for i, o in zip(inputs, hidden, strict=True))
         flat = hidden[-1] * height * width
         self.dense = nn.Linear(flat, dense or _dense_units(flat, _count(self.cells), self.shape))
         self.out = nn.Linear(self.dense.out_features, 3)
@@ -68,9 +77,13 @@ class PaperHead(nn.Module):
         return _count(self)
 
     @property
-    def state_shapes(self) -> list[tuple[int, ...]]:
-        """Shapes of h1, c1, h2, c2, …, each (1, hidden, H, W)."""
-        return [(1, hidden, *self.shape[2:]) for hidden in self.hidden for _ in "hc"]
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of hidden1, cell1, hidden2, cell2, …, each (1, hidden, H, W)."""
+        return {
+            f"{word}{layer}": (1, hidden, *self.shape[2:])
+            for layer, hidden in enumerate(self.hidden, start=1)
+            for word in ("hidden", "cell")
+        }
 
     def forward(self, feature: Tensor, *state: Tensor) -> tuple[Tensor, ...]:
         """feature (1, C, H, W), state h1, c1, h2, c2: motion (1, 3) forward_m, left_m, yaw_rad, then the new state."""
@@ -79,13 +92,13 @@ class PaperHead(nn.Module):
         for cell, h, c in zip(self.cells, state[0::2], state[1::2], strict=True):
             x, c = cell(x, h, c)
             new += [x, c]
-        x = functional.leaky_relu(self.dense(x.flatten(1)), SLOPE)
+        x = functional.leaky_relu(self.dense(x.flatten(1)), self.slope)
         return self.out(x) * self.motion_scale, *new
 
 
-def random_head(shape: Sequence[int], seed: int = 0) -> PaperHead:
+def random_head(shape: Sequence[int], seed: int = 0, kernel: int = 3, slope: float = SLOPE) -> PaperHead:
     """An untrained head whose weights follow from the seed alone."""
-    head = PaperHead(shape)
+    head = PaperHead(shape, kernel=kernel, slope=slope)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for module in head.modules():

@@ -1,0 +1,114 @@
+"""`edgemap train odometry`: drives with true poses to an odometry head for one backbone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+
+def command(
+    data: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="KIND:DIR...", help="Drives with true poses and a mount: drive, locobot, kitti, tum, c2w."
+        ),
+    ],
+    output: Annotated[
+        Path,
+        tyro.conf.arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
+    ],
+    validation: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="KIND:DIR...", help="Other drives, that choose best.pt; other rooms!"),
+    ],
+    backbone: Annotated[
+        str,
+        tyro.conf.arg(metavar="NAME|FILE", help="edgemap-nano, yolox-nano, yolov3-tiny, yolov3, a .cfg, .onnx or .pt."),
+    ] = "edgemap-nano",
+    weights: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help="The backbone's weights.")] = None,
+    head: Annotated[
+        Literal["flow", "paper"], tyro.conf.arg(help="flow: ours. paper: the paper's ConvLSTM by its own recipe.")
+    ] = "flow",
+    feature: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="NAME", help="What the head reads; by default stride4 for flow, the raw coarse map for paper."
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None, tyro.conf.arg(metavar="FILE", help="A head's best.pt to go on from, for the same feature.")
+    ] = None,
+    minutes: Annotated[
+        float | None, tyro.conf.arg(metavar="M", help="Budget of training time; goes before --steps.")
+    ] = None,
+    steps: Annotated[int, tyro.conf.arg(metavar="N", help="Budget in batches.")] = 4000,
+    resume: Annotated[bool, tyro.conf.arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
+    batch: Annotated[int, tyro.conf.arg(metavar="N", help="Clips per step.")] = 6,
+    length: Annotated[int | None, tyro.conf.arg(metavar="T", help="Frames per clip; by default 8, paper 10.")] = None,
+    rate: Annotated[
+        float | None, tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.001, paper 0.005.")
+    ] = None,
+    kernel: Annotated[Literal[3, 5], tyro.conf.arg(help="Side of the paper head's kernels.")] = 3,
+    relu: Annotated[bool, tyro.conf.arg(help="The paper head with ReLU, not leaky ReLU.")] = False,
+    first: Annotated[int, tyro.conf.arg(metavar="N", help="Leave out the first N frames of each drive.")] = 0,
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only N frames of each training drive.")] = None,
+    validation_first: Annotated[int, tyro.conf.arg(metavar="N", help="The same for validation drives.")] = 0,
+    validation_frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="The same for validation drives.")] = None,
+    patience: Annotated[
+        int | None, tyro.conf.arg(metavar="N", help="Stop after N validations without a better one.")
+    ] = None,
+    validate_minutes: Annotated[float, tyro.conf.arg(metavar="M", help="Training time between validations.")] = 5.0,
+    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of clips and random weights.")] = 0,
+    cache: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
+    ] = None,
+) -> None:
+    """Train an odometry head on features of a frozen backbone, which are computed once and kept.
+
+    Interrupted runs go on with --resume. `edgemap export DIR/best.pt -o BUNDLE` makes a bundle of backbone and head.
+    """
+    from edgemap.cli.extras import need_export
+    from edgemap.cli.options import OptionError, at_least
+
+    need_export("edgemap train odometry")
+    at_least(1, steps=steps, batch=batch, patience=patience, frames=frames, validation_frames=validation_frames)
+    at_least(2, length=length)
+    at_least(0, first=first, validation_first=validation_first)
+    for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
+        if value is not None and not 0.0 < value < 1e6:
+            raise OptionError(f"--{name} {value}: must be above 0")
+    from edgemap.export.exporter import open_backbone
+    from edgemap.export.odometry.data import FeatureStore
+    from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
+    from edgemap.export.odometry.start import begin
+    from edgemap.export.odometry.train import HeadTrainer, Settings
+    from edgemap.runtime.store import cache_folder
+
+    feature = feature or {"flow": "stride4", "paper": "head"}[head]
+    if feature == "head" and (backbone == "yolox-nano" or backbone.endswith(".onnx")):
+        feature = "stride32"
+    part = open_backbone(backbone, weights, [feature])
+    store = FeatureStore(part, feature, cache or cache_folder() / "features")
+    print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
+    train = store.load(data, first, frames)
+    held_back = store.load(validation, validation_first, validation_frames)
+    print(
+        f"{sum(map(len, train))} frames of {len(train)} drives to train on, {sum(map(len, held_back))} to validate on"
+    )
+    begun = begin(
+        head, store, train, backbone, feature, seed=seed, start=start, kernel=kernel, slope=0.0 if relu else 0.1
+    )
+    print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
+    recipe = (
+        flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
+    )
+    settings = Settings(minutes, steps, batch, seed, validate_minutes, patience)
+    trainer = HeadTrainer(begun, recipe, train, held_back, output, settings)
+    if resume:
+        trainer.resume()
+    best = trainer.run()
+    print(
+        f"{output / 'best.pt'}: validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
+    )

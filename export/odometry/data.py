@@ -1,0 +1,142 @@
+"""Drives as training data: features of the frozen backbone, computed once and kept, with the true motion."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from edgemap.export.backbones import Backbone
+from edgemap.export.errors import ExportError
+from edgemap.export.odometry.flow import GRID_STRIDE
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.flow_cells import Grid, flow_cells
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.drives import Drive, open_drive
+from edgemap.runtime.preprocess import Preprocessor, cell_grid
+from edgemap.runtime.session import session_options
+
+FORMAT = "edgemap.features/1"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeatureDrive:
+    """One drive, ready for training. features: (N, C, H, W) float16, on disk. stamps_s: (N,). poses: (N, 3) of the
+    base. cells, mount: as `flow_cells` gives them. depth: metres at the middle of each cell, (N, rows, columns)
+    float16, NaN where unknown; None without depth pictures."""
+
+    name: str
+    features: NDArray[np.float16]
+    stamps_s: NDArray[np.float64]
+    poses: NDArray[np.float64]
+    cells: NDArray[np.float32]
+    mount: NDArray[np.float32]
+    depth: NDArray[np.float16] | None
+
+    def __len__(self) -> int:
+        return len(self.stamps_s)
+
+    def motions(self, indices: NDArray[np.intp]) -> NDArray[np.float32]:
+        """True motions (len - 1, 3) from each of these frames to the next."""
+        poses = [SE2(*self.poses[index]) for index in indices]
+        return np.array(
+            [(a.inverse() @ b).vector() for a, b in zip(poses, poses[1:], strict=False)], dtype=np.float32
+        ).reshape(-1, 3)
+
+
+class FeatureStore:
+    """Features in a folder, keyed by what makes them: the backbone's bytes, its input rule, the feature's name.
+
+    What was computed stays and is used again; a drive that was interrupted goes on where it stopped.
+    """
+
+    def __init__(self, part: Backbone, feature: str, folder: Path, threads: int = 2) -> None:
+        self._input = part.detector.input
+        self._name = part.features[feature]
+        self._model = part.model.SerializeToString(deterministic=True)
+        spec = next(item for item in part.detector.features if item.name == self._name)
+        self.shape, self.stride = tuple(spec.shape), spec.stride
+        about = f"{FORMAT} {hashlib.sha256(self._model).hexdigest()} {self._input} {self._name}"
+        self.folder = folder / hashlib.sha256(about.encode()).hexdigest()[:16]
+        self._threads = threads
+        self._session: ort.InferenceSession | None = None
+
+    def load(self, specs: Sequence[str], first: int = 0, frames: int | None = None) -> list[FeatureDrive]:
+        """All drives `KIND:DIR`, computing what is missing. Raises ExportError or CameraError."""
+        bar = tqdm(specs, unit=" drives", disable=None if len(specs) > 1 else True)
+        return [self.drive(spec, first, frames) for spec in bar]
+
+    def drive(self, spec: str, first: int = 0, frames: int | None = None) -> FeatureDrive:
+        """One drive from a frame on. Raises ExportError where it has no true poses or no mount."""
+        drive = open_drive(spec)
+        if drive.truth is None or drive.mount is None or drive.intrinsics is None:
+            raise ExportError(f"{spec}: training an odometry needs true poses, the lens and the mount")
+        total = len(drive.stamps_s)
+        count = min(total, total if frames is None else first + frames)
+        if count - first < 2:
+            raise ExportError(f"{spec}: {total} pictures, wanted are those from {first} to {count}")
+        stamps = np.asarray(drive.stamps_s[first:count], dtype=np.float64)
+        poses = np.array([drive.truth.at(float(stamp)).vector() for stamp in stamps])
+        camera = FloorCamera(drive.intrinsics, drive.mount)
+        grid = cell_grid(self._input, drive.intrinsics.width, drive.intrinsics.height, GRID_STRIDE)
+        cells, mount = flow_cells(camera, grid)
+        features, depth = self._features(spec, drive, count), _depth(drive, count, grid)
+        return FeatureDrive(
+            spec, features[first:], stamps, poses, cells, mount, None if depth is None else depth[first:]
+        )
+
+    def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
+        stamp = drive.images[0].stat().st_mtime_ns if drive.images else 0
+        key = hashlib.sha256(f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {stamp}".encode()).hexdigest()[:16]
+        path, note = self.folder / f"{key}.npy", self.folder / f"{key}.json"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        total = len(drive.stamps_s)
+        known: dict[str, Any] = json.loads(note.read_text()) if note.is_file() and path.is_file() else {}
+        done = int(known.get("frames", 0))
+        if done < count:
+            shape = (total, *self.shape[1:])
+            kept = np.lib.format.open_memmap(path, "r+" if done else "w+", np.float16, None if done else shape)
+            preprocess = Preprocessor(self._input)
+            with drive_camera(drive, spec) as source:
+                for frame in source:
+                    if frame.index < done:
+                        continue
+                    if frame.index >= count:
+                        break
+                    tensor, _ = preprocess(frame.image)
+                    kept[frame.index] = self._run(tensor)
+            kept.flush()
+            note.write_text(json.dumps({"data": spec, "frames": count, "feature": self._name}))
+        return np.load(path, mmap_mode="r")[:count]
+
+    def _run(self, tensor: NDArray[np.float32]) -> NDArray[np.float32]:
+        if self._session is None:
+            options = session_options(self._threads)
+            self._session = ort.InferenceSession(self._model, options, providers=["CPUExecutionProvider"])
+        return np.asarray(self._session.run([self._name], {self._input.name: tensor})[0])[0]
+
+
+def _depth(drive: Drive, count: int, grid: Grid) -> NDArray[np.float16] | None:
+    if len(drive.depth) < count:
+        return None
+    pixels = grid.to_picture(grid.centres_px())
+    found = np.full((count, grid.rows * grid.columns), np.nan, dtype=np.float16)
+    for index in range(count):
+        picture = cv2.imread(str(drive.depth[index]), cv2.IMREAD_UNCHANGED)
+        if picture is None:
+            raise ExportError(f"{drive.depth[index]}: no depth picture")
+        u = np.clip(np.rint(pixels[:, 0]), 0, picture.shape[1] - 1).astype(np.intp)
+        v = np.clip(np.rint(pixels[:, 1]), 0, picture.shape[0] - 1).astype(np.intp)
+        metres = picture[v, u].astype(np.float32) / 1000.0
+        found[index] = np.where((metres > 0.05) & grid.inside(), metres, np.nan)
+    return found.reshape(count, grid.rows, grid.columns)

@@ -1,0 +1,212 @@
+"""Our odometry head: where every cell went since the previous picture, and the one motion that explains it.
+
+Correlation of the backbone's early features with the previous ones, coarse and wide first, then fine around what the
+coarse motion predicts; a ConvLSTM remembers; the motion is solved from the cells' displacements by least squares over
+the known geometry of lens, mount and floor (`rigid`), so that one head serves any of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from edgemap.export.errors import ExportError
+from edgemap.export.odometry.correlation import correlate, offsets
+from edgemap.export.odometry.rigid import Cells, Solution, seen_before, solve
+
+FINE, COARSE, HIDDEN, WIDTH = 32, 48, 32, 64  # channels
+GRID_STRIDE = 16  # px of the input per cell in which displacements are told
+COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of stride 16: 112 px to the sides
+FINE_REACH = 3  # of the fine search, in cells of stride 8 around the prediction
+SIGMA = 0.01  # a cell's weight of 1 stands for this standard deviation of its bearing
+FAR_INVERSE_DEPTH = 0.4  # 1/m, what is taken for the depth of a cell that does not see the floor, at first
+SLOPE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). information: of each
+    direction's bearing, (B, 2, H, W). inverse_depth: (B, 1, H, W), 1/m. solution: the motion from it."""
+
+    moved: Tensor
+    information: Tensor
+    inverse_depth: Tensor
+    solution: Solution
+
+
+class FlowHead(nn.Module):
+    """Features of one frame, the geometry and the state to the base's motion, its covariance and the new state.
+
+    shape: (1, C, H, W) of the features, stride: theirs, 4 or 8 input px. Buffers, not trained by gradient:
+    feature_mean and feature_std, (1, C, 1, 1). Raises ExportError for features that do not fit.
+    """
+
+    def __init__(self, shape: Sequence[int], stride: int) -> None:
+        super().__init__()
+        _, channels, height, width = shape
+        if stride not in (4, 8) or (height * stride) % GRID_STRIDE or (width * stride) % GRID_STRIDE:
+            raise ExportError(f"flow head: features {tuple(shape)} of stride {stride}; 4 or 8 are wanted")
+        self.shape, self.stride = (1, channels, height, width), stride
+        self.rows, self.columns = height * stride // GRID_STRIDE, width * stride // GRID_STRIDE
+        self.reduce = nn.Conv2d(channels, FINE, 3, 8 // stride, 1)
+        self.coarsen = nn.Conv2d(FINE, COARSE, 3, 2, 1)
+        coarse_window = (2 * COARSE_ROWS + 1) * (2 * COARSE_COLUMNS + 1)
+        fine_window = (2 * FINE_REACH + 1) ** 2
+        self.sharpness = nn.Parameter(torch.tensor([8.0, 8.0]))
+        self.search = _convs(coarse_window + COARSE + HIDDEN + 7, WIDTH, WIDTH)
+        self.tell = nn.Conv2d(WIDTH, 5, 3, padding=1)
+        self.narrow = nn.Conv2d(fine_window + FINE, 48, 3, 2, 1)
+        self.refine = _convs(48 + WIDTH + 4, WIDTH, WIDTH)
+        self.retell = nn.Conv2d(WIDTH, 5, 3, padding=1)
+        self.remember = nn.Conv2d(WIDTH, HIDDEN, 3, 2, 1)
+        self.gates = nn.Conv2d(2 * HIDDEN, 4 * HIDDEN, 3, padding=1)
+        self.expect = nn.Linear(HIDDEN, 6)
+        self.evidence = nn.Parameter(torch.tensor([-3.0, -3.0]))  # log of what one more cell tells: they err together
+        for layer in (self.tell, self.retell, self.expect):
+            nn.init.normal_(layer.weight, std=1e-3)
+            nn.init.zeros_(layer.bias)
+        with torch.no_grad():
+            self.gates.bias[HIDDEN : 2 * HIDDEN] = 1.0  # type: ignore[index]
+        self.feature_mean: Tensor
+        self.feature_std: Tensor
+        self.register_buffer("feature_mean", torch.zeros(1, channels, 1, 1))
+        self.register_buffer("feature_std", torch.ones(1, channels, 1, 1))
+        self.coarse_offsets: Tensor
+        self.fine_offsets: Tensor
+        self.register_buffer("coarse_offsets", offsets(COARSE_ROWS, COARSE_COLUMNS), persistent=False)
+        self.register_buffer("fine_offsets", offsets(FINE_REACH, FINE_REACH), persistent=False)
+
+    @property
+    def parameters_count(self) -> int:
+        """Trainable parameters."""
+        return sum(parameter.numel() for parameter in self.parameters())
+
+    @property
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of the state: previous features, fine and coarse; the ConvLSTM's; the last velocity."""
+        rows, columns = self.rows, self.columns
+        memory = (1, HIDDEN, (rows + 1) // 2, (columns + 1) // 2)
+        return {
+            "fine": (1, FINE, 2 * rows, 2 * columns),
+            "coarse": (1, COARSE, rows, columns),
+            "hidden": memory,
+            "cell": memory,
+            "velocity": (1, 3),
+        }
+
+    def describe(self, feature: Tensor) -> tuple[Tensor, Tensor]:
+        """Raw features to unit vectors per cell, of stride 8 and 16."""
+        fine = self.reduce((feature - self.feature_mean) / self.feature_std)
+        coarse = self.coarsen(functional.leaky_relu(fine, SLOPE))
+        return _unit(fine), _unit(coarse)
+
+    def forward(
+        self, feature: Tensor, cells: Tensor, mount: Tensor, dt_s: Tensor, *state: Tensor
+    ) -> tuple[Tensor, ...]:
+        """One step. feature (1, C, H, W); cells (1, 8, rows, columns) and mount (1, 12) as `flow_cells` gives them.
+
+        dt_s: (1, 1), seconds since the previous frame. Gives motion (1, 3) forward_m, left_m, yaw_rad of the base,
+        its covariance (1, 3, 3), then the new state.
+        """
+        fine, coarse = self.describe(feature)
+        last, hidden, cell = self.match(fine, coarse, cells, Cells.of(cells, mount), dt_s, *state)[1:]
+        solution = last.solution
+        return solution.motion, solution.covariance, fine, coarse, hidden, cell, solution.motion / dt_s
+
+    def match(
+        self,
+        fine: Tensor,
+        coarse: Tensor,
+        cells: Tensor,
+        geometry: Cells,
+        dt_s: Tensor,
+        fine_before: Tensor,
+        coarse_before: Tensor,
+        hidden: Tensor,
+        cell: Tensor,
+        velocity: Tensor,
+    ) -> tuple[Look, Look, Tensor, Tensor]:
+        """Both searches, (B, ...): the coarse and the fine look, and the new memory."""
+        expected = self.expect(hidden.mean(dim=(2, 3)))
+        prior = velocity * dt_s * (1.0 + 0.1 * torch.tanh(expected[:, :3]))
+        prior_information = torch.exp(expected[:, 3:].clamp(-4.0, 4.0)) / (dt_s * dt_s) * 50.0
+        floor = torch.where(geometry.floor > 0.0, geometry.floor, FAR_INVERSE_DEPTH * torch.ones_like(geometry.floor))
+        shape = cells.shape[2:]
+
+        scores = correlate(coarse, coarse_before, COARSE_ROWS, COARSE_COLUMNS)
+        guess = _expected(scores, self.coarse_offsets, self.sharpness[0])
+        memory = functional.interpolate(hidden, size=(self.rows, self.columns), mode="nearest")
+        known = torch.cat([cells[:, :2], cells[:, 6:], floor.unflatten(2, shape).log() * 0.3, guess * 0.3], dim=1)
+        found = self.search(torch.cat([scores, coarse, memory, known], dim=1))
+        first = self._read(self.tell(found), guess, floor, geometry, prior, prior, prior_information, 0)
+
+        bearings, _ = seen_before(geometry, first.inverse_depth.flatten(2), first.solution.motion)
+        predicted = geometry.cells_of(bearings - geometry.here).unflatten(2, shape)
+        scores = correlate(fine, _warped(fine_before, predicted), FINE_REACH, FINE_REACH)
+        nearer = functional.avg_pool2d(_expected(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
+        finer = functional.leaky_relu(self.narrow(torch.cat([scores, fine], dim=1)), SLOPE)
+        found = self.refine(torch.cat([finer, found, nearer, first.moved - predicted], dim=1))
+        start = first.solution.motion
+        second = self._read(
+            self.retell(found), predicted + nearer, first.inverse_depth.flatten(2), geometry, start, prior,
+            prior_information, 1,
+        )  # fmt: skip
+        hidden, cell = self._recall(self.remember(found), hidden, cell)
+        return first, second, hidden, cell
+
+    def _read(
+        self, told: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: Cells, start: Tensor, prior: Tensor,
+        prior_information: Tensor, stage: int,
+    ) -> Look:  # fmt: skip
+        """What the network tells of each cell, and the motion that explains it best."""
+        told = told.float()
+        moved = guess + told[:, :2] * 4.0
+        weights = torch.exp((told[:, 2:4] * 4.0).clamp(-6.0, 6.0)) * geometry.shown.unflatten(2, told.shape[2:])
+        information = weights / SIGMA**2
+        # The floor's depth is known but for the tilt; anything may stand before it or hang above it.
+        depth = inverse_depth * torch.exp((told[:, 4:].flatten(2) * 4.0).clamp(-2.5, 2.5))
+        bearings, slopes = seen_before(geometry, depth, start)
+        measured = geometry.here + geometry.bearings_of(moved.flatten(2))
+        used = information.flatten(2) * torch.exp(self.evidence[stage])
+        solution = solve(slopes, measured - bearings, used, start, prior, prior_information)
+        return Look(moved, information, depth.unflatten(2, told.shape[2:]), solution)
+
+    def _recall(self, x: Tensor, hidden: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
+        """One ConvLSTM step (Shi et al. 2015)."""
+        i, f, o, g = torch.split(self.gates(torch.cat([x, hidden], dim=1)), HIDDEN, dim=1)
+        cell = torch.sigmoid(f) * cell + torch.sigmoid(i) * torch.tanh(g)
+        return torch.sigmoid(o) * torch.tanh(cell), cell
+
+
+def _convs(inputs: int, middle: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, middle, 3, padding=1),
+        nn.LeakyReLU(SLOPE),
+        nn.Conv2d(middle, outputs, 3, padding=1),
+        nn.LeakyReLU(SLOPE),
+    )
+
+
+def _unit(features: Tensor) -> Tensor:
+    return features * torch.rsqrt((features * features).sum(dim=1, keepdim=True) + 1e-6)
+
+
+def _expected(scores: Tensor, window: Tensor, sharpness: Tensor) -> Tensor:
+    """The mean displacement under the softmax of the scores, (B, 2, H, W), in cells of the scores' grid."""
+    shares = torch.softmax(scores * sharpness, dim=1).flatten(2)
+    return torch.matmul(window, shares).unflatten(2, scores.shape[2:])
+
+
+def _warped(before: Tensor, moved: Tensor) -> Tensor:
+    """The previous fine features fetched from where each cell was; moved: (B, 2, H, W) in cells of twice the stride."""
+    height, width = before.shape[2:]
+    finer = functional.interpolate(moved, scale_factor=2.0, mode="bilinear", align_corners=False) * 2.0
+    v, u = torch.meshgrid(torch.arange(height) + 0.0, torch.arange(width) + 0.0, indexing="ij")
+    x = (u + finer[:, 0] + 0.5) * (2.0 / width) - 1.0
+    y = (v + finer[:, 1] + 0.5) * (2.0 / height) - 1.0
+    where = torch.stack([x, y], dim=-1).clamp(-2.0, 2.0)
+    return functional.grid_sample(before, where, mode="bilinear", padding_mode="zeros", align_corners=False)

@@ -1,0 +1,104 @@
+"""How each kind of head is trained: its loss, its optimiser, its clips, and how it runs over a drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from edgemap.export.detector.schedule import Schedule
+from edgemap.export.odometry.clips import Clips
+from edgemap.export.odometry.data import FeatureDrive
+from edgemap.export.odometry.flow import FlowHead
+from edgemap.export.odometry.flow_loss import Batch, flow_loss, run_clip
+from edgemap.export.odometry.paper import PaperHead
+from edgemap.export.odometry.validate import Unroll
+
+LAMBDA = 100.0  # of the paper's equation 2: what a radian's square counts against a metre's
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """loss: of a head on a batch at a share of the training, with its parts. rate: factor on `highest_rate` at a share
+    of the training and a step. unroll: runs the head over a clip."""
+
+    kind: str
+    clips: Clips
+    highest_rate: float
+    optimizer: Callable[[nn.Module], torch.optim.Optimizer]
+    rate: Callable[[float, int], float]
+    loss: Callable[[Any, Batch, float], tuple[Tensor, dict[str, float]]]
+    unroll: Unroll
+
+    @staticmethod
+    def envelope(drives: Sequence[FeatureDrive]) -> dict[str, tuple[float, float]]:
+        """What the training has seen: camera height m, pitch deg, half the field of view, frame times, speeds."""
+        heights = [float(drive.mount[0, 11]) for drive in drives]
+        pitches = [math.degrees(-math.asin(float(np.clip(drive.mount[0, 8], -1.0, 1.0)))) for drive in drives]
+        views = [2.0 * math.degrees(math.atan(float(np.abs(drive.cells[0, 0]).max()))) for drive in drives]
+        rates = [1.0 / float(np.median(np.diff(drive.stamps_s))) for drive in drives]
+        names = ("height_m", "pitch_deg", "horizontal_view_deg", "rate_hz")
+        spans = {
+            name: (round(min(values), 2), round(max(values), 2))
+            for name, values in zip(names, (heights, pitches, views, rates), strict=True)
+        }
+        # Every second or third picture of a drive is a slower camera.
+        return spans | {"rate_hz": (round(min(rates) / 2.0, 2), spans["rate_hz"][1])}
+
+
+def flow_recipe(rate: float = 1e-3, length: int = 8) -> Recipe:
+    """AdamW with a cosine, the loss of `flow_loss`."""
+
+    def optimizer(head: nn.Module) -> torch.optim.Optimizer:
+        return torch.optim.AdamW(head.parameters(), lr=rate, weight_decay=1e-3)
+
+    def unroll(head: FlowHead, batch: Batch, state: list[Tensor] | None) -> Any:
+        looks, new = run_clip(head, batch, state)
+        solutions = [second.solution for _, second in looks]
+        motions = torch.stack([solution.motion for solution in solutions], dim=1)
+        return motions, torch.stack([solution.covariance for solution in solutions], dim=1), new
+
+    return Recipe("flow", Clips(length), rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)
+
+
+def paper_recipe(length: int = 10, factor: float = 1.0) -> Recipe:
+    """The paper's section 4.3: AdaGrad, rate 0.005 for 100 iterations, then 0.001; equation 2 as the loss.
+
+    length: of the sequences, which the paper does not state. Nothing is skipped or turned round. factor: on the rates.
+    """
+
+    def optimizer(head: nn.Module) -> torch.optim.Optimizer:
+        return torch.optim.Adagrad(head.parameters(), lr=0.005 * factor)
+
+    def rate(_share: float, step: int) -> float:
+        return 1.0 if step < 100 else 0.2
+
+    def loss(head: PaperHead, batch: Batch, _share: float) -> tuple[Tensor, dict[str, float]]:
+        found, _, _ = unroll(head, batch, None)
+        return equation_2(found, batch.motions[:, 1:]), {}
+
+    def unroll(head: PaperHead, batch: Batch, state: list[Tensor] | None) -> Any:
+        clips, frames = batch.features.shape[:2]
+        now = state or [torch.zeros(clips, *shape[1:]) for shape in head.state_shapes.values()]
+        motions = []
+        first = 0 if state is None else 1
+        for index in range(first, frames):
+            motion, *now = head(batch.features[:, index], *now)
+            if index > 0:
+                motions.append(motion)
+        return torch.stack(motions, dim=1), None, now
+
+    clips = Clips(length, skips=(1,), backwards=0.0, still=0.0)
+    return Recipe("paper", clips, 0.005 * factor, optimizer, rate, loss, unroll)
+
+
+def equation_2(found: Tensor, true: Tensor) -> Tensor:
+    """Mean over all steps of the squared error of the position plus lambda times that of the yaw."""
+    error = found - true
+    yaw = torch.atan2(torch.sin(error[..., 2]), torch.cos(error[..., 2]))
+    return (error[..., :2].square().sum(dim=-1) + LAMBDA * yaw.square()).mean()

@@ -1,0 +1,62 @@
+"""What training a head begins with: seeded random weights, features standardised; or an earlier head."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from edgemap.export.errors import ExportError
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, Kind, load_head
+from edgemap.export.odometry.data import FeatureDrive, FeatureStore
+from edgemap.export.odometry.flow import FlowHead
+from edgemap.export.odometry.paper import random_head
+
+SAMPLES = 64  # frames that mean and deviation are taken from
+
+
+def begin(
+    kind: Kind,
+    store: FeatureStore,
+    drives: Sequence[FeatureDrive],
+    backbone: str,
+    feature: str,
+    *,
+    seed: int = 0,
+    start: Path | None = None,
+    kernel: int = 3,
+    slope: float = 0.1,
+) -> HeadCheckpoint:
+    """The head to train for a store's features. kernel, slope: of the paper's head. Raises ExportError."""
+    if start is not None:
+        earlier = load_head(start)
+        if earlier.kind != kind or tuple(earlier.head.shape) != tuple(store.shape):
+            raise ExportError(
+                f"{start}: a {earlier.kind} head for features {tuple(earlier.head.shape)}, "
+                f"not {kind} for {tuple(store.shape)}"
+            )
+        return HeadCheckpoint(earlier.head, backbone, feature, kind)
+    torch.manual_seed(seed)
+    if kind == "flow":
+        head = FlowHead(store.shape, store.stride)
+    else:
+        head = random_head(store.shape, seed, kernel, slope)
+        head.motion_scale.copy_(torch.from_numpy(_scale(drives)))
+    sample = _sample(drives, np.random.default_rng(seed))
+    head.feature_mean.copy_(sample.mean(dim=(0, 2, 3), keepdim=True))
+    head.feature_std.copy_(sample.std(dim=(0, 2, 3), keepdim=True) + 1e-3)
+    return HeadCheckpoint(head, backbone, feature, kind)
+
+
+def _sample(drives: Sequence[FeatureDrive], rng: np.random.Generator) -> torch.Tensor:
+    chosen = [drives[int(rng.integers(len(drives)))] for _ in range(SAMPLES)]
+    return torch.from_numpy(np.stack([d.features[int(rng.integers(len(d)))] for d in chosen]).astype(np.float32))
+
+
+def _scale(drives: Sequence[FeatureDrive]) -> NDArray[np.float32]:
+    """Standard deviations of the true motions, (3,)."""
+    motions = np.concatenate([drive.motions(np.arange(len(drive))) for drive in drives])
+    return (motions.std(axis=0) + 1e-3).astype(np.float32)
