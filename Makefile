@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view test lint bench demo clean
+.PHONY: setup system run view test lint bench paper-tables demo clean
 
 setup: system $(STAMP)
 
@@ -48,6 +48,13 @@ lint: setup
 bench: setup
 	$(BIN)/edgemap bench --against openvino
 	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
+
+# The paper's Tables 2 to 5 for homes unseen in training (rendered once, about a quarter of an hour), and its own beside
+# them. Other data: python -m edgemap.benchmarks.paper_tables --data KIND:DIR ...
+PAPER_SEEDS ?= 9100:9110
+PAPER_OUT ?= runs/paper-tables
+paper-tables: setup
+	$(BIN)/python -m edgemap.benchmarks.paper_tables --seeds $(PAPER_SEEDS) -o $(PAPER_OUT)
 
 # Renders the demo drive anew (runtime/demo/); some minutes.
 demo: setup

@@ -123,7 +123,11 @@ def _file_name(name: str) -> str:
 
 def _print(own: dict[str, Any]) -> None:
     for key, unit, title in (("t_rel_percent", " %", "t_rel"), ("r_rel_deg_per_m", " deg/m", "r_rel")):
-        told = [f"{length} m {value:.3g}{unit}" for length, value in own[key].items() if value is not None]
+        told = [
+            f"{length} m {value:.{3 if value < 1 else 2}f}{unit}"
+            for length, value in own[key].items()
+            if value is not None
+        ]
         missing = [length for length, value in own[key].items() if value is None]
         if missing and key == "t_rel_percent":
             told.append(f"no segment of {', '.join(missing)} m fits")
@@ -143,9 +147,9 @@ def _print(own: dict[str, Any]) -> None:
             f"{deg['mean']:.4f} deg, at most {deg['max']:.4f}"
         )
     if fit := own.get("planar_fit"):
-        drift = "" if fit["t_rel_percent"] is None else f", t_rel {fit['t_rel_percent']:.3g} %"
+        drift = "" if fit["t_rel_percent"] is None else f", t_rel {fit['t_rel_percent']:.2f} %"
         off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the way, at most {fit['max_m']:.2f} m{drift}"
         height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
         print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
     if worst := own.get("worst"):
-        print(f"  worst     {worst['sequence']}: t_rel over {worst['length_m']:g} m {worst['t_rel_percent']:.3g} %")
+        print(f"  worst     {worst['sequence']}: t_rel over {worst['length_m']:g} m {worst['t_rel_percent']:.2f} %")

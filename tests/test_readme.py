@@ -69,7 +69,7 @@ def test_shown_python_runs(block, tmp_path):
     assert "chair-1" in result.stdout
 
 
-@pytest.mark.parametrize("target", ["setup", "run", "view", "test", "lint", "bench", "demo"])
+@pytest.mark.parametrize("target", ["setup", "run", "view", "test", "lint", "bench", "paper-tables", "demo"])
 def test_make_targets_exist(target):
     result = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr

@@ -1,0 +1,154 @@
+"""The page of `paper_tables`: our figures as Markdown tables, the paper's own beside them."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from edgemap.benchmarks.paper_figures import (
+    DIFFERS,
+    TABLE_2,
+    TABLE_3,
+    TABLE_4,
+    TABLE_4_COLUMNS,
+    TABLE_4_PARAMETERS,
+    TABLE_5,
+    TABLE_5_COLUMNS,
+)
+
+NONE = "–"
+
+
+def page(document: dict[str, Any]) -> str:
+    """All tables of what `measure` found."""
+    columns = document["columns"]
+    dashes = [f"- {column}: {reason}." for column, reason in document["lacking"].items()]
+    parts = [
+        f"# The paper's tables anew: bundle `{document['bundle']}`",
+        _data(document),
+        "\n".join(["A dash stands where there is nothing to measure:", "", *dashes]) if dashes else "",
+        "## Table 2: detections",
+        f"*What differs: {DIFFERS['2']}*",
+        _detections(document["detections"]),
+        "## Table 3: eq. 9, RMSE of integrated positions",
+        f"*What differs: {DIFFERS['3']}*",
+        "Metres, from a common start, without alignment.",
+        _odometry(document, columns, lambda own: own["paper_rmse"]),
+        "The paper's own:",
+        table(["sequence", "accumulated total loss"], [[name, f"{value}"] for name, value in TABLE_3.items()]),
+        "## Table 4: odometry",
+        f"*What differs: {DIFFERS['4']}*",
+        "t_rel in percent, mean over all segments of 1, 2 and 5 m, of 100 to 800 m for KITTI (KITTI's protocol):",
+        _odometry(document, columns, lambda own: own["t_rel_mean_percent"], _parameters(document, columns)),
+        "t_rel in percent over 5 m, over 100 m for KITTI:",
+        _odometry(document, columns, lambda own: own["t_rel_percent"].get("5", own["t_rel_percent"].get("100"))),
+        "ATE in metres, RMSE of positions after rigid alignment:",
+        _odometry(document, columns, lambda own: own["ate_m"]),
+        'The paper\'s own, KITTI, "RMSE values":',
+        _paper_4(),
+        "## Table 5: what each uses",
+        f"*What differs: {DIFFERS['5']}*",
+        table(TABLE_5_COLUMNS, [*TABLE_5, _own_row(document)]),
+    ]
+    if document["ways"]:
+        pictures = [f"![{name}]({path})" for name, path in document["ways"].items()]
+        parts += ["## Fig. 7: ways over the true ones", "\n".join(pictures)]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def _data(document: dict[str, Any]) -> str:
+    drives = next(iter(document["odometry"].values()))["sequences"]
+    rows = [
+        [name, f"`{document['data'][name]}`", f"{own['frames']}", f"{own['rate_hz']:g}", f"{own['path_m']:.1f}",
+         f"{own['mount']['height_m']:.2f}", f"{own['mount']['pitch_deg']:.1f}"]
+        for name, own in drives.items()
+    ]  # fmt: skip
+    return table(["sequence", "data", "frames", "Hz", "way, m", "camera height, m", "pitch, deg down"], rows)
+
+
+def _detections(found: dict[str, dict[str, Any] | None]) -> str:
+    head = ["sequence", "frames", "chairs", "found", "false", "missed", "all mapped", "found", "false", "missed"]
+    keys = ("true", "found", "false", "missed")
+    rows: list[list[str]] = []
+    for name, own in found.items():
+        if own is None:
+            rows.append([name, *[NONE] * 9])
+            continue
+        chairs = [NONE] * 4 if own["chair"] is None else [str(own["chair"][key]) for key in keys]
+        rows.append([name, str(own["frames"]), *chairs, *(str(own["mapped"][key]) for key in keys)])
+    known = [own for own in found.values() if own is not None]
+    if len(known) > 1:
+        chairs = [str(sum(own["chair"][key] for own in known)) if known[0]["chair"] else NONE for key in keys]
+        mapped = [str(sum(own["mapped"][key] for own in known)) for key in keys]
+        rows.append(["**all**", str(sum(own["frames"] for own in known)), *chairs, *mapped])
+    without = "" if len(known) == len(found) else "\n\nA dash: no true boxes come with that sequence."
+    paper = table(
+        ["sequence", "total chairs", "chairs detected", "false detection", "not detected"],
+        [[name, *map(str, values)] for name, values in TABLE_2.items()],
+    )
+    return f"{table(head, rows)}{without}\n\nThe paper's own, in 100 random frames:\n\n{paper}"
+
+
+def _odometry(
+    document: dict[str, Any],
+    columns: Sequence[str],
+    figure: Callable[[dict[str, Any]], float | None],
+    last: Sequence[str] | None = None,
+) -> str:
+    """One figure of each sequence and odometry, its mean and its worst; `last` is one more row."""
+    scored = {column: document["odometry"].get(column, {"sequences": {}})["sequences"] for column in columns}
+    values = {
+        column: [figure(drives[name]) if name in drives else None for name in document["data"]]
+        for column, drives in scored.items()
+    }
+    rows = [
+        [name, *(_number(values[column][index]) for column in columns)] for index, name in enumerate(document["data"])
+    ]
+    if len(rows) > 1:
+        for title, over in (("**mean**", fmean), ("**worst**", max)):
+            known = [[value for value in values[column] if value is not None] for column in columns]
+            rows.append([title, *(_number(over(own)) if own else NONE for own in known)])
+    return table(["sequence", *columns], [*rows, *([last] if last else [])])
+
+
+def _parameters(document: dict[str, Any], columns: Sequence[str]) -> list[str]:
+    kinds = {"flow": "flow", "hybrid": "flow", "hybrid with wheels": "flow", "paper head": "paper"}
+    numbers = []
+    for column in columns:
+        count = document["parameters"].get(kinds.get(column, ""), 0)
+        numbers.append(NONE if column in document["lacking"] else f"{count:,}")
+    return ["trainable parameters", *numbers]
+
+
+def _paper_4() -> str:
+    rows = [[name, *map(str, values)] for name, values in TABLE_4.items()]
+    return table(["sequence", *TABLE_4_COLUMNS], [*rows, ["trainable parameters", *TABLE_4_PARAMETERS]])
+
+
+def _own_row(document: dict[str, Any]) -> list[str]:
+    odometry = "hybrid" if "hybrid" in document["odometry"] else "planar"
+    parts = "KLT floor corners and ConvLSTM on feature correlation" if odometry == "hybrid" else "KLT floor corners"
+    threads = document["threads"]
+    hardware = f"{threads} thread{'s' if threads > 1 else ''} of {processor()}"
+    return [f"**`{document['bundle']}`**", hardware, f"`{document['bundle']}`", "RGB camera", f"{odometry}: {parts}"]
+
+
+def processor() -> str:
+    """The processor's own name for itself."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.is_file() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _number(value: float | None) -> str:
+    return NONE if value is None else f"{value:.2f}"

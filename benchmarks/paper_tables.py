@@ -1,0 +1,187 @@
+"""`python -m edgemap.benchmarks.paper_tables --seeds A:B -o DIR`: the paper's Tables 2 to 5 for our data, on one page.
+
+Homes are rendered by `edgemap simulate` (kept in DIR and resumed), or `--data` names drives that exist: drive:DIR,
+kitti:DIR and so on, `demo`. DIR/paper_tables.md has the tables with the paper's own figures beside them,
+DIR/paper_tables.json every figure, DIR/ways/ the ways over the true ones (the paper's Fig. 7).
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from edgemap.benchmarks.odometry import OWN_WHEELS, ScoredDrive, Selection, score_drive, sequence_names, together
+from edgemap.benchmarks.paper_page import page
+from edgemap.evaluation.counts import Counts, count_detections
+from edgemap.evaluation.detection import ScoredPicture
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.cameras.open import DEMO
+from edgemap.runtime.decode import Decoder
+from edgemap.runtime.detector import Detector
+from edgemap.runtime.drives import READERS, open_drive
+from edgemap.runtime.drives.labelled import LabelledPictures
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.session import Bundle, default_threads, load_bundle
+from edgemap.runtime.store import bundle_folder
+
+COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper
+# Column to what it runs; the camera is alone in all but the last two.
+ODOMETRIES = {
+    "flow": ("flow", False),
+    "hybrid": ("hybrid", False),
+    "planar": ("planar", False),
+    "paper head": ("paper", False),
+    "hybrid with wheels": ("hybrid", True),
+    "wheels": (OWN_WHEELS, True),
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """seeds: A:B, homes from A up to, not including, B. data: drives that exist, instead. frames: first N of each."""
+
+    seeds: str | None = None
+    data: tuple[str, ...] = ()
+    bundle: str = "edgemap-nano"
+    frames: int = 450
+    threads: int | None = None
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/paper-tables")
+
+
+def main(options: Options) -> None:
+    """Render where needed, measure, and write page and figures."""
+    try:
+        bundle = load_bundle(bundle_folder(options.bundle), options.threads or default_threads())
+        specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in options.data] or _rendered(options)
+        names = [
+            name if spec != f"drive:{DEMO}" else "demo" for name, spec in zip(sequence_names(specs), specs, strict=True)
+        ]
+        document = measure(dict(zip(names, specs, strict=True)), bundle, options.frames, options.out)
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / "paper_tables.json").write_text(json.dumps(document, indent=1) + "\n")
+        (options.out / "paper_tables.md").write_text(page(document))
+    except EdgemapError as error:
+        sys.exit(f"paper_tables: {error}")
+    print(options.out / "paper_tables.md")
+
+
+def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path) -> dict[str, Any]:
+    """All figures of the drives, by name. Draws their ways into `out`/ways/ where matplotlib is there."""
+    scored: dict[str, dict[str, ScoredDrive]] = {}
+    lacking: dict[str, str] = {}
+    for column, (odometry, wheels) in ODOMETRIES.items():
+        if not wheels and (reason := _lacks(bundle, odometry)):
+            lacking[column] = reason
+            continue
+        scored[column] = {}
+        for name, spec in specs.items():
+            if wheels and (spec.partition(":")[0] not in READERS or open_drive(spec).wheel is None):
+                continue
+            print(f"{column}: {name}", file=sys.stderr, flush=True)
+            scored[column][name] = score_drive(spec, odometry, bundle, Selection(frames=frames, wheels=wheels))
+        if not scored[column]:
+            del scored[column]
+            lacking[column] = "no wheel odometry in the data"
+    heads = bundle.manifest.odometry
+    return {
+        "bundle": bundle.manifest.name,
+        "data": specs,
+        "frames": frames,
+        "detections": {name: _detections(spec, bundle, frames) for name, spec in specs.items()},
+        "odometry": {column: together(drives) for column, drives in scored.items()},
+        "columns": list(ODOMETRIES),
+        "lacking": lacking,
+        "parameters": {kind: head.parameters for kind, head in heads.items()},
+        "ways": _ways(scored, out / "ways"),
+        "threads": bundle.threads,
+    }
+
+
+def _lacks(bundle: Bundle, odometry: str) -> str:
+    """Why the bundle cannot do this odometry from its camera alone, empty where it can."""
+    if odometry == "planar":
+        return ""
+    if odometry == "hybrid":
+        return "without a flow head it is planar alone" if _lacks(bundle, "flow") else ""
+    head = bundle.manifest.odometry.get(odometry)
+    if head is None:
+        return f"the bundle has no {odometry} head"
+    return "" if head.trained else f"the bundle's {odometry} head is untrained"
+
+
+def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any] | None:
+    """Counts in some frames of a drive, chosen by a fixed seed; None where its true boxes are not known."""
+    if spec.partition(":")[0] not in READERS or not (drive := open_drive(spec)).boxes:
+        return None
+    count = len(drive.boxes[:frames])
+    chosen = set(np.random.default_rng(0).choice(count, min(COUNTED, count), replace=False).tolist())
+    detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence))
+    number = {name: index for index, name in enumerate(bundle.names)}
+    pictures = []
+    for index, (image, truth) in enumerate(LabelledPictures(drive, frames)):
+        if index not in chosen:
+            continue
+        known = [row for row, label in enumerate(truth.labels) if label in number]
+        labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
+        found = detector(image)
+        height, width = image.shape[:2]
+        pictures.append(
+            ScoredPicture(
+                width, height, truth.boxes[known].reshape(-1, 4), labels, found.boxes, found.class_ids, found.scores,
+                truth.ignorable()[known],
+            )
+        )  # fmt: skip
+    by_class = {name: count_detections(pictures, number[name]) for name in sorted(bundle.mapped)}
+    counts = {"chair": by_class.get("chair"), "mapped": sum(by_class.values(), Counts())}
+    return {
+        "frames": len(pictures),
+        "score": bundle.manifest.confidence,
+        **{
+            name: None if c is None else {"true": c.true, "found": c.found, "false": c.false, "missed": c.missed}
+            for name, c in counts.items()
+        },
+    }
+
+
+def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, str]:
+    """Draw each drive's ways from the camera alone, and with wheels; the pictures by the drive's name."""
+    try:
+        from edgemap.plots.trajectories import plot_ways
+    except EdgemapError as error:
+        print(f"no pictures of the ways: {error}", file=sys.stderr)
+        return {}
+    drawn: dict[str, str] = {}
+    for name in dict.fromkeys(name for drives in scored.values() for name in drives):
+        ways = {column: drives[name].followed for column, drives in scored.items() if name in drives}
+        file = f"{''.join(letter if letter.isalnum() else '-' for letter in name)}.png"
+        true = next(iter(ways.values())).true
+        plot_ways(folder / file, name, true, {column: way.estimated for column, way in ways.items()})
+        drawn[name] = f"{folder.name}/{file}"
+    return drawn
+
+
+def _rendered(options: Options) -> list[str]:
+    """The seeds' homes, rendered where they are not there yet. Ends the program where that fails."""
+    try:
+        first, end = (int(part) for part in (options.seeds or "").split(":"))
+    except ValueError:
+        raise OdometryError(f"--seeds {options.seeds}: expected A:B, or else --data KIND:DIR …") from None
+    specs = []
+    for seed in range(first, end):
+        drive = options.out / "drives" / str(seed)
+        command = ["simulate", "--seed", str(seed), "--frames", str(options.frames), "-o", str(drive)]
+        if subprocess.run([sys.executable, "-m", "edgemap.cli", *command], stdout=sys.stderr).returncode:
+            sys.exit(f"edgemap {' '.join(command)} failed")
+        specs.append(f"drive:{drive}")
+    return specs
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options, description=__doc__))

@@ -1,0 +1,120 @@
+"""The paper's tables on hand-made drives: a network that paints, wheels that go too far, a head that counts steps."""
+
+import json
+import math
+
+import cv2
+import numpy as np
+import pytest
+from support.painted import write_painted
+
+from edgemap.benchmarks.paper_page import page, table
+from edgemap.benchmarks.paper_tables import Options, main, measure
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives import write_drive
+from edgemap.runtime.session import load_bundle
+from edgemap.runtime.trajectory import Trajectory
+
+COUNT = 121
+STAMPS_S = np.arange(COUNT) / 10
+CHAIR = [68.0, 27.0, 92.0, 63.0]  # where the network below sees one, in the 128x96 picture
+
+
+def write(folder, share, boxes):
+    """12 m ahead; wheels too long by a share."""
+    (folder / "images").mkdir(parents=True)
+    for index in range(COUNT):
+        cv2.imwrite(str(folder / "images" / f"{index}.png"), np.full((96, 128, 3), 90, np.uint8))
+    way = tuple(SE2(0.1 * i, 0, 0) for i in range(COUNT))
+    wheel = [(stamp, (1 + share) * pose.x_m, 0, 0) for stamp, pose in zip(STAMPS_S, way, strict=True)]
+    lens = Intrinsics(128, 96, 100.0, 100.0, 63.5, 47.5)
+    write_drive(folder, lens, Mount.from_degrees(0.5, 20.0), 10.0, Trajectory(STAMPS_S, way), boxes=boxes, wheel=wheel)
+    return f"drive:{folder}"
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drives")
+    chair = {"id": 1, "label": "chair", "box": CHAIR, "visible": 1.0}
+    hidden = {"id": 2, "label": "chair", "box": [0, 0, 30, 40], "visible": 0.1}
+    couch = {"id": 3, "label": "couch", "box": [0, 0, 30, 40], "visible": 1.0}
+    first = [[chair, hidden, couch]] * COUNT
+    # An unknown label is left out; in the other nothing is where the network sees a chair.
+    second = [[{**couch, "label": "lamp"}]] * COUNT
+    return {"one": write(folder / "one", 0.05, first), "two": write(folder / "two", 0.10, second)}
+
+
+def painted(folder, trained):
+    return write_painted(folder, [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)], odometry=trained)
+
+
+@pytest.fixture(scope="module")
+def measured(drives, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tables")
+    return measure(drives, load_bundle(painted(folder / "b", True), 1), None, folder)
+
+
+def test_detections_are_counted_in_a_hundred_frames(measured):
+    one, two = measured["detections"]["one"], measured["detections"]["two"]
+    assert one["frames"] == two["frames"] == 100
+    assert one["chair"] == {"true": 100, "found": 100, "false": 0, "missed": 0}
+    assert one["mapped"] == {"true": 200, "found": 100, "false": 0, "missed": 100}
+    assert two["chair"] == {"true": 0, "found": 0, "false": 100, "missed": 0}
+
+
+def test_each_odometry_has_its_own_figures(measured):
+    wheels = measured["odometry"]["wheels"]["sequences"]
+    # Segments of 5 m end 5.1 m on, one too late for rounding at most.
+    assert wheels["one"]["t_rel_percent"]["5"] == pytest.approx(5.1, rel=0.03)
+    assert wheels["two"]["paper_rmse"] == pytest.approx(math.sqrt(np.mean((0.01 * np.arange(COUNT)) ** 2)), rel=1e-3)
+    # The painted head goes 0.01 k at step k: at the end 0.005 n (n + 1) instead of 0.1 n.
+    steps = np.arange(COUNT)
+    expected = math.sqrt(np.mean((0.005 * steps * (steps + 1) - 0.1 * steps) ** 2))
+    assert measured["odometry"]["paper head"]["sequences"]["one"]["paper_rmse"] == pytest.approx(expected, rel=1e-4)
+    assert set(measured["lacking"]) == {"flow", "hybrid"}
+
+
+def test_the_page_shows_what_was_measured_beside_the_papers_own(measured):
+    text = page(measured)
+    assert "| one | 100 | 100 | 100 | 0 | 0 | 200 | 100 | 0 | 100 |" in text
+    assert "| **all** | 200 | 100 | 100 | 100 | 0 | 200 | 100 | 100 | 100 |" in text
+    assert "| 1 | 124 | 116 | 2 | 10 |" in text
+    assert "| 5 | 106.3202 |" in text
+    assert "| 07 | 14.45 | 3.91 | 41.56 |" in text
+    assert "- flow: the bundle has no flow head." in text
+    lines = text.splitlines()
+    row = lines[lines.index("## Table 3: eq. 9, RMSE of integrated positions") :]
+    own = next(line for line in row if line.startswith("| one |")).split(" | ")
+    assert own[-1] == f"{0.05 * math.sqrt(np.mean((0.1 * np.arange(COUNT)) ** 2)):.2f} |"
+    assert own[1] == "–"
+    mean = next(line for line in row if line.startswith("| **mean** |")).split(" | ")
+    assert float(mean[-1].strip(" |")) == pytest.approx(1.5 * float(own[-1].strip(" |")), abs=0.02)
+
+
+def test_ways_are_drawn(measured, drives):
+    if not measured["ways"]:
+        pytest.skip("no matplotlib")
+    assert list(measured["ways"]) == list(drives)
+
+
+def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drives, tmp_path, capsys):
+    bundle = painted(tmp_path / "b", False)
+    main(Options(data=(drives["two"], "demo"), bundle=str(bundle), frames=20, threads=1, out=tmp_path / "out"))
+    text = (tmp_path / "out" / "paper_tables.md").read_text()
+    assert "- paper head: the bundle's paper head is untrained." in text
+    assert "| demo | – |" in text
+    document = json.loads((tmp_path / "out" / "paper_tables.json").read_text())
+    assert list(document["odometry"]) == ["planar", "hybrid with wheels", "wheels"]
+    assert capsys.readouterr().out.strip() == str(tmp_path / "out" / "paper_tables.md")
+
+
+def test_without_data_the_program_ends_with_a_line(tmp_path):
+    bundle = painted(tmp_path / "b", False)
+    with pytest.raises(SystemExit, match="expected A:B"):
+        main(Options(bundle=str(bundle), out=tmp_path))
+
+
+def test_a_table_is_markdown():
+    assert table(["a", "b"], [["1", "2"]]) == "| a | b |\n| --- | --- |\n| 1 | 2 |"
