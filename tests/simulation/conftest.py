@@ -1,4 +1,4 @@
-"""One small lit room for all tests of the simulation; skipped where the extra, the furniture or OpenGL is missing."""
+"""One home, lit once, for all tests of the simulation; skipped where the extra, the furniture or OpenGL is missing."""
 
 import pytest
 
@@ -16,27 +16,44 @@ def furniture_catalogue():
 
 
 @pytest.fixture(scope="session")
-def world(furniture_catalogue):
-    """(apartment, lit scene) of seed 5 with coarse light."""
-    pytest.importorskip("embreex")
-    pytest.importorskip("PIL")
-    from edgemap.simulation.apartment.apartment import furnish
-    from edgemap.simulation.render.light import BakeSettings, bake
-    from edgemap.simulation.world import build_scene
+def drawn(furniture_catalogue):
+    """A world of five pictures, with a person."""
+    from edgemap.simulation.world import Choices, draw_world
 
-    apartment = furnish(5)
-    settings = BakeSettings(texel_m=0.1, vertex_spacing_m=0.3, lamp_samples=2, hemisphere_samples=4, bounces=1)
-    return apartment, bake(build_scene(apartment, 5), 5, settings)
+    return draw_world(9107, 5, Choices(people=1, contract=False))
 
 
 @pytest.fixture(scope="session")
-def renderer(world):
-    pytest.importorskip("moderngl")
+def light_coarsely():
+    """light_coarsely(world) -> its lit home, in a second or two."""
+    for module in ("moderngl", "embreex", "PIL"):
+        pytest.importorskip(module)
+    from edgemap.simulation import studio
+    from edgemap.simulation.render.light import BakeSettings, bake
+
+    coarse = BakeSettings(texel_m=0.3, vertex_spacing_m=1.0, lamp_samples=1, hemisphere_samples=2, bounces=1)
+
+    def light(world):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(studio, "bake", lambda scene, seed: bake(scene, seed, coarse))
+            return studio.lit_home(world)
+
+    return light
+
+
+@pytest.fixture(scope="session")
+def lit(drawn, light_coarsely):
+    """The home of `drawn` with its light."""
+    return light_coarsely(drawn)
+
+
+@pytest.fixture(scope="session")
+def renderer(lit):
     from edgemap.simulation.render.renderer import Renderer
     from edgemap.simulation.world import CameraSetup
 
     try:
-        made = Renderer(world[1], CameraSetup().intrinsics, exposure=1.9)
+        made = Renderer(lit, CameraSetup().intrinsics, exposure=1.9)
     except EdgemapError as error:
         pytest.skip(str(error))
     yield made

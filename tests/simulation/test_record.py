@@ -19,29 +19,13 @@ from edgemap.simulation.errors import SimulationError
 FRAMES = 5
 
 
-@pytest.fixture(scope="module")
-def drawn(furniture_catalogue):
-    from edgemap.simulation.world import Choices, draw_world
-
-    return draw_world(9107, FRAMES, Choices(people=1, contract=False))
-
-
 @pytest.fixture(scope="module", autouse=True)
-def quick_light():
+def quick_light(lit):
     """Coarse light, and once for all recordings."""
-    from edgemap.simulation import studio
-    from edgemap.simulation.render.light import BakeSettings
-
-    real, lit = studio.bake, {}
-    coarse = BakeSettings(texel_m=0.3, vertex_spacing_m=1.0, lamp_samples=1, hemisphere_samples=2, bounces=1)
-
-    def bake(scene, seed, *_):
-        if seed not in lit:
-            lit[seed] = real(scene, seed, coarse)
-        return lit[seed]
+    from edgemap.simulation import shots
 
     patch = pytest.MonkeyPatch()
-    patch.setattr(studio, "bake", bake)
+    patch.setattr(shots, "lit_home", lambda _: lit)
     yield
     patch.undo()
 

@@ -80,14 +80,13 @@ def test_silhouette_counts_what_the_picture_shows(markers):
     assert renderer.silhouette_px(view, nearest) == pytest.approx((ids == nearest).sum(), rel=0.25)
 
 
-def test_floor_depth_is_that_of_the_ray(world, renderer):
+def test_floor_depth_is_that_of_the_ray(drawn, renderer):
     """Every floor pixel's depth is where its viewing ray meets z = 0, to the centimetre."""
     from edgemap.simulation.render.view import View
     from edgemap.simulation.world import CameraSetup
 
     setup = CameraSetup()
-    apartment, _ = world
-    x_m, y_m = apartment.plan.rooms[0].centre
+    x_m, y_m = drawn.apartment.plan.rooms[0].centre
     pose = SE2(x_m, y_m, 0.7)
     ids, depth = renderer.ids_and_depth(View.of_base(pose, setup.mount))
     rows, columns = np.mgrid[0:480:7, 0:640:7]
@@ -100,7 +99,7 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
     # Where the ray meets the floor inside the room and no furniture is before it, it shows the floor (or the rug,
     # 6 mm higher).
     on_floor = pose.apply((rays * expected[:, None]) @ setup.mount.rotation_base_optical().T[:, :2] + [0.15, 0.0])
-    room = apartment.plan.rooms[0]
+    room = drawn.apartment.plan.rooms[0]
     inside = ((on_floor > [room.x0 + 0.1, room.y0 + 0.1]) & (on_floor < [room.x1 - 0.1, room.y1 - 0.1])).all(axis=1)
     shown = below & inside & (what == 0)
     assert shown.sum() > 500
@@ -108,20 +107,16 @@ def test_floor_depth_is_that_of_the_ray(world, renderer):
     assert np.median(np.abs(found - expected)[shown]) < 0.01
 
 
-def test_same_seed_same_picture(world, renderer):
-    from edgemap.simulation.apartment.apartment import furnish
-    from edgemap.simulation.render.light import BakeSettings, bake
+def test_same_seed_same_picture(drawn, light_coarsely, renderer):
     from edgemap.simulation.render.renderer import Renderer
     from edgemap.simulation.render.view import View
-    from edgemap.simulation.world import CameraSetup, build_scene
+    from edgemap.simulation.world import CameraSetup, Choices, draw_world
 
-    apartment, _ = world
-    again = furnish(5)
-    assert again == apartment
-    settings = BakeSettings(texel_m=0.1, vertex_spacing_m=0.3, lamp_samples=2, hemisphere_samples=4, bounces=1)
+    again = draw_world(drawn.seed, drawn.frames, Choices(people=1, contract=False))
+    assert again.apartment == drawn.apartment
     setup = CameraSetup()
-    other = Renderer(bake(build_scene(again, 5), 5, settings), setup.intrinsics, exposure=1.9)
-    view = View.of_base(SE2(3.0, 2.5, 2.0), setup.mount)
+    other = Renderer(light_coarsely(again), setup.intrinsics, exposure=1.9)
+    view = View.of_base(drawn.poses()[0], setup.mount)
     sums = [hashlib.sha256(made.picture(view).tobytes()).hexdigest() for made in (renderer, other)]
     other.close()
     assert sums[0] == sums[1]
