@@ -49,7 +49,7 @@ bench: setup
 	$(BIN)/edgemap bench --against openvino
 	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
 
-# The paper's Tables 2 to 5 for homes unseen in training (rendered once, about a quarter of an hour), and its own beside
+# The paper's Tables 2 to 5 for homes unseen in training (rendered once, which takes its time), and its own beside
 # them. Other data: python -m edgemap.benchmarks.paper_tables --data KIND:DIR ...
 PAPER_SEEDS ?= 9100:9110
 PAPER_OUT ?= runs/paper-tables

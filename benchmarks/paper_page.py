@@ -104,19 +104,19 @@ def _odometry(
     figure: Callable[[dict[str, Any]], float | None],
     last: Sequence[str] | None = None,
 ) -> str:
-    """One figure of each sequence and odometry, its mean and its worst; `last` is one more row."""
+    """One figure of each sequence and odometry; mean and worst, of rooms and roads apart; `last` is one more row."""
     scored = {column: document["odometry"].get(column, {"sequences": {}})["sequences"] for column in columns}
     values = {
-        column: [figure(drives[name]) if name in drives else None for name in document["data"]]
+        column: {name: figure(drives[name]) if name in drives else None for name in document["data"]}
         for column, drives in scored.items()
     }
-    rows = [
-        [name, *(_number(values[column][index]) for column in columns)] for index, name in enumerate(document["data"])
-    ]
-    if len(rows) > 1:
-        for title, over in (("**mean**", fmean), ("**worst**", max)):
-            known = [[value for value in values[column] if value is not None] for column in columns]
-            rows.append([title, *(_number(over(own)) if own else NONE for own in known)])
+    rows = [[name, *(_number(values[column][name]) for column in columns)] for name in document["data"]]
+    roads = [name for name, spec in document["data"].items() if spec.startswith("kitti:")]
+    rooms = [name for name in document["data"] if name not in roads]
+    for names, where in ((rooms, " indoors" if roads else ""), (roads, " on roads" if rooms else "")):
+        for title, over in (("mean", fmean), ("worst", max)) if len(names) > 1 else ():
+            known = [[value for name in names if (value := values[column][name]) is not None] for column in columns]
+            rows.append([f"**{title}{where}**", *(_number(over(own)) if own else NONE for own in known)])
     return table(["sequence", *columns], [*rows, *([last] if last else [])])
 
 
@@ -130,7 +130,7 @@ def _parameters(document: dict[str, Any], columns: Sequence[str]) -> list[str]:
 
 
 def _paper_4() -> str:
-    rows = [[name, *map(str, values)] for name, values in TABLE_4.items()]
+    rows = [[name, *(f"{value:.2f}" for value in values)] for name, values in TABLE_4.items()]
     return table(["sequence", *TABLE_4_COLUMNS], [*rows, ["trainable parameters", *TABLE_4_PARAMETERS]])
 
 

@@ -93,6 +93,21 @@ def test_the_page_shows_what_was_measured_beside_the_papers_own(measured):
     assert float(mean[-1].strip(" |")) == pytest.approx(1.5 * float(own[-1].strip(" |")), abs=0.02)
 
 
+def test_rooms_and_roads_have_means_of_their_own(measured):
+    own = measured["odometry"]["wheels"]["sequences"]["one"]
+    sequences = {name: {**own, "ate_m": ate} for name, ate in (("a", 0.1), ("b", 0.3), ("c", 7.0), ("d", 9.0))}
+    document = {
+        **measured,
+        "data": {"a": "drive:a", "b": "c2w:b", "c": "kitti:c", "d": "kitti:d"},
+        "detections": dict.fromkeys("abcd"),
+        "odometry": {"wheels": {"sequences": sequences}},
+    }
+    ate = page(document).split("ATE in metres, RMSE", 1)[1]
+    assert "| **mean indoors** | – | – | – | – | – | 0.20 |" in ate
+    assert "| **worst indoors** | – | – | – | – | – | 0.30 |" in ate
+    assert "| **mean on roads** | – | – | – | – | – | 8.00 |" in ate
+
+
 def test_ways_are_drawn(measured, drives):
     if not measured["ways"]:
         pytest.skip("no matplotlib")
