@@ -23,6 +23,22 @@ def edgemap():
     return run
 
 
+@pytest.fixture
+def edgemap_here(capfd, monkeypatch):
+    """`edgemap` in this process: what it refuses needs none of its own, whose imports take a second."""
+    from edgemap.cli import main
+
+    def run(*arguments, cwd=None):
+        if cwd is not None:
+            monkeypatch.chdir(cwd)
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as left:
+            main([*map(str, arguments)])
+        return subprocess.CompletedProcess(arguments, left.value.code, *capfd.readouterr())
+
+    return run
+
+
 @pytest.fixture(scope="session")
 def painted_bundle(tmp_path_factory):
     """A bundle that sees a chair 5 m ahead and a person, whatever the picture."""

@@ -139,8 +139,8 @@ def test_no_mount_is_refused_with_how_to_measure_one(edgemap, painted_bundle, pi
         (("--odometry", "wheel:none.csv"), "none.csv"),
     ],
 )
-def test_bad_values_are_one_line(edgemap, painted_bundle, pictures, flags, text):
-    assert text in one_line(edgemap("run", "--camera", pictures, "--bundle", painted_bundle, *flags))
+def test_bad_values_are_one_line(edgemap_here, painted_bundle, pictures, flags, text):
+    assert text in one_line(edgemap_here("run", "--camera", pictures, "--bundle", painted_bundle, *flags))
 
 
 def test_an_untrained_head_runs_when_forced(edgemap, painted_bundle, pictures, tmp_path):

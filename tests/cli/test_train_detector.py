@@ -64,6 +64,6 @@ def test_train_export_and_eval(edgemap, squares, tmp_path):
         (("--start", "none", "--resume"), "last.pt: no such checkpoint"),
     ],
 )
-def test_mistakes_are_one_line(edgemap, squares, tmp_path, flags, message):
+def test_mistakes_are_one_line(edgemap_here, squares, tmp_path, flags, message):
     data = ("--data", f"yolo:{squares}", "--validation", f"yolo:{squares}")
-    assert message in one_line(edgemap("train", "detector", *data, "-o", tmp_path, *flags))
+    assert message in one_line(edgemap_here("train", "detector", *data, "-o", tmp_path, *flags))
