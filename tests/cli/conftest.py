@@ -34,6 +34,7 @@ def edgemap_here(capfd, monkeypatch):
         capfd.readouterr()
         with pytest.raises(SystemExit) as left:
             main([*map(str, arguments)])
+        assert isinstance(left.value.code, int)
         return subprocess.CompletedProcess(arguments, left.value.code, *capfd.readouterr())
 
     return run
