@@ -30,6 +30,29 @@ def test_a_constant_turn_adds_up_over_a_segment():
     np.testing.assert_allclose(segment_errors(STRAIGHT, turning, 0.95)[:, 1], math.radians(0.5))
 
 
+def test_segments_agree_with_the_development_kits_way_of_counting():
+    """KITTI's devkit in its own terms: 4x4 matrices, distances summed frame by frame, inv(inv(P0) P1) (inv(Q0) Q1)."""
+    rng = np.random.default_rng(3)
+    true = integrated([SE2(*row) for row in rng.normal([0.1, 0, 0], [0.05, 0.02, 0.2], (150, 3))])
+    found = integrated([SE2(*row) for row in rng.normal([0.1, 0, 0], [0.05, 0.02, 0.2], (150, 3))])
+    expected = []
+    for first in range(0, len(true), 10):
+        gone, last = 0.0, None
+        for i in range(first + 1, len(true)):
+            gone += math.dist((true[i].x_m, true[i].y_m), (true[i - 1].x_m, true[i - 1].y_m))
+            if gone > 3.0:
+                last = i
+                break
+        if last is None:
+            continue
+        delta_true = np.linalg.inv(true[first].matrix()) @ true[last].matrix()
+        delta_found = np.linalg.inv(found[first].matrix()) @ found[last].matrix()
+        error = np.linalg.inv(delta_found) @ delta_true
+        expected.append((np.hypot(*error[:2, 2]), math.acos(np.clip(error[0, 0], -1, 1))))
+    assert len(expected) > 8
+    np.testing.assert_allclose(segment_errors(true, found, 3.0), expected, atol=1e-9)
+
+
 def test_a_length_that_does_not_fit_has_no_segments():
     assert segment_errors(STRAIGHT, STRAIGHT, 11.0).shape == (0, 2)
 
