@@ -1,6 +1,8 @@
 """What several rooms' tests share."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,27 @@ def shared_data() -> Path:
     if not (root / "data").is_dir():
         pytest.skip(f"real data not here: no folder {root / 'data'} (set EDGEMAP_SHARED)")
     return root / "data"
+
+
+@pytest.fixture(scope="session")
+def edgemap():
+    """Runs the command line in a process of its own: edgemap("run", "--frames", "3") -> CompletedProcess."""
+
+    def run(*arguments, **options):
+        command = [sys.executable, "-m", "edgemap.cli", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, **options)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def real_bundles(shared_data, tmp_path_factory, edgemap):
+    """yolov3-tiny and yolox-nano as `edgemap export` writes them from the real weights."""
+    folder, weights = tmp_path_factory.mktemp("bundles"), shared_data / "weights"
+    for name, file in (("yolov3-tiny", "yolov3-tiny.weights"), ("yolox-nano", "yolox_nano.onnx")):
+        result = edgemap("export", "--backbone", name, "--weights", weights / file, "-o", folder / name)
+        assert result.returncode == 0, result.stderr
+    return folder
 
 
 @pytest.fixture(scope="session")

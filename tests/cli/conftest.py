@@ -1,5 +1,4 @@
 import subprocess
-import sys
 
 import cv2
 import numpy as np
@@ -10,17 +9,6 @@ CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5,
  distortion: {model: none, coefficients: []}, world_up: z,
  mount: {height_m: 1.0, pitch_deg: 0.0, roll_deg: 0.0, forward_m: 0.0, left_m: 0.0}}
 """
-
-
-@pytest.fixture(scope="session")
-def edgemap():
-    """Runs the command line in a process of its own: edgemap("run", "--frames", "3") -> CompletedProcess."""
-
-    def run(*arguments, **options):
-        command = [sys.executable, "-m", "edgemap.cli", *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, **options)
-
-    return run
 
 
 @pytest.fixture

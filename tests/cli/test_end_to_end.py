@@ -11,16 +11,6 @@ from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.trajectory import read_tum
 
 
-@pytest.fixture(scope="session")
-def real_bundles(shared_data, tmp_path_factory, edgemap):
-    """yolov3-tiny and yolox-nano as `edgemap export` writes them from the real weights."""
-    folder, weights = tmp_path_factory.mktemp("bundles"), shared_data / "weights"
-    for name, file in (("yolov3-tiny", "yolov3-tiny.weights"), ("yolox-nano", "yolox_nano.onnx")):
-        result = edgemap("export", "--backbone", name, "--weights", weights / file, "-o", folder / name)
-        assert result.returncode == 0, result.stderr
-    return folder
-
-
 def found_in(edgemap, bundle, picture, *flags):
     document = json.loads(edgemap("detect", picture, "--bundle", bundle, "--json", *flags).stdout)
     return {entry["label"] for entry in document[0]["detections"]}

@@ -9,12 +9,12 @@ import torch
 
 from edgemap.export import backbones, exporter, parity
 from edgemap.export.architectures import yolov3
-from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
-from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_weights import load_weights, random_weights, save_weights
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
+from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.runtime.bundle import METADATA_KEY, read_manifest, sha256_file, write_manifest
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.session import load_bundle
@@ -219,9 +219,8 @@ def test_what_cannot_be_exported_says_why(tmp_path, small_cfg, small_weights, ba
     assert not (tmp_path / "x").exists()
 
 
-def test_yolov3_tiny_with_its_real_weights(tmp_path, shared_data):
-    out = export_backbone("yolov3-tiny", tmp_path / "t", weights=shared_data / "weights" / "yolov3-tiny.weights")
-    manifest = read_manifest(out)
+def test_yolov3_tiny_with_its_real_weights(real_bundles):
+    manifest = read_manifest(real_bundles / "yolov3-tiny")
     assert [head.shape for head in manifest.detector.heads] == [(1, 255, 13, 13), (1, 255, 26, 26)]
     assert manifest.odometry["paper"].parameters == 2_415_363
     assert manifest.measured["weights"]["float32_values"] == 8_858_734
