@@ -142,7 +142,7 @@ def test_other_layouts(evaluate, tmp_path):
     for name in ("c", "t"):
         own = found["sequences"][name]
         assert own["frames"] == COUNT
-        assert own["path_m"] == pytest.approx(5.0, abs=1e-3)
+        assert own["path_m"] == pytest.approx(5.0, abs=0.01)  # the corners of the way, between two poses
         assert own["t_rel_percent"]["2"] == pytest.approx(0.0, abs=1e-6)
     assert found["sequences"]["c"]["planar_fit"]["max_m"] == pytest.approx(0.0, abs=1e-6)
 
