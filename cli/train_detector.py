@@ -53,6 +53,10 @@ def command(
     bfloat16: Annotated[
         bool, tyro.conf.arg(help="Convolutions in bfloat16: 1.7 times as fast where the processor has AVX512-BF16.")
     ] = False,
+    threads: Annotated[
+        int,
+        tyro.conf.arg(metavar="N", help="Of the network; one is better than two where other work shares the cores."),
+    ] = 2,
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
     validate_minutes: Annotated[
         float | None,
@@ -71,7 +75,7 @@ def command(
     from edgemap.cli.options import OptionError, at_least
 
     need_export("edgemap train detector")
-    at_least(1, epochs=epochs, batch=batch, validate_pictures=validate_pictures)
+    at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)
     at_least(64, input=input)
     if input % 32:
         raise OptionError(f"--input {input}: must be a multiple of 32")
@@ -98,6 +102,7 @@ def command(
         frozen=() if scratch else ("stem", "down4"),
         validate_minutes=validate_minutes,
         bfloat16=bfloat16,
+        threads=threads,
     )
     network = begin(start, NAMES, input, seed)
     print(f"reading {', '.join(data)} …", flush=True)

@@ -60,6 +60,9 @@ def command(
         int | None, tyro.conf.arg(metavar="N", help="Stop after N validations without a better one.")
     ] = None,
     validate_minutes: Annotated[float, tyro.conf.arg(metavar="M", help="Training time between validations.")] = 5.0,
+    threads: Annotated[
+        int, tyro.conf.arg(metavar="N", help="Of the network; one is better where other work shares the cores.")
+    ] = 2,
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of clips and random weights.")] = 0,
     cache: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
@@ -73,7 +76,15 @@ def command(
     from edgemap.cli.options import OptionError, at_least
 
     need_export("edgemap train odometry")
-    at_least(1, steps=steps, batch=batch, patience=patience, frames=frames, validation_frames=validation_frames)
+    at_least(
+        1,
+        steps=steps,
+        batch=batch,
+        threads=threads,
+        patience=patience,
+        frames=frames,
+        validation_frames=validation_frames,
+    )
     at_least(2, length=length)
     at_least(0, first=first, validation_first=validation_first)
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
@@ -104,7 +115,7 @@ def command(
     recipe = (
         flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     )
-    settings = Settings(minutes, steps, batch, seed, validate_minutes, patience)
+    settings = Settings(minutes, steps, batch, seed, validate_minutes, patience, threads)
     trainer = HeadTrainer(begun, recipe, train, held_back, output, settings)
     if resume:
         trainer.resume()

@@ -50,7 +50,8 @@ def flow_cells(camera: FloorCamera, grid: Grid) -> tuple[NDArray[np.float32], ND
 
     Channels: normalised image point x, y of the cell's middle, undistorted; its change per cell to the right (x, y) and
     down (x, y); inverse depth of the floor there along the optical axis, 1/m, 0 at or above the horizon; 1. All are 0
-    where the cell does not show the picture. Mount: the rotation base from optical, row by row, then the lens in the base frame, metres.
+    where the cell does not show the picture. Mount: the rotation base
+    from optical, row by row, then the lens in the base frame, metres.
     """
     middles = grid.centres_px()
     half = 0.5 * grid.stride_px

@@ -96,8 +96,8 @@ class Detector(Strict):
 class GeometrySpec(Strict):
     """Names of further tensors of an odometry that knows lens, mount and time (`geometry.flow_cells`).
 
-    cells: input, (1, 8, rows, columns), of cells of `stride` input px. mount: input, (1, 12). dt: input, (1, 1), seconds
-    since the previous frame. covariance: output, (1, 3, 3), of the motion.
+    cells: input, (1, 8, rows, columns), of cells of `stride` input px. mount: input, (1, 12). dt: input, (1, 1),
+    seconds since the previous frame. covariance: output, (1, 3, 3), of the motion.
     """
 
     cells: str

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from edgemap.export.errors import ExportError
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow_loss import Batch
 
@@ -26,7 +27,7 @@ class Clips:
     still: float = 0.05
 
     def draw(self, drives: Sequence[FeatureDrive], rng: np.random.Generator) -> tuple[FeatureDrive, NDArray[np.intp]]:
-        """A drive and the frames of a clip. Drives are chosen by their length."""
+        """A drive and the frames of a clip. Drives are chosen by their length. Raises ExportError for one too short."""
         lengths = np.array([len(drive.stamps_s) for drive in drives], dtype=np.float64)
         while True:
             drive = drives[int(rng.choice(len(drives), p=lengths / lengths.sum()))]
@@ -35,7 +36,7 @@ class Clips:
             span = (self.length - 1) * skip
             if span >= len(drive.stamps_s):
                 if skip == 1:
-                    raise ValueError(f"{drive.name}: {len(drive.stamps_s)} frames, clips need {span + 1}")
+                    raise ExportError(f"{drive.name}: {len(drive.stamps_s)} frames, clips need {span + 1}")
                 continue
             first = int(rng.integers(0, len(drive.stamps_s) - span))
             indices = first + np.arange(self.length) * skip
@@ -51,7 +52,7 @@ class Clips:
 
 def make_batch(chosen: Sequence[tuple[FeatureDrive, NDArray[np.intp]]]) -> Batch:
     """Clips as one batch."""
-    features, dt_s, motions, depth = [], [], [], []
+    features, dt_s, motions = [], [], []
     for drive, indices in chosen:
         features.append(np.stack([drive.features[index] for index in indices]).astype(np.float32))
         steps = np.abs(np.diff(drive.stamps_s[indices]))
@@ -59,14 +60,10 @@ def make_batch(chosen: Sequence[tuple[FeatureDrive, NDArray[np.intp]]]) -> Batch
         steps = np.where(steps > 0.0, steps, frame_s)
         dt_s.append(np.concatenate([[frame_s], steps]))
         motions.append(np.concatenate([np.zeros((1, 3)), drive.motions(indices)]))
-        rows, columns = drive.cells.shape[2:]
-        unknown = np.full((len(indices), rows, columns), np.nan)
-        depth.append(unknown if drive.depth is None else drive.depth[indices])
     return Batch(
         torch.from_numpy(np.stack(features)),
         torch.from_numpy(np.concatenate([drive.cells for drive, _ in chosen])),
         torch.from_numpy(np.concatenate([drive.mount for drive, _ in chosen])),
         torch.from_numpy(np.stack(dt_s).astype(np.float32)),
         torch.from_numpy(np.stack(motions).astype(np.float32)),
-        torch.from_numpy(np.stack(depth).astype(np.float32)),
     )

@@ -8,10 +8,10 @@ from torch.nn import functional
 
 
 def correlate(now: Tensor, before: Tensor, rows: int, columns: int) -> Tensor:
-    """Dot products over a window of +-rows, +-columns: (B, C, H, W) twice to (B, (2 rows + 1)(2 columns + 1), H, W).
+    """Dot products over a window of +-rows, +-columns: (B, C, H, W) twice to (B, H, W, (2 rows + 1)(2 columns + 1)).
 
     One matrix product per row shift of which the diagonals are read off by padding and reshaping: 77 slices and
-    products instead took three times as long in onnxruntime. Channels run over rows first, then columns.
+    products instead took three times as long in onnxruntime. The window runs over rows first, then columns.
     """
     batch, _, height, width = now.shape
     reach = width + 2 * columns
@@ -22,7 +22,7 @@ def correlate(now: Tensor, before: Tensor, rows: int, columns: int) -> Tensor:
         products = torch.matmul(queries, keys[:, shift : shift + height])  # (B, H, W, reach)
         skewed = functional.pad(products.reshape(batch, height, width * reach), (0, width))
         found.append(skewed.reshape(batch, height, width, reach + 1)[..., : 2 * columns + 1])
-    return torch.cat(found, dim=-1).permute(0, 3, 1, 2)
+    return torch.cat(found, dim=-1)
 
 
 def offsets(rows: int, columns: int) -> Tensor:

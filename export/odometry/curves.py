@@ -23,7 +23,7 @@ def write_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     steps = [row["steps"] for row in rows]
-    for part in ("loss", "motion", "coarse", "cells", "depth"):
+    for part in ("loss", "motion", "coarse"):
         if any(part in row for row in rows):
             left.plot(steps, [row.get(part) for row in rows], marker="o", markersize=3, label=part)
     left.set(xlabel="steps of training", ylabel="loss")

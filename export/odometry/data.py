@@ -6,10 +6,10 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from edgemap.export.backbones import Backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import GRID_STRIDE
 from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.flow_cells import Grid, flow_cells
+from edgemap.geometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.drives import Drive, open_drive
@@ -32,8 +32,7 @@ FORMAT = "edgemap.features/1"
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureDrive:
     """One drive, ready for training. features: (N, C, H, W) float16, on disk. stamps_s: (N,). poses: (N, 3) of the
-    base. cells, mount: as `flow_cells` gives them. depth: metres at the middle of each cell, (N, rows, columns)
-    float16, NaN where unknown; None without depth pictures."""
+    base. cells, mount: as `flow_cells` gives them."""
 
     name: str
     features: NDArray[np.float16]
@@ -41,7 +40,6 @@ class FeatureDrive:
     poses: NDArray[np.float64]
     cells: NDArray[np.float32]
     mount: NDArray[np.float32]
-    depth: NDArray[np.float16] | None
 
     def __len__(self) -> int:
         return len(self.stamps_s)
@@ -49,9 +47,7 @@ class FeatureDrive:
     def motions(self, indices: NDArray[np.intp]) -> NDArray[np.float32]:
         """True motions (len - 1, 3) from each of these frames to the next."""
         poses = [SE2(*self.poses[index]) for index in indices]
-        return np.array(
-            [(a.inverse() @ b).vector() for a, b in zip(poses, poses[1:], strict=False)], dtype=np.float32
-        ).reshape(-1, 3)
+        return np.array([(a.inverse() @ b).vector() for a, b in pairwise(poses)], dtype=np.float32).reshape(-1, 3)
 
 
 class FeatureStore:
@@ -90,10 +86,7 @@ class FeatureStore:
         camera = FloorCamera(drive.intrinsics, drive.mount)
         grid = cell_grid(self._input, drive.intrinsics.width, drive.intrinsics.height, GRID_STRIDE)
         cells, mount = flow_cells(camera, grid)
-        features, depth = self._features(spec, drive, count), _depth(drive, count, grid)
-        return FeatureDrive(
-            spec, features[first:], stamps, poses, cells, mount, None if depth is None else depth[first:]
-        )
+        return FeatureDrive(spec, self._features(spec, drive, count)[first:], stamps, poses, cells, mount)
 
     def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
         stamp = drive.images[0].stat().st_mtime_ns if drive.images else 0
@@ -108,13 +101,13 @@ class FeatureStore:
             kept = np.lib.format.open_memmap(path, "r+" if done else "w+", np.float16, None if done else shape)
             preprocess = Preprocessor(self._input)
             with drive_camera(drive, spec) as source:
-                for frame in source:
-                    if frame.index < done:
-                        continue
-                    if frame.index >= count:
-                        break
-                    tensor, _ = preprocess(frame.image)
-                    kept[frame.index] = self._run(tensor)
+                for index in range(count):
+                    frame = source.read()
+                    if frame is None:
+                        raise ExportError(f"{spec}: ends after {index} pictures, {total} were announced")
+                    if index >= done:
+                        tensor, _ = preprocess(frame.image)
+                        kept[index] = self._run(tensor)
             kept.flush()
             note.write_text(json.dumps({"data": spec, "frames": count, "feature": self._name}))
         return np.load(path, mmap_mode="r")[:count]
@@ -124,19 +117,3 @@ class FeatureStore:
             options = session_options(self._threads)
             self._session = ort.InferenceSession(self._model, options, providers=["CPUExecutionProvider"])
         return np.asarray(self._session.run([self._name], {self._input.name: tensor})[0])[0]
-
-
-def _depth(drive: Drive, count: int, grid: Grid) -> NDArray[np.float16] | None:
-    if len(drive.depth) < count:
-        return None
-    pixels = grid.to_picture(grid.centres_px())
-    found = np.full((count, grid.rows * grid.columns), np.nan, dtype=np.float16)
-    for index in range(count):
-        picture = cv2.imread(str(drive.depth[index]), cv2.IMREAD_UNCHANGED)
-        if picture is None:
-            raise ExportError(f"{drive.depth[index]}: no depth picture")
-        u = np.clip(np.rint(pixels[:, 0]), 0, picture.shape[1] - 1).astype(np.intp)
-        v = np.clip(np.rint(pixels[:, 1]), 0, picture.shape[0] - 1).astype(np.intp)
-        metres = picture[v, u].astype(np.float32) / 1000.0
-        found[index] = np.where((metres > 0.05) & grid.inside(), metres, np.nan)
-    return found.reshape(count, grid.rows, grid.columns)

@@ -141,14 +141,14 @@ class FlowHead(nn.Module):
         guess = _expected(scores, self.coarse_offsets, self.sharpness[0])
         memory = functional.interpolate(hidden, size=(self.rows, self.columns), mode="nearest")
         known = torch.cat([cells[:, :2], cells[:, 6:], floor.unflatten(2, shape).log() * 0.3, guess * 0.3], dim=1)
-        found = self.search(torch.cat([scores, coarse, memory, known], dim=1))
+        found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known], dim=1))
         first = self._read(self.tell(found), guess, floor, geometry, prior, prior, prior_information, 0)
 
         bearings, _ = seen_before(geometry, first.inverse_depth.flatten(2), first.solution.motion)
         predicted = geometry.cells_of(bearings - geometry.here).unflatten(2, shape)
         scores = correlate(fine, _warped(fine_before, predicted), FINE_REACH, FINE_REACH)
         nearer = functional.avg_pool2d(_expected(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
-        finer = functional.leaky_relu(self.narrow(torch.cat([scores, fine], dim=1)), SLOPE)
+        finer = functional.leaky_relu(self.narrow(torch.cat([scores.permute(0, 3, 1, 2), fine], dim=1)), SLOPE)
         found = self.refine(torch.cat([finer, found, nearer, first.moved - predicted], dim=1))
         start = first.solution.motion
         second = self._read(
@@ -197,8 +197,7 @@ def _unit(features: Tensor) -> Tensor:
 
 def _expected(scores: Tensor, window: Tensor, sharpness: Tensor) -> Tensor:
     """The mean displacement under the softmax of the scores, (B, 2, H, W), in cells of the scores' grid."""
-    shares = torch.softmax(scores * sharpness, dim=1).flatten(2)
-    return torch.matmul(window, shares).unflatten(2, scores.shape[2:])
+    return torch.matmul(torch.softmax(scores * sharpness, dim=-1), window.T).permute(0, 3, 1, 2)
 
 
 def _warped(before: Tensor, moved: Tensor) -> Tensor:

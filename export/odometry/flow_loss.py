@@ -1,4 +1,4 @@
-"""What the flow head is taught: the motion with an honest covariance, and where every cell really went."""
+"""What the flow head is taught: the motion, from both looks, with an honest covariance."""
 
 from __future__ import annotations
 
@@ -9,26 +9,24 @@ from torch import Tensor
 from torch.nn import functional
 
 from edgemap.export.odometry.flow import FlowHead, Look
-from edgemap.export.odometry.rigid import Cells, Solution, seen_before, tilt_of
+from edgemap.export.odometry.rigid import Cells, Solution
 
 MOTION_SIGMA = (0.006, 0.004, 0.006)  # m, m, rad: what counts as a small error of one step, at first
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly
-DEPTH_WEIGHT, CELL_WEIGHT, COARSE_WEIGHT = 0.2, 1.0, 0.3
+COARSE_WEIGHT = 0.3  # of the first look's motion against the second's
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
     """Clips of equal length T. features: (B, T, C, H, W). cells: (B, 8, h, w), mount (B, 12). dt_s: (B, T), of each
-    frame since the one before; of the first it does not count. motions: (B, T, 3), likewise. depth: (B, T, h, w),
-    metres, NaN where unknown."""
+    frame since the one before; of the first it does not count. motions: (B, T, 3), likewise."""
 
     features: Tensor
     cells: Tensor
     mount: Tensor
     dt_s: Tensor
     motions: Tensor
-    depth: Tensor
 
 
 def run_clip(
@@ -57,25 +55,14 @@ def run_clip(
 
 def flow_loss(head: FlowHead, batch: Batch, progress: float) -> tuple[Tensor, dict[str, float]]:
     """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1."""
-    geometry = Cells.of(batch.cells, batch.mount)
-    parts: dict[str, list[Tensor]] = {"motion": [], "coarse": [], "cells": [], "depth": []}
+    motion, coarse = [], []
     for index, (first, second) in enumerate(run_clip(head, batch)[0], start=1):
-        true, depth = batch.motions[:, index], batch.depth[:, index]
-        parts["motion"].append(_motion_loss(second.solution, true, progress))
-        parts["coarse"].append(_huber((first.solution.motion - true) / torch.tensor(MOTION_SIGMA) / 2.0).mean())
-        known = torch.isfinite(depth)
-        if bool(known.any()):
-            inverse = torch.where(known, 1.0 / depth.clamp_min(0.05), torch.zeros_like(depth)).flatten(1)[:, None]
-            counted = known.flatten(1)[:, None] & (geometry.shown > 0)
-            for look in (first, second):
-                parts["cells"].append(_cell_loss(look, geometry, true, inverse, counted))
-                drift = torch.log(look.inverse_depth.flatten(2)) - torch.log(inverse.clamp_min(1e-3))
-                parts["depth"].append(_mean(_huber(drift * 2.0), counted))
-    means = {name: torch.stack(values).mean() for name, values in parts.items() if values}
-    total = means["motion"] + COARSE_WEIGHT * means["coarse"]
-    if "cells" in means:
-        total = total + CELL_WEIGHT * means["cells"] + DEPTH_WEIGHT * means["depth"]
-    return total, {name: float(value) for name, value in means.items()}
+        true = batch.motions[:, index]
+        motion.append(_motion_loss(second.solution, true, progress))
+        coarse.append(_huber((first.solution.motion - true) / torch.tensor(MOTION_SIGMA) / 2.0).mean())
+    parts = {"motion": torch.stack(motion).mean(), "coarse": torch.stack(coarse).mean()}
+    total = parts["motion"] + COARSE_WEIGHT * parts["coarse"]
+    return total, {name: float(value.detach()) for name, value in parts.items()}
 
 
 def _motion_loss(solution: Solution, true: Tensor, progress: float) -> Tensor:
@@ -88,19 +75,6 @@ def _motion_loss(solution: Solution, true: Tensor, progress: float) -> Tensor:
     return 0.25 * surprise.mean() + plain
 
 
-def _cell_loss(look: Look, geometry: Cells, true: Tensor, inverse_depth: Tensor, counted: Tensor) -> Tensor:
-    """Negative log likelihood of each cell's displacement under its own information, what tilt explains set aside."""
-    bearings, slopes = seen_before(geometry, inverse_depth, true)
-    measured = geometry.here + geometry.bearings_of(look.moved.flatten(2))
-    residuals = measured - bearings
-    information = look.information.flatten(2)
-    sound = (information * counted).detach()
-    residuals = residuals - tilt_of(slopes, residuals.detach(), sound / (1.0 + residuals.detach().square() * 1e4))
-    normalised = residuals.square() * information
-    likelihood = 0.5 * (_beyond(normalised, 4.0) - torch.log(information.clamp_min(1e-3))) + 5.0
-    return _mean(likelihood, counted.expand_as(likelihood))
-
-
 def _beyond(squared: Tensor, least: float = OUTLIER) -> Tensor:
     """Huber's on a squared error: linear in the error beyond `least`."""
     return torch.where(squared < least, squared, 2.0 * (least * squared.clamp_min(least)).sqrt() - least)
@@ -108,7 +82,3 @@ def _beyond(squared: Tensor, least: float = OUTLIER) -> Tensor:
 
 def _huber(error: Tensor) -> Tensor:
     return functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
-
-
-def _mean(values: Tensor, counted: Tensor) -> Tensor:
-    return torch.where(counted, values, torch.zeros_like(values)).sum() / counted.sum().clamp_min(1)

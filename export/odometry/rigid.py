@@ -120,15 +120,6 @@ def solve(
     return Solution(start + torch.matmul(covariance, pull)[:, :, 0], information, covariance)
 
 
-def tilt_of(slopes: Tensor, residuals: Tensor, weights: Tensor) -> Tensor:
-    """What tilt alone does to the bearings, (B, 2, N), where the motion is known: for judging against the truth."""
-    rows = slopes[:, :, 3:].transpose(1, 2).flatten(2)
-    weighted = rows * weights.flatten(1)[:, None]
-    normal = torch.matmul(weighted, rows.transpose(1, 2)) + torch.eye(2, dtype=rows.dtype) / TILT_SIGMA_RAD**2
-    tilt = torch.matmul(inverse2(normal), torch.matmul(weighted, residuals.flatten(1)[:, :, None]))
-    return (slopes[:, :, 3:] * tilt[:, None]).sum(dim=2)
-
-
 def inverse2(matrix: Tensor) -> Tensor:
     """Of symmetric (B, 2, 2)."""
     a, b, d = matrix[:, :1, :1], matrix[:, :1, 1:], matrix[:, 1:, 1:]

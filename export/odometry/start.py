@@ -46,8 +46,10 @@ def begin(
         head = random_head(store.shape, seed, kernel, slope)
         head.motion_scale.copy_(torch.from_numpy(_scale(drives)))
     sample = _sample(drives, np.random.default_rng(seed))
-    head.feature_mean.copy_(sample.mean(dim=(0, 2, 3), keepdim=True))
-    head.feature_std.copy_(sample.std(dim=(0, 2, 3), keepdim=True) + 1e-3)
+    mean = sample.mean(dim=(0, 2, 3), keepdim=True)
+    head.feature_mean.copy_(mean)
+    # A channel that hardly changes is mostly rounding: that must not be blown up.
+    head.feature_std.copy_(sample.std(dim=(0, 2, 3), keepdim=True) + 1e-3 + 0.01 * mean.abs())
     return HeadCheckpoint(head, backbone, feature, kind)
 
 

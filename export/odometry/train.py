@@ -1,4 +1,4 @@
-"""Trains an odometry head on cached features: clips, loss, validation on whole drives, files that a resume goes on from."""
+"""Trains an odometry head on cached features: clips, loss, validation on whole drives, files to resume from."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from edgemap.evaluation.trajectory import integrated, motion_errors, normalised_errors, path_m, segment_drift
+from edgemap.evaluation.trajectory import integrated, motion_errors, motions, normalised_errors, path_m, segment_errors
 from edgemap.export.odometry.clips import make_batch
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow_loss import Batch
@@ -39,7 +39,7 @@ def estimate(head: nn.Module, unroll: Unroll, drive: FeatureDrive) -> tuple[list
 
 
 def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive]) -> dict[str, Any]:
-    """Drift over 5, 2 and 1 m (where it fits), per-step RMSE and NEES over all drives; `score` is what chooses."""
+    """Drift over all segments of 5, 2 and 1 m, per-step RMSE and NEES over all drives; `score` is what chooses."""
     head.eval()
     drifts: dict[float, list[float]] = {length: [] for length in SEGMENTS_M}
     errors, surprises = [], []
@@ -47,14 +47,12 @@ def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive]) ->
         steps, covariances = estimate(head, unroll, drive)
         true = [SE2(*row) for row in drive.poses]
         found = integrated(steps)
-        error = motion_errors(true, found)
+        error = motion_errors(motions(true), steps)
         errors.append(error)
         if covariances is not None:
             surprises.append(normalised_errors(error, covariances))
         for length in SEGMENTS_M:
-            drift = segment_drift(true, found, length)
-            if drift is not None:
-                drifts[length].append(drift[0])
+            drifts[length].extend(100.0 * segment_errors(true, found, length)[:, 0] / length)
     forward, left, yaw = (float(value) for value in np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)))
     figures: dict[str, Any] = {
         f"t{length:g}_percent": float(np.mean(values)) for length, values in drifts.items() if values

@@ -6,6 +6,7 @@ poses.tum                  base poses, one per picture (or at any stamps where s
 stamps.txt                 optional; seconds, one per picture
 objects.json, boxes.json   optional; see `write_drive`
 wheel.csv                  optional; stamp_s,x_m,y_m,yaw_rad
+depth/…                    optional; 16-bit pictures, millimetres along the optical axis
 """
 
 from __future__ import annotations
@@ -57,6 +58,9 @@ def read_own(folder: Path) -> Drive:
         check_count(folder / "boxes.json", len(boxes), len(stamps), source)
     records = read_objects(folder / "objects.json") if (folder / "objects.json").is_file() else ()
     wheel = folder / "wheel.csv"
+    depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
+    if depth:
+        check_count(folder / "depth", len(depth), len(stamps), source)
     return Drive(
         "drive",
         folder,
@@ -70,6 +74,7 @@ def read_own(folder: Path) -> Drive:
         objects=tuple(_with_visibility(record, boxes) for record in records),
         wheel=wheel if wheel.is_file() else None,
         video=video,
+        depth=depth,
     )
 
 

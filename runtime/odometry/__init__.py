@@ -44,4 +44,6 @@ def open_odometry(
         return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec)
-    raise OdometryError(f"odometry {spec!r} is not hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum")
+    raise OdometryError(
+        f"odometry {spec!r} is not hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
+    )

@@ -27,7 +27,7 @@ def initial_states(head: OdometryHead) -> Tensors:
 
 
 class LearnedOdometry:
-    """A head of the bundle, kind `paper` or `flow`; `flow` also reads the camera's geometry and the time between frames.
+    """A head of the bundle: `paper`, or `flow`, which also reads the camera's geometry and the time between frames.
 
     Raises OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
     """

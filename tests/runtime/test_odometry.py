@@ -103,7 +103,7 @@ def test_planar_is_deterministic():
 
 def test_paper_head_carries_its_state_and_forgets_it_on_reset(tmp_path):
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True))
-    odometry = LearnedOdometry(bundle)
+    odometry = LearnedOdometry(bundle, "paper", CAMERA)
     features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
     frame = Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8))
     first = odometry.step(frame, features)
@@ -120,8 +120,8 @@ def test_paper_head_carries_its_state_and_forgets_it_on_reset(tmp_path):
 def test_an_untrained_head_is_refused_unless_forced(tmp_path):
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=False))
     with pytest.raises(OdometryError, match="untrained"):
-        LearnedOdometry(bundle)
-    LearnedOdometry(bundle, allow_untrained=True)
+        LearnedOdometry(bundle, "paper", CAMERA)
+    LearnedOdometry(bundle, "paper", CAMERA, allow_untrained=True)
 
 
 def test_recorded_poses_become_motions():

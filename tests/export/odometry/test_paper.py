@@ -5,9 +5,9 @@ import pytest
 import torch
 from scipy.ndimage import correlate
 
+from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
 from edgemap.export.odometry.paper import PARAMETER_LIMIT, ConvLSTMCell, PaperHead, random_head
-from edgemap.export.errors import ExportError
 
 
 def sigmoid(x):
@@ -52,7 +52,7 @@ def test_head_is_two_cells_then_two_dense_layers():
     head.feature_std *= 2.0
     values = {name: tensor.numpy() for name, tensor in head.state_dict().items()}
     feature = rng.standard_normal((3, 4, 5))
-    states = [rng.standard_normal(shape[1:]) for shape in head.state_shapes]
+    states = [rng.standard_normal(shape[1:]) for shape in head.state_shapes.values()]
     with torch.no_grad():
         motion, *new = head(*(torch.from_numpy(part)[None] for part in (feature, *states)))
     x, expected = (feature - 0.5) / 2.0, []
@@ -89,7 +89,7 @@ def test_random_head_follows_from_its_seed_and_stays_finite():
     assert all(torch.equal(x, y) for x, y in zip(a.parameters(), b.parameters(), strict=True))
     assert not torch.equal(a.dense.weight, other.dense.weight)
     assert a.state_dict()["cells.0.gates.bias"][64:128].unique().tolist() == [1.0]
-    state = [torch.zeros(shape) for shape in a.state_shapes]
+    state = [torch.zeros(shape) for shape in a.state_shapes.values()]
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
         for _ in range(150):

@@ -1,0 +1,100 @@
+"""From drives with true poses to a bundle whose odometry runs, as a user types it; mistakes are one line."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from edgemap.export.detector.checkpoint import DetectorCheckpoint, save_detector
+from edgemap.export.detector.classes import NAMES
+from edgemap.export.detector.network import Nano
+from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives.write import write_drive
+from edgemap.runtime.trajectory import Trajectory
+
+CAMERA = FloorCamera(Intrinsics(128, 96, 110.0, 110.0, 63.5, 47.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.1))
+
+
+@pytest.fixture(scope="module")
+def floor_drive(tmp_path_factory):
+    """Sixteen small pictures of a textured floor, driving and turning, with their poses."""
+    folder = tmp_path_factory.mktemp("drive")
+    (folder / "images").mkdir()
+    noise = np.random.default_rng(0).integers(0, 255, (120, 120, 3), dtype=np.uint8)
+    texture = cv2.resize(noise, (1200, 1200), interpolation=cv2.INTER_CUBIC)
+    v, u = np.mgrid[0:96, 0:128]
+    pixels = np.column_stack([u.ravel(), v.ravel()])
+    floor = np.nan_to_num(CAMERA.floor_points(pixels), nan=1e3)
+    poses = [SE2()]
+    for index in range(16):
+        texel = ((poses[-1].apply(floor) + 6.0) * 100).astype(np.float32).reshape(96, 128, 2)
+        picture = cv2.remap(texture, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
+        cv2.imwrite(str(folder / f"images/{index:03d}.png"), picture)
+        poses.append(poses[-1] @ SE2(0.04, 0.0, 0.05))
+    truth = Trajectory(np.arange(16) / 10.0, tuple(poses[:16]))
+    write_drive(folder, CAMERA.intrinsics, CAMERA.mount, 10.0, truth)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def backbone(tmp_path_factory):
+    """A detector's best.pt with random weights and a small input."""
+    path = tmp_path_factory.mktemp("backbone") / "best.pt"
+    save_detector(DetectorCheckpoint(Nano(len(NAMES), norm=False).eval(), NAMES, 96, "none", "none", ()), path)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["flow", "paper"])
+def test_train_export_and_run(edgemap, floor_drive, backbone, tmp_path, kind):
+    data = f"drive:{floor_drive}"
+    flags = ("--data", data, "--validation", data, "--backbone", backbone, "--head", kind, "--length", "4")
+    spent = ("--batch", "2", "--cache", tmp_path / "cache", "-o", tmp_path / "run")
+    result = edgemap("train", "odometry", *flags, *spent, "--steps", "2")
+    assert result.returncode == 0, result.stderr
+    assert "16 frames of 1 drives to train on, 16 to validate on" in result.stdout
+    assert {path.name for path in (tmp_path / "run").iterdir()} >= {"best.pt", "last.pt", "curves.csv"}
+    features = list((tmp_path / "cache").rglob("*.npy"))
+    written = features[0].stat().st_mtime_ns
+    result = edgemap("train", "odometry", *flags, *spent, "--steps", "3", "--resume")
+    assert result.returncode == 0, result.stderr
+    assert "after 3 steps" in result.stdout or "after 2 steps" in result.stdout
+    assert features[0].stat().st_mtime_ns == written, "features were computed anew"
+
+    result = edgemap("export", tmp_path / "run/best.pt", "-o", tmp_path / "bundle")
+    assert result.returncode == 0, result.stderr
+    assert f"{kind} odometry" in result.stdout
+    run = ("--bundle", tmp_path / "bundle", "--camera", data, "--odometry", kind, "--out", tmp_path / "out")
+    result = edgemap("run", *run)
+    assert result.returncode == 0, result.stderr
+    assert len((tmp_path / "out/trajectory.tum").read_text().splitlines()) >= 16
+    document = json.loads((tmp_path / "bundle/bundle.json").read_text())
+    assert document["odometry"][kind]["trained"] is True
+    assert document["measured"][f"odometry.{kind}"]["training"]["drives"] == 1
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (("--steps", "0"), "--steps 0"),
+        (("--length", "1"), "--length 1"),
+        (("--rate", "-1"), "--rate -1.0"),
+        (("--feature", "nose"), "has no feature 'nose'"),
+        (("--length", "40"), "16 frames, clips need 40"),
+        (("--frames", "1"), "16 pictures, wanted are those from 0 to 1"),
+    ],
+)
+def test_mistakes_are_one_line(edgemap_here, floor_drive, backbone, tmp_path, flags, message):
+    data = f"drive:{floor_drive}"
+    result = edgemap_here(
+        "train", "odometry", "--data", data, "--validation", data, "--backbone", backbone, "--head", "flow",
+        "--cache", tmp_path / "cache", "-o", tmp_path / "run", *flags,
+    )  # fmt: skip
+    assert result.returncode == 1, result.stderr
+    (line,) = [line for line in result.stderr.splitlines() if line.strip().startswith("edgemap")]
+    assert message in line
