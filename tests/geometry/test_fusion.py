@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edgemap.geometry.fusion import Measured, believed, distance, fused, intersected
+
+
+def measured(x_m, sigma_m=0.01, yaw_rad=0.0, source="camera"):
+    return Measured(np.array([x_m, 0.0, yaw_rad]), np.diag([sigma_m**2, sigma_m**2, 0.01**2]), source)
+
+
+def test_independent_ones_are_weighted_by_what_they_know():
+    """0.10 +- 0.01 and 0.12 +- 0.02: weights 4 to 1, so 0.104; variance 1 / (1e4 + 2.5e3) = 8e-5."""
+    found = fused(measured(0.10), measured(0.12, 0.02))
+    assert found.motion[0] == pytest.approx(0.104)
+    assert found.covariance[0, 0] == pytest.approx(8e-5)
+
+
+def test_yaw_is_compared_round_the_circle():
+    a, b = measured(0.0, yaw_rad=3.14159), measured(0.0, yaw_rad=-3.14159)
+    assert distance(a, b) < 1e-3
+    assert abs(abs(fused(a, b).motion[2]) - np.pi) < 1e-4
+
+
+spd = st.builds(
+    lambda values: (lambda a: a @ a.T + 0.05 * np.eye(3))(np.reshape(values, (3, 3))),
+    st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9),
+)
+
+
+@given(spd, spd, st.floats(-1.0, 1.0))
+def test_intersection_claims_nothing_that_correlated_errors_could_belie(p, q, correlation):
+    """Whatever the correlation of two errors, the mixture's true covariance is within what intersection claims."""
+    a, b = Measured(np.zeros(3), p, "camera"), Measured(np.array([0.1, 0.0, 0.0]), q, "camera")
+    found = intersected(a, b)
+    share = float(np.linalg.norm(found.motion) / 0.1) if np.linalg.norm(found.motion) else 0.0
+    assert np.linalg.det(found.covariance) <= min(np.linalg.det(p), np.linalg.det(q)) * (1 + 1e-9)
+    root_p, root_q = np.linalg.cholesky(p), np.linalg.cholesky(q)
+    cross = correlation * root_p @ root_q.T
+    for omega in np.linspace(0, 1, 6):
+        information = (1 - omega) * np.linalg.inv(p) + omega * np.linalg.inv(q)
+        claimed = np.linalg.inv(information)
+        if not np.allclose(claimed, found.covariance):
+            continue
+        k, m = (1 - omega) * claimed @ np.linalg.inv(p), omega * claimed @ np.linalg.inv(q)
+        true = k @ p @ k.T + m @ q @ m.T + k @ cross @ m.T + m @ cross.T @ k.T
+        assert np.linalg.eigvalsh(claimed - true).min() > -1e-9
+        return
+    raise AssertionError(f"no share of the mixture gives what was found ({share})")
+
+
+def test_two_of_three_outvote_the_third():
+    wheels = measured(0.30, 0.001, source="wheels")
+    found = believed([measured(0.10, 0.001), measured(0.1005, 0.001), wheels])
+    assert found.motion[0] == pytest.approx(0.1, abs=1e-3)
+    agreed = believed([measured(0.10, 0.001), measured(0.3, 0.001), wheels])
+    assert agreed.motion[0] == pytest.approx(0.30)
+    assert agreed.covariance[0, 0] == pytest.approx(0.5e-6), "wheels and camera are independent"
+
+
+def test_of_two_that_disagree_the_first_is_believed_and_doubted():
+    found = believed([measured(0.10, 0.001), measured(0.30, 0.001, source="wheels")])
+    assert found.motion[0] == 0.10
+    assert found.covariance[0, 0] == pytest.approx(0.001**2 + 0.2**2 / 4)
+
+
+def test_one_alone_is_believed_and_none_is_an_error():
+    alone = measured(0.1)
+    assert believed([alone]) is alone
+    with pytest.raises(ValueError, match="no measurement"):
+        believed([])
