@@ -57,7 +57,7 @@ def pull_known(name: str, given: str | None = None) -> Path:
     from edgemap.export.sources import KNOWN
     from edgemap.runtime.bundle import read_manifest, verified_file
     from edgemap.runtime.errors import BundleError
-    from edgemap.runtime.store import cache_folder
+    from edgemap.runtime.store import cache_folder, shipped_heads
 
     if name not in KNOWN:
         raise BundleError(f"{name!r} is neither a bundle's folder nor URL, nor a known model ({', '.join(KNOWN)})")
@@ -76,4 +76,4 @@ def pull_known(name: str, given: str | None = None) -> Path:
     from edgemap.export.obtain import obtain
 
     weights, sources = obtain(KNOWN[name], given)
-    return export_backbone(name, folder, weights=weights, sources=sources)
+    return export_backbone(name, folder, weights=weights, heads=shipped_heads(name), sources=sources)

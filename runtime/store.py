@@ -119,6 +119,11 @@ def _shipped_folder() -> Path:
     return Path(str(files("edgemap.models")))
 
 
+def shipped_heads(name: str) -> list[Path]:
+    """Trained odometry heads for a backbone that come with the package: `models/heads/NAME.KIND.pt`."""
+    return sorted((_shipped_folder() / "heads").glob(f"{name}.*.pt"))
+
+
 def _place(name: str, source: str) -> Path:
     if not _NAME.fullmatch(name):
         raise BundleError(f"bundle {source}: its name {name!r} is no file name")
