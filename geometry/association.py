@@ -1,4 +1,4 @@
-"""When a sighting belongs to an object and two objects are one: fused estimates, distances under both covariances."""
+"""Which pools of sightings are one object: agglomeration, closest first, by distance under both covariances."""
 
 from __future__ import annotations
 
@@ -7,169 +7,168 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from edgemap.geometry.evidence import Evidence, pose_variance_m2
 from edgemap.geometry.floor_map import MapObject, SightingSums
-from edgemap.geometry.shapes import extent_m
-from edgemap.geometry.sighting import PlacedSighting
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """When sightings and objects are the same thing.
+    """When sightings are the same thing.
 
-    gate: squared Mahalanobis distance, 9.21 holds 99 % of true pairs in the plane. max_distance_m: never farther than
-    this. merge_gate: the same for two objects, no farther apart than merge_distance_m or merge_extent_share of their
-    class's footprint, whichever is more; objects seen side by side in one frame never merge. correlated: neighbouring
-    frames repeat each other's error, so this many sightings weigh as one. systematic_m, systematic_extent_share:
-    standard deviation of what no number of sightings takes away (a box's lower edge is not the footprint), at least,
-    and as a share of the footprint's longer side. min_count, min_confidence, max_sigma_m: what an object needs to show
-    on the map; the last is the largest standard deviation of its place, without what it shares with its neighbours.
-    forget_after: frames after which one that does not is dropped.
+    gate: squared Mahalanobis distance up to which two pools or clusters join; 13.82 holds 99.9 % of true pairs in the
+    plane. max_distance_m: never farther than this. correlated: neighbouring frames repeat each other's error, so this
+    many sightings weigh as one. systematic_m, systematic_extent_share: standard deviation of what no number of
+    sightings takes away (a box's lower edge is not the footprint), at least, and as a share of the footprint's longer
+    side. min_count, min_confidence: what an object needs to show on the map. forget_after: frames after which one that
+    does not is dropped.
     """
 
-    gate: float = 9.21
+    gate: float = 13.82
     max_distance_m: float = 1.5
-    merge_gate: float = 5.99
-    merge_distance_m: float = 0.6
-    merge_extent_share: float = 0.5
     correlated: float = 4.0
     systematic_m: float = 0.08
     systematic_extent_share: float = 0.15
     min_count: int = 3
     min_confidence: float = 0.6
-    max_sigma_m: float = 0.4
-    forget_after: int = 300
+    forget_after: int = 3000
+
+    def systematic_of(self, extent_m: float) -> float:
+        """Standard deviation, metres, that no number of sightings takes away from a thing of this size."""
+        return max(self.systematic_m, self.systematic_extent_share * extent_m)
+
+
+class Places:
+    """Pools of one label, or clusters of them, side by side in arrays.
+
+    sums (8, N): information xx, xy, yy; vector x, y; count; extent and pose variance, each times count. place (6, N): x
+    and y in m, the own covariance's xx, xy, yy and the pose's mean variance in m^2.
+    """
+
+    def __init__(self, rule: AssociationRule) -> None:
+        self.rule = rule
+        self.sums, self.place = np.zeros((8, 0)), np.zeros((6, 0))
+
+    def append(self, pool: Evidence) -> int:
+        """A row for one more pool."""
+        row = self.sums.shape[1]
+        self.sums, self.place = (np.pad(array, ((0, 0), (0, 1))) for array in (self.sums, self.place))
+        self.set(row, pool)
+        return row
+
+    def set(self, row: int, pool: Evidence) -> None:
+        """Take note that a pool has changed."""
+        count = float(pool.sums.count)
+        self.sums[:, row] = (
+            *pool.information, *pool.vector, count, pool.extent_m * count, pool.variance_m2 * count
+        )  # fmt: skip
+        self._settle(row)
+
+    def chosen(self, rows: Sequence[int]) -> Places:
+        """A copy of these rows."""
+        part = Places(self.rule)
+        part.sums, part.place = self.sums[:, rows], self.place[:, rows]
+        return part
+
+    def join(self, kept: int, gone: int) -> None:
+        """Make two rows one; the other is nowhere from then on."""
+        self.sums[:, kept] += self.sums[:, gone]
+        self.place[:, gone] = np.nan
+        self._settle(kept)
+
+    def distances(self, rows: slice) -> Array:
+        """Squared Mahalanobis distances of M rows to all, (M, N): under both own covariances and what the pose drifted
+        between the two; infinite beyond the gate and the greatest distance, and from a row to itself."""
+        here, there = self.place[:, rows, None], self.place[:, None, :]
+        dx, dy = there[0] - here[0], there[1] - here[1]
+        drift_m2 = np.abs(there[5] - here[5])
+        xx, xy, yy = here[2] + there[2] + drift_m2, here[3] + there[3], here[4] + there[4] + drift_m2
+        found = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+        near = (found <= self.rule.gate) & (dx * dx + dy * dy <= self.rule.max_distance_m**2)
+        near[range(len(near)), range(self.place.shape[1])[rows]] = False
+        return np.where(near, found, np.inf)
+
+    def _settle(self, row: int) -> None:
+        """Place, own covariance and pose variance of a row from its sums."""
+        xx, xy, yy, vx, vy, count, extent, variance = self.sums[:, row].tolist()
+        determinant = xx * yy - xy * xy
+        scale = min(self.rule.correlated, count) / determinant
+        floor_m2 = self.rule.systematic_of(extent / count) ** 2
+        self.place[:, row] = (
+            (yy * vx - xy * vy) / determinant, (xx * vy - xy * vx) / determinant,
+            yy * scale + floor_m2, -xy * scale, xx * scale + floor_m2, variance / count,
+        )  # fmt: skip
+
+
+def agglomerated(places: Places, pools: Sequence[Evidence]) -> list[list[int]]:
+    """Rows that are one object: the closest two join first, until none may; what was seen in one frame never does.
+
+    places: of these pools, row by row; consumed.
+    """
+    members = [[row] for row in range(len(pools))]
+    row_of = {pool.key: row for row, pool in enumerate(pools)}
+    beside = np.zeros((len(pools), len(pools)), dtype=bool)
+    for row, pool in enumerate(pools):
+        beside[row, [row_of[key] for key in pool.beside if key in row_of]] = True
+    distance = np.where(beside, np.inf, places.distances(slice(None)))
+    while len(pools) > 1:
+        kept, gone = divmod(int(distance.argmin()), len(pools))
+        if distance[kept, gone] == np.inf:
+            break
+        members[kept] += members[gone]
+        members[gone] = []
+        places.join(kept, gone)
+        beside[kept] |= beside[gone]
+        beside[:, kept] |= beside[:, gone]
+        distance[gone] = distance[:, gone] = np.inf
+        distance[kept] = distance[:, kept] = np.where(beside[kept], np.inf, places.distances(slice(kept, kept + 1))[0])
+    return [rows for rows in members if rows]
 
 
 class Estimate:
-    """A fused position: information-weighted mean of sightings, plus what they all share.
+    """One object, fused from its pools: information-weighted mean of their places, plus what they all share.
 
-    position_m: (2,) in the map frame. saved: it comes from an earlier map, and shows whatever the evidence.
+    position_m: (2,) in the map frame. saved: the earlier map's object that is part of it, which shows whatever the
+    evidence.
     """
 
-    def __init__(self, placed: PlacedSighting) -> None:
-        self.information, self.vector = np.zeros((2, 2)), np.zeros(2)
-        self.shared_sum, self.weight = np.zeros((2, 2)), 0.0
-        self.first_pose = placed.pose_covariance
-        self.first_pose_m2 = placed.from_pose(placed.pose_covariance)
-        self.extent_m = placed.sighting.extent_m
+    def __init__(self, pools: Sequence[Evidence], rule: AssociationRule) -> None:
         self.sums = SightingSums()
-        self.saved = False
-        self.add(placed)
+        for pool in pools:
+            self.sums.join(pool.sums)
+        self._pools, self._rule = pools, rule
+        self.saved = next((pool.saved for pool in pools if pool.saved is not None), None)
+        firsts = [pool.first for pool in pools if pool.first is not None]
+        self._first = None if self.saved else min(firsts, key=lambda placed: placed.sighting.stamp_s)
+        known_m2 = 0.0 if self._first is None else pose_variance_m2(self._first)
+        xx, xy, yy = np.array([pool.information for pool in pools]).T
+        vx, vy = np.array([pool.vector for pool in pools]).T
+        determinant = xx * yy - xy * xy
+        x_m, y_m = (yy * vx - xy * vy) / determinant, (xx * vy - xy * vx) / determinant
+        scale = np.minimum([float(pool.sums.count) for pool in pools], rule.correlated) / determinant
+        drift_m2 = np.maximum(np.array([pool.variance_m2 for pool in pools]) - known_m2, 0.0)
+        a, b, c = yy * scale + drift_m2, -xy * scale, xx * scale + drift_m2
+        determinant = a * c - b * b
+        xx, xy, yy = c / determinant, -b / determinant, a / determinant
+        information = np.array([[xx.sum(), xy.sum()], [xy.sum(), yy.sum()]])
+        self._spread_m2 = np.linalg.inv(information)
+        self.position_m = self._spread_m2 @ [(xx * x_m + xy * y_m).sum(), (xy * x_m + yy * y_m).sum()]
 
-    @classmethod
-    def of_saved(cls, item: MapObject, rule: AssociationRule) -> Estimate:
-        """An object of an earlier map, ready for more sightings.
-
-        A map does not say which part of its uncertainty its objects share: all of it but the systematic one counts as
-        this object's own, and the new drive's pose as independent of it.
-        """
-        estimate = cls.__new__(cls)
-        estimate.saved = True
-        estimate.sums = SightingSums.of_saved(item)
-        estimate.extent_m = extent_m(item.label, item.width_m)
-        systematic_m = max(rule.systematic_m, rule.systematic_extent_share * estimate.extent_m)
-        spread = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
-        estimate.information = _inverse(spread / min(rule.correlated, max(float(item.count), 1.0)))
-        estimate.vector = estimate.information @ item.position_m
-        estimate.shared_sum, estimate.weight = np.zeros((2, 2)), float(np.trace(estimate.information))
-        estimate.first_pose, estimate.first_pose_m2 = np.zeros((3, 3)), np.zeros((2, 2))
-        estimate._settle()
-        return estimate
-
-    def add(self, placed: PlacedSighting) -> None:
-        """Fuse one more sighting."""
-        information = _inverse(self.sighting_covariance(placed))
-        self.information += information
-        self.vector += information @ placed.position_map_m
-        trace = float(np.trace(information))
-        self.shared_sum += trace * placed.shared_m2
-        self.weight += trace
-        self.sums.add(placed)
-        self._settle()
-
-    def join(self, other: Estimate) -> None:
-        """Fuse another object's sightings; the earlier one's first pose stays."""
-        if other.sums.first_seen_s < self.sums.first_seen_s:
-            self.first_pose, self.first_pose_m2 = other.first_pose, other.first_pose_m2
-        self.information += other.information
-        self.vector += other.vector
-        self.shared_sum += other.shared_sum
-        self.weight += other.weight
-        self.sums.join(other.sums)
-        self.saved |= other.saved
-        self._settle()
-
-    def _settle(self) -> None:
-        self._spread_m2 = _inverse(self.information)
-        self.position_m = self._spread_m2 @ self.vector
-
-    def sighting_covariance(self, placed: PlacedSighting) -> Array:
-        """(2, 2) m^2: pixels, and the pose's uncertainty since this object was first seen."""
-        return placed.covariance_m2 + placed.from_pose(positive(placed.pose_covariance - self.first_pose))
-
-    def own_covariance(self, rule: AssociationRule) -> Array:
-        """(2, 2) m^2 of what this object does not share with its neighbours."""
-        correlated = min(rule.correlated, float(self.sums.count))
-        systematic_m = max(rule.systematic_m, rule.systematic_extent_share * self.extent_m)
-        return self._spread_m2 * correlated + np.eye(2) * systematic_m**2
-
-    def shows(self, rule: AssociationRule) -> bool:
+    @property
+    def shows(self) -> bool:
         """Whether there is enough evidence to put it on the map."""
-        return self.saved or (self.sums.count >= rule.min_count and self.sums.confidence >= rule.min_confidence)
+        enough = self.sums.count >= self._rule.min_count and self.sums.confidence >= self._rule.min_confidence
+        return self.saved is not None or enough
 
-    def covariance(self, rule: AssociationRule) -> Array:
+    def covariance(self) -> Array:
         """(2, 2) m^2 in the map frame: own part, plus mount and first pose, which no number of sightings shrinks."""
-        return self.own_covariance(rule) + self.shared_sum / self.weight + self.first_pose_m2
+        extent_m = sum(pool.extent_m * pool.sums.count for pool in self._pools) / self.sums.count
+        shared = sum((pool.shared for pool in self._pools), np.zeros((2, 2))) / sum(p.weight for p in self._pools)
+        own = self._spread_m2 + np.eye(2) * self._rule.systematic_of(extent_m) ** 2
+        return own + shared + (0.0 if self._first is None else self._first.from_pose(self._first.pose_covariance))
 
-
-def assign(
-    sightings: Sequence[PlacedSighting], estimates: Sequence[Estimate], rule: AssociationRule
-) -> list[int | None]:
-    """For each sighting of one frame the estimate it fits, or None: least total squared Mahalanobis distance, one to
-    one, within the gate and the greatest distance."""
-    if not estimates:
-        return [None] * len(sightings)
-    cost = np.full((len(sightings), len(estimates) + len(sightings)), 1e6)
-    for i, placed in enumerate(sightings):
-        cost[i, len(estimates) + i] = rule.gate
-        for j, estimate in enumerate(estimates):
-            difference = placed.position_map_m - estimate.position_m
-            if difference @ difference <= rule.max_distance_m**2:
-                spread = estimate.sighting_covariance(placed) + estimate.own_covariance(rule)
-                distance = mahalanobis2(difference, spread)
-                if distance <= rule.gate:
-                    cost[i, j] = distance
-    _, columns = linear_sum_assignment(cost)
-    return [int(column) if column < len(estimates) else None for column in columns]
-
-
-def may_merge(a: Estimate, b: Estimate, rule: AssociationRule) -> bool:
-    """Whether two estimates lie close enough, in metres and under both covariances, to be one object."""
-    difference = a.position_m - b.position_m
-    reach_m = max(rule.merge_distance_m, rule.merge_extent_share * min(a.extent_m, b.extent_m))
-    if difference @ difference > reach_m**2:
-        return False
-    spread = a.own_covariance(rule) + b.own_covariance(rule)
-    return mahalanobis2(difference, spread) <= rule.merge_gate
-
-
-def mahalanobis2(difference: Array, covariance: Array) -> float:
-    """Squared Mahalanobis distance of a (2,) difference under a (2, 2) covariance."""
-    return float(difference @ _inverse(covariance) @ difference)
-
-
-def _inverse(matrix: Array) -> Array:
-    (a, b), (c, d) = matrix
-    return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
-
-
-def positive(matrix: Array, least: float = 0.0) -> Array:
-    """The nearest symmetric matrix with no eigenvalue below `least`."""
-    if least == 0.0 and not matrix.any():
-        return matrix
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
-    return (vectors * np.maximum(values, least)) @ vectors.T
+    def as_object(self, identity: str, label: str) -> MapObject:
+        """The object as a map shows it."""
+        return self.sums.as_object(identity, label, self.position_m, self.covariance())

@@ -1,83 +1,141 @@
-"""The default clustering: each sighting goes to the object that it fits best, under both covariances.
+"""The default clustering: sightings that are the same thing under both covariances, whatever their order.
 
-Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. Objects
-that turn out to be one (close, and never seen side by side) merge, and the older id stays.
+Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. What is one
+object is decided anew, for all that hangs together with a frame's sightings, from the pools that all sightings ever
+went into: the map is the one that its batch version makes of all frames at once. Objects that turn out to be one merge,
+and the older id stays; the larger part of one that turns out to be two keeps its id.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edgemap.geometry.association import AssociationRule, Estimate, assign, may_merge
+from edgemap.geometry.association import AssociationRule, Estimate, Places, agglomerated
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.evidence import VIEW_M, Evidence, Key, keys_of
 from edgemap.geometry.exclusion import without_overlaps
 from edgemap.geometry.floor_map import MapObject, id_order
+from edgemap.geometry.footprints import footprint_m
 from edgemap.geometry.sighting import PlacedSighting
 
-Array = NDArray[np.float64]
 
-
-VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
-
-
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Object:
-    """together: ids of objects seen beside it in one frame. updated: number of the last frame that saw it. views:
-    squares that it was seen from. most: confidence that it may show."""
+    """pools: the evidence that it is made of. shows, shown: None until asked for. most: confidence that it may show."""
 
     id: str
-    estimate: Estimate
-    updated: int
-    together: set[str] = field(default_factory=set)
-    shown: MapObject | None = None
-    views: set[tuple[int, int]] = field(default_factory=set)
+    label: str
+    pools: list[Evidence]
     most: float = 1.0
+    shows: bool | None = None
+    shown: MapObject | None = None
 
-    def as_map_object(self, label: str, rule: AssociationRule) -> MapObject:
-        """The object as the map shows it."""
-        estimate = self.estimate
-        plain = estimate.sums.as_object(self.id, label, estimate.position_m, estimate.covariance(rule))
-        places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in sorted(self.views))
+    def settled(self, rule: AssociationRule) -> MapObject | None:
+        """The object as the map shows it, None where there is not enough evidence."""
+        if self.shows is None:
+            estimate = Estimate(self.pools, rule)
+            self.shows = estimate.shows
+            if self.shows:
+                self.shown = self._as_map_object(estimate)
+        return self.shown
+
+    def _as_map_object(self, estimate: Estimate) -> MapObject:
+        if estimate.saved is not None and len(self.pools) == 1:  # not seen since
+            return replace(estimate.saved, confidence=min(estimate.saved.confidence, self.most))
+        plain = estimate.as_object(self.id, self.label)
+        views = sorted(set[tuple[int, int]]().union(*(pool.views for pool in self.pools)))
+        places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views)
         return replace(plain, confidence=min(plain.confidence, self.most), seen_from_m=places)
 
 
-def _square(place_m: Sequence[float] | Array) -> tuple[int, int]:
-    return math.floor(place_m[0] / VIEW_M), math.floor(place_m[1] / VIEW_M)
-
-
 class _Class:
-    """The objects of one label, with their positions side by side so that few of them need a closer look."""
+    """The pools of one label, row by row, and the object that each is part of.
 
-    def __init__(self) -> None:
-        self.objects: list[_Object] = []
-        self._positions_m = np.zeros((0, 2))
+    links: rows that each may join. region: number of the neighbourhood that each was settled with.
+    """
 
-    def near(self, position_m: Array, reach_m: float) -> list[int]:
-        """Rows of the objects within reach of a position (2,)."""
-        offsets = self._positions_m - position_m
-        return np.flatnonzero((offsets**2).sum(axis=1) <= reach_m**2).tolist()
+    def __init__(self, rule: AssociationRule) -> None:
+        self.rule = rule
+        self.pools: list[Evidence] = []
+        self.row_of: dict[Key, int] = {}
+        self.links: list[set[int]] = []
+        self.owner: list[_Object | None] = []
+        self.region: list[int] = []
+        self.places = Places(rule)
 
-    def append(self, item: _Object) -> None:
-        """Add an object."""
-        self.objects.append(item)
-        self._positions_m = np.vstack([self._positions_m, item.estimate.position_m])
+    def append(self, pool: Evidence, owner: _Object | None = None) -> int:
+        """Add a pool; its row."""
+        self.row_of[pool.key] = len(self.pools)
+        self.pools.append(pool)
+        self.links.append(set())
+        self.owner.append(owner)
+        self.region.append(-1)
+        return self.places.append(pool)
 
-    def moved(self, row: int) -> None:
-        """Take note that an object's estimate has changed."""
-        self._positions_m[row] = self.objects[row].estimate.position_m
-        self.objects[row].shown = None
+    def add(self, key: Key, placed: PlacedSighting, frame: int) -> int:
+        """Take in a sighting; its pool's row."""
+        row = self.row_of.get(key)
+        pool = Evidence(key, placed.sighting.extent_m) if row is None else self.pools[row]
+        pool.add(placed, frame)
+        if row is None:
+            return self.append(pool)
+        self.places.set(row, pool)
+        return row
 
-    def keep(self, wanted: list[bool]) -> None:
-        """Drop the objects that are not wanted."""
-        if not all(wanted):
-            self.objects = [item for item, stays in zip(self.objects, wanted, strict=True) if stays]
-            self._positions_m = self._positions_m[np.array(wanted, dtype=bool)]
+    def link(self, row: int) -> None:
+        """Find anew what a pool may join."""
+        near = np.flatnonzero(self.places.distances(slice(row, row + 1))[0] < np.inf).tolist()
+        now = {other for other in near if self.pools[other].key not in self.pools[row].beside}
+        for other in self.links[row] - now:
+            self.links[other].discard(row)
+        for other in now - self.links[row]:
+            self.links[other].add(row)
+        self.links[row] = now
+
+    def around(self, rows: Iterable[int]) -> list[int]:
+        """What hangs together with these rows, or did when it was settled last, in the order of their keys."""
+        found, size = set(rows), 0
+        while len(found) > size:
+            size = len(found)
+            regions = {self.region[row] for row in found} - {-1}
+            found.update(row for row, region in enumerate(self.region) if region in regions)
+            found = self._linked(found)
+        return sorted(found, key=lambda row: self.pools[row].key)
+
+    def groups(self, rows: list[int]) -> list[list[int]]:
+        """These rows as objects, each neighbourhood by itself; takes note of the neighbourhoods."""
+        left, found = dict.fromkeys(rows), []
+        while left:
+            first = next(iter(left))
+            part = sorted(self._linked({first}), key=lambda row: self.pools[row].key)
+            for row in part:
+                del left[row]
+                self.region[row] = first
+            groups = agglomerated(self.places.chosen(part), [self.pools[row] for row in part])
+            found += [[part[member] for member in group] for group in groups]
+        return found
+
+    def without(self, gone: set[str]) -> _Class:
+        """The same without some objects, by id."""
+        kept = _Class(self.rule)
+        for pool, owner in zip(self.pools, self.owner, strict=True):
+            if owner is not None and owner.id not in gone:
+                kept.append(pool, owner)
+        for row in range(len(kept.pools)):
+            kept.link(row)
+            kept.region[row] = self.region[self.row_of[kept.pools[row].key]]
+        return kept
+
+    def _linked(self, rows: set[int]) -> set[int]:
+        found, new = set(rows), set(rows)
+        while new:
+            new = set[int]().union(*(self.links[row] for row in new)) - found
+            found |= new
+        return found
 
 
 class FloorMap:
@@ -86,6 +144,7 @@ class FloorMap:
     def __init__(self, rule: AssociationRule | None = None) -> None:
         self.rule = rule or AssociationRule()
         self._classes: dict[str, _Class] = {}
+        self._objects: dict[str, _Object] = {}
         self._issued: Counter[str] = Counter()
         self._frames = 0
         self.merged: dict[str, str] = {}
@@ -119,14 +178,15 @@ class FloorMap:
             floor_map._issued |= before._issued
             floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
-        for item in saved:
-            kind = floor_map._classes.setdefault(item.label, _Class())
-            known = _Object(item.id, Estimate.of_saved(item, floor_map.rule), 0, shown=item)
-            known.views = {_square(place) for place in item.seen_from_m}
-            for other in kind.objects:  # the earlier map has told them apart
-                other.together.add(known.id)
-                known.together.add(other.id)
-            kind.append(known)
+        for number, item in enumerate(saved):
+            kind = floor_map._classes.setdefault(item.label, _Class(floor_map.rule))
+            systematic_m = floor_map.rule.systematic_of(max(footprint_m(item.label, item.width_m)))
+            pool = Evidence.of_saved(number, item, systematic_m, floor_map.rule.correlated)
+            item_now = floor_map._objects[item.id] = _Object(item.id, item.label, [pool])
+            kind.append(pool, item_now)
+        for kind in floor_map._classes.values():
+            for pool in kind.pools:  # the earlier map has told them apart
+                pool.beside.update(key for key in kind.row_of if key != pool.key)
         return floor_map
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
@@ -143,94 +203,85 @@ class FloorMap:
 
     def objects(self) -> list[MapObject]:
         """Objects with enough evidence, none in the place of a better one, ordered by id."""
-        found = []
-        for label, kind in self._classes.items():
-            for item in kind.objects:
-                if item.shown is None and item.estimate.shows(self.rule):
-                    item.shown = item.as_map_object(label, self.rule)
-                if item.shown is not None:
-                    found.append(item.shown)
+        found = [shown for item in self._objects.values() if (shown := item.settled(self.rule)) is not None]
         return without_overlaps(sorted(found, key=lambda item: id_order(item.id)))
 
     def doubt(self, identity: str, most: float) -> None:
         """Show an object with this confidence at most."""
-        for kind in self._classes.values():
-            for item in kind.objects:
-                if item.id == identity and item.most != most:
-                    item.most, item.shown = most, None
+        item = self._objects.get(identity)
+        if item is not None and item.most != most:
+            item.most, item.shows = most, None
 
     def drop(self, identity: str) -> None:
         """Forget an object; its id is not given again."""
-        for kind in self._classes.values():
-            kind.keep([item.id != identity for item in kind.objects])
+        item = self._objects.pop(identity, None)
+        if item is not None:
+            self._classes[item.label] = self._classes[item.label].without({identity})
 
     def _update_label(self, label: str, sightings: list[PlacedSighting]) -> list[str]:
-        kind = self._classes.setdefault(label, _Class())
-        seen: list[_Object] = []
-        for placed, row in zip(sightings, self._match(sightings, kind), strict=True):
-            if row is None:
-                self._issued[label] += 1
-                item = _Object(f"{label}-{self._issued[label]}", Estimate(placed), self._frames)
-                kind.append(item)
-            else:
-                item = kind.objects[row]
-                item.estimate.add(placed)
-                item.updated = self._frames
-                kind.moved(row)
-            item.views.add(_square(placed.position_map_m - placed.lever_m))
-            seen.append(item)
-        for item in seen:
-            item.together.update(other.id for other in seen if other is not item)
-        renamed = self._merge(kind, seen)
-        return [renamed.get(item.id, item.id) for item in seen]
+        kind = self._classes.setdefault(label, _Class(self.rule))
+        keys = keys_of(sightings)
+        rows = [kind.add(key, placed, self._frames) for key, placed in zip(keys, sightings, strict=True)]
+        for row in rows:
+            kind.pools[row].beside.update(key for key in keys if key != kind.pools[row].key)
+        for row in rows:
+            kind.link(row)
+        self._settle(label, kind, rows)
+        return [owner.id for row in rows if (owner := kind.owner[row]) is not None]
 
-    def _match(self, sightings: list[PlacedSighting], kind: _Class) -> list[int | None]:
-        """For each sighting the row of the object it belongs to, or None."""
-        near = {row for placed in sightings for row in kind.near(placed.position_map_m, self.rule.max_distance_m)}
-        rows = sorted(near)
-        matches = assign(sightings, [kind.objects[row].estimate for row in rows], self.rule)
-        return [None if match is None else rows[match] for match in matches]
+    def _settle(self, label: str, kind: _Class, rows: list[int]) -> None:
+        """Decide anew what is one object, for all that these rows hang together with."""
+        affected = kind.around(rows)
+        before = {owner.id: owner for row in affected if (owner := kind.owner[row]) is not None}
+        groups = kind.groups(affected)
+        groups.sort(key=lambda group: min((kind.pools[row].sums.first_seen_s, kind.pools[row].key) for row in group))
+        homes = self._homes(kind, groups, list(before))
+        for group, names in zip(groups, homes, strict=True):
+            identity = names[0] if names else self._new_id(label)
+            pools = [kind.pools[row] for row in group]
+            known = before.get(identity)
+            if known is None or len(names) > 1 or known.pools != pools or {*group} & {*rows}:
+                most = max((before[name].most for name in names), default=1.0)
+                known = _Object(identity, label, pools, most)
+            self._objects[identity] = known
+            for row in group:
+                kind.owner[row] = known
+        self._rename({name: names[0] for names in homes for name in names[1:]})
 
-    def _merge(self, kind: _Class, seen: list[_Object]) -> dict[str, str]:
-        """Join every object seen now with others of its label that are the same thing; old id to new id."""
-        renamed: dict[str, str] = {}
-        gone: set[str] = set()
-        for item in seen:
-            reach_m = max(self.rule.merge_distance_m, self.rule.merge_extent_share * item.estimate.extent_m)
-            for row in kind.near(item.estimate.position_m, reach_m):
-                other = kind.objects[row]
-                if other is item or item.id in gone or other.id in gone or not self._same(item, other):
-                    continue
-                older, younger = sorted((item, other), key=lambda o: id_order(o.id))
-                older.estimate.join(younger.estimate)
-                older.together |= younger.together
-                older.views |= younger.views
-                older.most = max(older.most, younger.most)
-                older.updated = max(older.updated, younger.updated)
-                gone.add(younger.id)
-                renamed[younger.id] = older.id
-                kind.moved(kind.objects.index(older))
+    def _homes(self, kind: _Class, groups: list[list[int]], ids: list[str]) -> list[list[str]]:
+        """For each group the ids that it goes on with, oldest first: an id goes where most of its sightings are."""
+        group_of = {row: number for number, group in enumerate(groups) for row in group}
+        shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
+        for row, number in group_of.items():
+            owner = kind.owner[row]
+            if owner is not None:
+                shares[owner.id][number] += kind.pools[row].sums.count
+        homes: list[list[str]] = [[] for _ in groups]
+        for identity in sorted(ids, key=id_order):
+            share = shares[identity]
+            homes[min(share, key=lambda number: (-share[number], number))].append(identity)
+        return homes
+
+    def _new_id(self, label: str) -> str:
+        self._issued[label] += 1
+        return f"{label}-{self._issued[label]}"
+
+    def _rename(self, renamed: dict[str, str]) -> None:
+        """Ids that are no more, to those that they became."""
         if renamed:
-            kind.keep([item.id not in gone for item in kind.objects])
-            for old, new in list(renamed.items()):
-                while new in renamed:
-                    new = renamed[new]
-                renamed[old] = new
+            for old in renamed:
+                del self._objects[old]
             self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
-            for item in kind.objects:
-                item.together = {renamed.get(identity, identity) for identity in item.together} - {item.id}
-        return renamed
-
-    def _same(self, a: _Object, b: _Object) -> bool:
-        beside = b.id in a.together or a.id in b.together
-        return not beside and may_merge(a.estimate, b.estimate, self.rule)
 
     def _forget(self) -> None:
         """Drop what never gathered enough evidence and has not been seen for long, so that a long drive stays quick."""
-        for kind in self._classes.values():
-            kind.keep(
-                [
-                    item.estimate.shows(self.rule) or self._frames - item.updated < self.rule.forget_after
-                    for item in kind.objects
-                ]
-            )
+        since = self._frames - self.rule.forget_after
+        weak = {
+            item.id
+            for item in self._objects.values()
+            if max(pool.updated for pool in item.pools) <= since and item.settled(self.rule) is None
+        }
+        for label, kind in self._classes.items():
+            self._classes[label] = kind.without(weak)
+        for identity in weak:
+            del self._objects[identity]

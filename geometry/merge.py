@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.alignment import Alignment, jacobian
-from edgemap.geometry.association import AssociationRule, positive
+from edgemap.geometry.association import AssociationRule
+from edgemap.geometry.evidence import positive
 from edgemap.geometry.floor_map import MapObject, id_order
 from edgemap.geometry.shapes import extent_m
 

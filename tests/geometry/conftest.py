@@ -14,6 +14,12 @@ def _placed(label, x_m, y_m, frame, sigma_m=0.08, score=0.8, shared_m=0.03):
     return placed
 
 
+@pytest.fixture(scope="session")
+def placed_():
+    """`placed` for hypothesis, which wants no fixture made anew for every test."""
+    return _placed
+
+
 @pytest.fixture
 def placed():
     """A maker of sightings at known places of the map: placed(label, x_m, y_m, frame, ...)."""

@@ -1,0 +1,119 @@
+"""The online map is the one that its batch version makes of all frames at once, on drives with all that goes wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
+
+from edgemap.geometry.batch import batch_objects
+from edgemap.geometry.default_map import FloorMap
+from edgemap.geometry.floor_map import id_order
+
+
+def agree(online, batch):
+    """The same count, and centres one to one by label within 0.10 m."""
+    assert len(online) == len(batch)
+    distance = np.array(
+        [[np.linalg.norm(a.position_m - b.position_m) if a.label == b.label else 9.0 for b in batch] for a in online]
+    ).reshape(len(online), len(batch))
+    rows, columns = linear_sum_assignment(distance)
+    assert distance[rows, columns].max(initial=0.0) < 0.10
+
+
+def drive(placed, seed, frames=60):
+    """Things anywhere, some close to their like, seen off and on with errors that grow with distance and time, now and
+    then under another label, twice, or where nothing stands."""
+    rng = np.random.default_rng(seed)
+    places = [(str(rng.choice(["chair", "couch", "vase"])), rng.uniform(-2.5, 2.5, 2)) for _ in range(9)]
+    drift = rng.normal(0, 0.004, 2)
+    for frame in range(frames):
+        sigma_m = rng.uniform(0.04, 0.3)
+        pose = np.diag([(0.004 * frame) ** 2, (0.004 * frame) ** 2, 0.0])
+        seen = [(label, spot) for label, spot in places if rng.random() < 0.4]
+        seen += [(label, spot) for label, spot in seen if rng.random() < 0.05]
+        seen = [("chair" if rng.random() < 0.05 else label, spot) for label, spot in seen]
+        seen += [("vase", rng.uniform(-3, 3, 2))] if rng.random() < 0.2 else []
+        here = [(label, spot + drift * frame + rng.normal(0, sigma_m, 2)) for label, spot in seen]
+        yield [
+            replace(placed(label, *spot, frame, sigma_m=sigma_m, score=rng.uniform(0.3, 0.95)), pose_covariance=pose)
+            for label, spot in here
+        ]
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_things_apart_from_their_like_are_found_one_by_one(placed, seed):
+    """Up to eight objects at least 0.9 m from their like, seen off and on from changing distances."""
+    rng = np.random.default_rng(seed)
+    places = []
+    for _ in range(8):
+        label, spot = str(rng.choice(["chair", "couch"])), rng.uniform(-3, 3, 2)
+        if all(np.linalg.norm(spot - at) >= (0.9 if other == "chair" == label else 1.6) for other, at in places):
+            places.append((label, spot))
+    online, frames = FloorMap(), []
+    for frame in range(40):
+        sigma_m = rng.uniform(0.04, 0.12)
+        seen = [(label, spot + rng.normal(0, sigma_m, 2)) for label, spot in places if rng.random() < 0.5]
+        frames.append([placed(label, *spot, frame, sigma_m=sigma_m) for label, spot in seen])
+        online.update(frames[-1])
+    agree(online.objects(), batch_objects(frames))
+    assert len(online.objects()) == len(places)
+    for label, spot in places:
+        near = [np.linalg.norm(item.position_m - spot) for item in online.objects() if item.label == label]
+        assert min(near) < 0.1
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=10, deadline=None)
+def test_the_map_is_that_of_its_batch_version_at_any_time(placed_, seed):
+    online, frames = FloorMap(), []
+    for sightings in drive(placed_, seed):
+        online.update(sightings)
+        frames.append(sightings)
+        if len(frames) % 20 == 0:
+            agree(online.objects(), batch_objects(frames))
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=8, deadline=None)
+def test_the_order_of_the_frames_makes_no_other_objects(placed_, seed):
+    frames = list(drive(placed_, seed))
+    forward, shuffled = FloorMap(), FloorMap()
+    for sightings in frames:
+        forward.update(sightings)
+    for row in np.random.default_rng(seed).permutation(len(frames)):
+        shuffled.update(frames[row])
+    agree(forward.objects(), shuffled.objects())
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=8, deadline=None)
+def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
+    floor_map, told, counts = FloorMap(), set(), 0
+    for sightings in drive(placed_, seed):
+        ids = floor_map.update(sightings)
+        assert [id_order(identity)[0] for identity in ids] == [placed.label for placed in sightings]
+        assert len(set(ids)) == len(ids)  # never two boxes of one frame
+        told.update(ids)
+        counts += len(ids)
+    for identity in told:
+        assert (identity in floor_map._objects) != (identity in floor_map.merged)
+    assert set(floor_map.merged.values()) <= set(floor_map._objects)
+    assert sum(pool.sums.count for item in floor_map._objects.values() for pool in item.pools) == counts
+
+
+def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed):
+    """From afar two chairs look like one; near by, they are seen side by side."""
+    chairs = FloorMap()
+    for frame in range(4):
+        assert chairs.update([placed("chair", 2.1, 0.1, frame, sigma_m=0.4)]) == ["chair-1"]
+    for frame in range(4, 8):
+        chairs.update([placed("chair", 2.0, 0.0, frame, sigma_m=0.05)])
+    for frame in range(8, 12):
+        near = [placed("chair", 2.0, 0.0, frame, sigma_m=0.05), placed("chair", 2.6, 0.0, frame, sigma_m=0.05)]
+        assert chairs.update(near) == ["chair-1", "chair-2"]
+    first, second = chairs.objects()
+    assert (first.id, first.position_m[0]) == ("chair-1", pytest.approx(2.0, abs=0.02))
+    assert (second.id, second.position_m[0]) == ("chair-2", pytest.approx(2.6, abs=0.02))
