@@ -11,6 +11,7 @@ from edgemap.cli.options import (
     DEFAULT_BUNDLE,
     BundleName,
     Confidence,
+    Correct,
     Json,
     OdometrySpec,
     OptionError,
@@ -19,6 +20,7 @@ from edgemap.cli.options import (
     find_bundle,
     least_score,
     lens_and_mount,
+    new_corrector,
     new_map,
 )
 
@@ -44,6 +46,7 @@ def command(
     clustering: Annotated[
         Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
     ] = "default",
+    correct: Correct = False,
     threads: Threads = None,
     plot: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
@@ -81,13 +84,14 @@ def command(
             "bundle": loaded.manifest.name,
             "odometry": odometry,
             "clustering": clustering,
+            "correct": correct,
             "frames": count,
             "path_m": round(path_m, 3),
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
         for name, poses in (("true", "truth"), ("estimated", odometry)):
-            objects = _map_of(drive, loaded, poses, clustering, confidence, count)
+            objects = _map_of(drive, loaded, poses, clustering, confidence, count, correct)
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map
@@ -110,7 +114,7 @@ def command(
 
 
 def _map_of(
-    drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float, frames: int
+    drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float, frames: int, correct: bool
 ) -> list[MapObject]:
     """The map that a pipeline makes of the drive's first frames, without a run folder."""
     from edgemap.geometry.floor import FloorCamera
@@ -122,7 +126,8 @@ def _map_of(
     with drive_camera(drive, str(drive.folder)) as source:
         floor = FloorCamera(*lens_and_mount(source, None, None))
         motion = open_odometry(odometry, loaded, source, floor)
-        pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence)
+        corrector = new_corrector(correct, odometry, clustering)
+        pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence, corrector=corrector)
         run(source, pipeline, [], frames)
     return pipeline.objects()
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.intrinsics import Intrinsics
     from edgemap.geometry.mount import Mount
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.correction import NeverCorrects
     from edgemap.runtime.session import Bundle
 
 DEFAULT_BUNDLE = "edgemap-nano"
@@ -73,6 +74,13 @@ Confidence = Annotated[
 ]
 Threads = Annotated[
     int | None, tyro.conf.arg(metavar="N", help="Threads of each network; by default two, where there are two cores.")
+]
+Correct = Annotated[
+    bool,
+    tyro.conf.arg(
+        help="Put pose, way and map right by things that are seen again, several that agree; not where poses are given "
+        "(truth, FILE.tum) nor with --clustering paper."
+    ),
 ]
 Json = Annotated[bool, tyro.conf.arg(help="Print one JSON document on standard output and nothing else.")]
 
@@ -164,6 +172,14 @@ def new_map(clustering: str) -> ObjectMap:
     from edgemap.geometry.paper_map import PaperMap
 
     return PaperMap() if clustering == "paper" else FloorMap()
+
+
+def new_corrector(wanted: bool, odometry: str, clustering: str) -> NeverCorrects:
+    """What puts the pose right: nothing where it is given, or where the map cannot move."""
+    from edgemap.runtime.correction import Corrector, NeverCorrects
+
+    given = odometry == "truth" or odometry.endswith(".tum")
+    return Corrector() if wanted and not given and clustering != "paper" else NeverCorrects()
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:

@@ -14,6 +14,7 @@ from edgemap.cli.options import (
     CameraFile,
     CameraSpec,
     Confidence,
+    Correct,
     IntrinsicsText,
     MountText,
     OdometrySpec,
@@ -23,6 +24,7 @@ from edgemap.cli.options import (
     find_bundle,
     least_score,
     lens_and_mount,
+    new_corrector,
     new_map,
     open_described,
 )
@@ -50,6 +52,7 @@ def command(
         Literal["default", "paper"],
         tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default",
+    correct: Correct = False,
     saved: SavedMap = None,
     start: StartText = None,
     forget: Forget = "auto",
@@ -114,12 +117,15 @@ def command(
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
         rule, forgetter = FloorRule(mapped=mapped), forgetter_of(forget, saved, clustering, floor)
+        corrector = new_corrector(correct, odometry, clustering)
         pipeline = Pipeline(
-            loaded, floor, motion, new_map(clustering), rule=rule, confidence=confidence, forgetter=forgetter
-        )
+            loaded, floor, motion, new_map(clustering), rule=rule, confidence=confidence, forgetter=forgetter,
+            corrector=corrector,
+        )  # fmt: skip
         steps = in_saved_map(pipeline, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
+        record |= {"correct": corrector.corrects, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
@@ -156,6 +162,8 @@ class _Latest:
         """Keep it."""
         if self.result is not None and result.relocated is None:
             before, now = self.result.pose_map_base, result.pose_map_base
+            if result.corrected is not None:
+                before = result.corrected.moved(self.result.frame.stamp_s, before)
             self.way_m += ((now.x_m - before.x_m) ** 2 + (now.y_m - before.y_m) ** 2) ** 0.5
         self.result, self.objects = result, objects
 

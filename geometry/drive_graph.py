@@ -171,8 +171,9 @@ class DriveGraph:
     def _candidates(self, fresh: Sequence[Track], groups: dict[int, list[Track]]) -> list[tuple[Track, int]]:
         """Tracks in view, those seen most, with each group that may be the same: of its label, and seen before only."""
         pairs: list[tuple[Track, int]] = []
+        own = {self._group[track.number] for track in fresh}
         for group, members in groups.items():
-            if sum(track.count for track in members) < self.rule.least:
+            if group in own or sum(track.count for track in members) < self.rule.least:
                 continue
             last = max(track.last for track in members)
             pairs += [

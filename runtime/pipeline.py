@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor import FloorCamera
 from edgemap.geometry.floor_map import MapObject, ObjectMap
 from edgemap.geometry.forgetting import Forgetter, NeverForgets
 from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.geometry.sighting import FloorRule, PlacedSighting, sightings_of
+from edgemap.geometry.sighting import FloorRule, PlacedSighting, Sighting, sightings_of
+from edgemap.runtime.correction import Correction, NeverCorrects
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
@@ -30,7 +32,8 @@ class StepResult:
 
     object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
     relocated: in the one result from which on everything is in a saved map's frame, that frame's view of the frame
-    before (`pose_map_start`): what came earlier must be moved by it.
+    before (`pose_map_start`): what came earlier must be moved by it. corrected: in a result whose pose and map were put
+    right by things seen again; what came earlier moves with its `past`.
     """
 
     frame: Frame
@@ -43,6 +46,7 @@ class StepResult:
     pose_covariance: Array
     laps_ms: dict[str, float]
     relocated: SE2 | None = None
+    corrected: Correction | None = None
 
 
 class Pipeline:
@@ -58,10 +62,12 @@ class Pipeline:
         rule: FloorRule | None = None,
         confidence: float | None = None,
         forgetter: Forgetter | NeverForgets | None = None,
+        corrector: NeverCorrects | None = None,
     ) -> None:
         self.camera, self.odometry, self.map = camera, odometry, object_map
         self.rule = rule or FloorRule(mapped=bundle.mapped)
         self.forgetter = forgetter or NeverForgets()
+        self.corrector = corrector or NeverCorrects()
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
@@ -85,8 +91,11 @@ class Pipeline:
         motion = self.odometry.step(frame, outputs)
         self._advance(motion)
         lap("odometry")
+        corrected = self._correct(motion, sightings, frame.stamp_s)
+        lap("correct")
         placed = [sighting.placed(self.pose_map_base, self.pose_covariance) for sighting in sightings]
         object_ids = self.map.update(placed)
+        self.corrector.named(object_ids, self.map.merged)
         self.forgetter.look(self.map, detections, self.pose_map_base, object_ids)
         lap("map")
         return StepResult(
@@ -99,6 +108,7 @@ class Pipeline:
             pose_map_base=self.pose_map_base,
             pose_covariance=self.pose_covariance,
             laps_ms=self._watch.laps_ms,
+            corrected=corrected,
         )
 
     def objects(self) -> list[MapObject]:
@@ -124,3 +134,12 @@ class Pipeline:
             )
             self.pose_map_base = self.pose_map_base @ motion.motion
         self._started = True
+
+    def _correct(self, motion: Motion, sightings: list[Sighting], stamp_s: float) -> Correction | None:
+        """Where things seen again tell how far the pose has drifted, pose and map move; only the default map can."""
+        pose, covariance = self.pose_map_base, self.pose_covariance
+        corrected = self.corrector.look(pose, covariance, motion, sightings, stamp_s)
+        if corrected is not None and isinstance(self.map, FloorMap):
+            self.pose_map_base, self.pose_covariance = corrected.pose_map_base, corrected.pose_covariance
+            self.map.moved(corrected.places)
+        return corrected

@@ -15,6 +15,7 @@ from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.floor_map import MapObject, ObjectMap
 from edgemap.geometry.merge import merge_maps
 from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.runtime.correction import NeverCorrects
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop import Steps
 from edgemap.runtime.pipeline import StepResult
@@ -29,6 +30,7 @@ class Mapper(Steps, Protocol):
     map: ObjectMap
     pose_map_base: SE2
     pose_covariance: NDArray[np.float64]
+    corrector: NeverCorrects
 
 
 M = TypeVar("M", bound=Mapper)
@@ -38,6 +40,7 @@ def start_in(pipeline: M, saved: Sequence[MapObject], start: SE2) -> M:
     """The pipeline, standing at `start` in the saved map, which it goes on with from its first frame."""
     pipeline.map = FloorMap.continued(saved)
     pipeline.pose_map_base, pipeline.pose_covariance = start, np.diag(np.square(START_SIGMAS))
+    pipeline.corrector.remember(saved)
     return pipeline
 
 
@@ -91,6 +94,7 @@ class Relocator:
             alignment.pose_a_b, alignment.covariance, pipeline.pose_map_base, pipeline.pose_covariance
         )
         pipeline.pose_map_base = alignment.pose_a_b @ pipeline.pose_map_base
+        pipeline.corrector.relocated(alignment.pose_a_b, alignment.covariance, self._saved, pipeline.map.merged)
         pose, covariance = pipeline.pose_map_base, pipeline.pose_covariance
         return replace(
             result,

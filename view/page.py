@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.floor_map import MapObject, map_text, save_map
+from edgemap.geometry.keyframes import Rebase
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.correction import Correction
 from edgemap.runtime.pipeline import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
 
 TRAIL_STEP_M = 0.03
+MOVED_M = 0.1  # by which the way was put right since it was last told anew
 RATE_OVER = 20  # frames over which the frame rate is averaged
 
 
@@ -53,6 +56,10 @@ class LivePage:
         self.trail: Tail[tuple[float, float]] = Tail(20_000)
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
         self.faults: Tail[Fault] = Tail(100)
+        self._trail_s: deque[float] = deque(maxlen=20_000)
+        self._sightings_s: deque[float] = deque(maxlen=20_000)
+        self._past: Rebase | None = None  # how both moved since they were last told
+        self._moved_m = 0.0
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
         self._trail_end: tuple[float, float] | None = None
@@ -64,10 +71,13 @@ class LivePage:
         self._arrivals_s.append(now_s)
         if result.relocated is not None:
             self._relocate(result.relocated)
+        if result.corrected is not None:
+            self._correct(result.corrected)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             x_m, y_m = placed.position_map_m
             self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
+            self._sightings_s.append(result.frame.stamp_s)
         self.newest = Moment(result, objects, now_s)
         if result.motion.fault != self._last_fault:
             self._last_fault = result.motion.fault
@@ -126,6 +136,7 @@ class LivePage:
 
     def _relocate(self, pose_map_start: SE2) -> None:
         """The run has found itself in a saved map: way and sightings so far move into that map's frame."""
+        self._settle_past()
 
         def moved(x_m: float, y_m: float) -> tuple[float, float]:
             x_map_m, y_map_m = pose_map_start.apply(np.array([x_m, y_m]))
@@ -135,12 +146,31 @@ class LivePage:
         self.sightings.replace(lambda seen: (*seen[:2], *moved(*seen[2:])))
         self.epoch += 1
 
+    def _correct(self, corrected: Correction) -> None:
+        """Way and sightings so far are elsewhere than told; they are told anew once that can be seen."""
+        self._past = corrected.past if self._past is None else self._past.then(corrected.past)
+        self._moved_m += corrected.moved_m
+        if self._moved_m > MOVED_M:
+            self._settle_past()
+
+    def _settle_past(self) -> None:
+        past, self._past, self._moved_m = self._past, None, 0.0
+        if past is None:
+            return
+        trail, sightings = self.trail.all(), self.sightings.all()
+        places = iter(past.points(self._trail_s, trail).tolist())
+        self.trail.replace(lambda _: tuple(next(places)))
+        seen_at = iter(past.points(self._sightings_s, [seen[2:] for seen in sightings]).tolist())
+        self.sightings.replace(lambda seen: (*seen[:2], *next(seen_at)))
+        self.epoch += 1
+
     def _extend_trail(self, result: StepResult) -> None:
         x_m, y_m = result.pose_map_base.x_m, result.pose_map_base.y_m
         last = self._trail_end
         if last is None or abs(x_m - last[0]) + abs(y_m - last[1]) > TRAIL_STEP_M:
             self._trail_end = (float(x_m), float(y_m))
             self.trail.append(self._trail_end)
+            self._trail_s.append(result.frame.stamp_s)
 
     def _changed(self) -> None:
         self.revision += 1

@@ -30,6 +30,10 @@ class Tail(Generic[T]):
         with self._lock:
             self._items = deque(map(change, self._items), maxlen=self._items.maxlen)
 
+    def all(self) -> list[T]:
+        """All that are kept, oldest first."""
+        return list(self._items)
+
     def since(self, number: int, most: int) -> tuple[list[T], int]:
         """At most so many items from `number` on, oldest first, and the number to ask for next."""
         with self._lock:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.floor_map import CHI2_95
+from edgemap.geometry.keyframes import Rebase
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pipeline import StepResult
 
@@ -54,6 +55,7 @@ class History:
         self.last: Stop | None = None
         self.start_s = 0.0
         self._every = self._length = 1
+        self._past: Rebase | None = None  # how the stops moved since they were taken
 
     def add(self, result: StepResult) -> None:
         """Take in one step."""
@@ -61,9 +63,14 @@ class History:
         if self.last is None:
             self.start_s = stamp_s
         elif result.relocated is not None:  # from here on in a saved map's frame: the way so far is told in it too
+            self._settle_past()
             self.stops = [replace(stop, pose_map_base=result.relocated @ stop.pose_map_base) for stop in self.stops]
         else:
             before = self.last.pose_map_base
+            if result.corrected is not None:
+                past = result.corrected.past
+                before = result.corrected.moved(self.last.stamp_s, before)
+                self._past = past if self._past is None else self._past.then(past)
             self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))
         self.last = Stop(stamp_s, pose, _bound_m(result.pose_covariance))
         if self.frames % self._every == 0:
@@ -72,6 +79,17 @@ class History:
                 self.stops, self._every = self.stops[::2], self._every * 2
         self.frames += 1
         self._time(result)
+
+    def _settle_past(self) -> None:
+        """Move the stops to where they are known to be by now;"""
+        past, self._past = self._past, None
+        if past is None or not self.stops:
+            return
+        poses = past.poses([stop.stamp_s for stop in self.stops], [stop.pose_map_base.vector() for stop in self.stops])
+        moved = [replace(stop, pose_map_base=SE2(*pose)) for stop, pose in zip(self.stops, poses, strict=True)]
+        if self.stops[-1] is self.last:
+            self.last = moved[-1]
+        self.stops = moved
 
     def _time(self, result: StepResult) -> None:
         total_ms = sum(result.laps_ms.values())
@@ -89,7 +107,8 @@ class History:
             self.stretches, self._length = self.stretches[::2], self._length * 2
 
     def way(self) -> list[Stop]:
-        """The thinned way, the last pose always in it."""
+        """The thinned way as it is known now, the last pose always in it."""
+        self._settle_past()
         if self.last is not None and self.stops[-1] is not self.last:
             return [*self.stops, self.last]
         return self.stops

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -13,11 +14,18 @@ import cv2
 
 from edgemap.geometry.floor import FloorCamera
 from edgemap.geometry.floor_map import MapObject, save_map, write_atomically
+from edgemap.geometry.keyframes import Rebase
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.correction import Correction
 from edgemap.runtime.errors import RunFolderError
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pipeline import StepResult
-from edgemap.runtime.sinks.relocated_files import move_sightings, move_trajectory
+from edgemap.runtime.sinks.relocated_files import (
+    corrected_sightings,
+    corrected_trajectory,
+    move_sightings,
+    move_trajectory,
+)
 from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import tum_line
 
@@ -28,7 +36,9 @@ MAX_FAULTS = 200  # in run.json; the count goes on
 class RunFolder:
     """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a folder of its own.
 
-    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once.
+    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Where
+    things seen again correct the way, trajectory and sightings are first written as known at the time, and anew at the
+    end as known then.
     Raises RunFolderError where the folder cannot be made or holds another run already.
     """
 
@@ -48,6 +58,7 @@ class RunFolder:
         self._merged: dict[str, str] = {}
         self._laps: dict[str, deque[float]] = {}
         self._faults: list[str] = []
+        self._past: Rebase | None = None
         self._fault_count = self._frames = 0
         self._started = perf_counter()
         self._closed = False
@@ -62,6 +73,8 @@ class RunFolder:
         self._objects, self._merged = objects, result.merged
         if result.relocated is not None:
             self._relocate(result.relocated)
+        if result.corrected is not None:
+            self._correct(result.corrected)
         self._append(self._trajectory, tum_line(result.frame.stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
@@ -86,6 +99,7 @@ class RunFolder:
         self._closed = True
         try:
             self._save()
+            self._settle_past()
         finally:
             with suppress(OSError):
                 self._trajectory.close()
@@ -95,14 +109,39 @@ class RunFolder:
 
     def _relocate(self, pose_map_start: SE2) -> None:
         """Move what has been written so far into the saved map's frame."""
+        self._settle_past()
         self._record = self._record | {
             "relocated": {"frame": self._frames, "pose_map_start": pose_map_start.vector().tolist()}
         }
+        self._rewrite(
+            lambda text: move_trajectory(text, pose_map_start), lambda text: move_sightings(text, pose_map_start)
+        )
+
+    def _correct(self, corrected: Correction) -> None:
+        """Take note of how what has been written so far has moved."""
+        self._past = corrected.past if self._past is None else self._past.then(corrected.past)
+        before = self._record.get("corrections", {"count": 0, "largest_m": 0.0})
+        self._record = self._record | {
+            "corrections": {
+                "count": before["count"] + 1,
+                "largest_m": max(before["largest_m"], round(corrected.moved_m, 4)),
+                "seen_again": corrected.links,
+            }
+        }
+
+    def _settle_past(self) -> None:
+        """Write trajectory and sightings anew as they are known now."""
+        past, self._past = self._past, None
+        if past is not None:
+            self._rewrite(lambda text: corrected_trajectory(text, past), lambda text: corrected_sightings(text, past))
+
+    def _rewrite(self, trajectory: Callable[[str], str], sightings: Callable[[str], str]) -> None:
+        """Both files' text replaced, each atomically, and open again at its end."""
         self._trajectory.close()
         self._sightings.close()
-        for name, move in (("trajectory.tum", move_trajectory), ("sightings.jsonl", move_sightings)):
+        for name, change in (("trajectory.tum", trajectory), ("sightings.jsonl", sightings)):
             path = self.folder / name
-            write_atomically(path, move(path.read_text(), pose_map_start))
+            write_atomically(path, change(path.read_text()))
         self._trajectory = (self.folder / "trajectory.tum").open("a")
         self._sightings = (self.folder / "sightings.jsonl").open("a")
 

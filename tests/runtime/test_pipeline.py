@@ -70,7 +70,7 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind
 
 def test_stages_stand_in_the_order_of_the_step(bundle):
     result = pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
-    assert list(result.laps_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "map"]
+    assert list(result.laps_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "correct", "map"]
 
 
 def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):

@@ -9,6 +9,7 @@ from edgemap.geometry.detections import Detections
 from edgemap.geometry.floor_map import ObjectMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.sighting import Sighting
+from edgemap.runtime.correction import NeverCorrects
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.pipeline import StepResult
@@ -25,6 +26,7 @@ class Drive:
         self.random = np.random.default_rng(seed)
         self.map: ObjectMap = FloorMap()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
+        self.corrector = NeverCorrects()
         self.frame = 0
 
     def step(self, frame: Frame) -> StepResult:

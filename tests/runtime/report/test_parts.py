@@ -88,6 +88,7 @@ def step(index, labels=("chair",), lap_ms=2.0, x_m=0.0, relocated=None) -> Any:
         laps_ms={"backbone": lap_ms, "map": 1.0},
         detections=detections,
         relocated=relocated,
+        corrected=None,
     )
 
 
