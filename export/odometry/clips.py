@@ -14,7 +14,7 @@ from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow_loss import Batch
 
 LONGEST_DT_S = 0.25
-FASTEST_YAW_RAD, FASTEST_M = 0.30, 0.17  # of one step; what the search can follow
+FASTEST_YAW_RAD, FASTEST_M = 0.30, 0.17  # of one step that skips pictures; what the search can follow
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Clips:
                 stop = int(rng.integers(1, self.length))
                 indices[stop:] = indices[stop]
             motions = np.abs(drive.motions(indices))
-            if motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < FASTEST_M:
+            if skip == 1 or (motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < FASTEST_M):
                 return drive, indices
 
 

@@ -13,6 +13,7 @@ from edgemap.export.odometry.rigid import Cells, Solution
 
 MOTION_SIGMA = (0.006, 0.004, 0.006)  # m, m, rad: what counts as a small error of one step, at first
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
+COVARIANCE_WEIGHT = 0.03
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly
 COARSE_WEIGHT = 0.3  # of the first look's motion against the second's
 
@@ -66,13 +67,29 @@ def flow_loss(head: FlowHead, batch: Batch, progress: float) -> tuple[Tensor, di
 
 
 def _motion_loss(solution: Solution, true: Tensor, progress: float) -> Tensor:
+    """Huber's loss of the motion, and the likelihood of its error under the covariance.
+
+    The likelihood teaches the covariance alone, not the motion: minimised for both, a network that errs a lot at first
+    learns to doubt and nothing else.
+    """
     error = solution.motion - true
     plain = _huber(error / torch.tensor(MOTION_SIGMA)).mean()
     if progress < WARM_UP:
         return plain
+    error = error.detach()
     normalised = torch.einsum("bi,bij,bj->b", error, solution.information, error)
-    surprise = 0.5 * (_beyond(normalised) - torch.logdet(solution.information)) + 16.0
-    return 0.25 * surprise.mean() + plain
+    surprise = 0.5 * (_beyond(normalised) - _logdet3(solution.information))
+    return plain + COVARIANCE_WEIGHT * surprise.mean()
+
+
+def _logdet3(matrix: Tensor) -> Tensor:
+    """Of symmetric positive (B, 3, 3), scaled to a diagonal of 1 first; bounded where rounding made it singular."""
+    diagonal = torch.diagonal(matrix, dim1=1, dim2=2)
+    root = diagonal.rsqrt()
+    scaled = matrix * root[:, :, None] * root[:, None]
+    a, b, c = scaled[:, 0, 1], scaled[:, 0, 2], scaled[:, 1, 2]
+    determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
+    return diagonal.log().sum(dim=1) + determinant.clamp_min(1e-6).log()
 
 
 def _beyond(squared: Tensor, least: float = OUTLIER) -> Tensor:

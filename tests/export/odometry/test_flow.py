@@ -1,0 +1,139 @@
+"""The flow head: its state, what it learns on a textured floor, its file, and the clips it learns from."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from edgemap.export.errors import ExportError  # noqa: E402
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head  # noqa: E402
+from edgemap.export.odometry.clips import LONGEST_DT_S, Clips, make_batch  # noqa: E402
+from edgemap.export.odometry.data import FeatureDrive  # noqa: E402
+from edgemap.export.odometry.flow import FlowHead  # noqa: E402
+from edgemap.export.odometry.flow_loss import flow_loss, run_clip  # noqa: E402
+from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
+from edgemap.export.odometry.validate import estimate, validate  # noqa: E402
+from edgemap.geometry.floor import FloorCamera  # noqa: E402
+from edgemap.geometry.flow_cells import flow_cells  # noqa: E402
+from edgemap.geometry.intrinsics import Intrinsics  # noqa: E402
+from edgemap.geometry.mount import Mount  # noqa: E402
+from edgemap.geometry.se2 import SE2  # noqa: E402
+from edgemap.runtime.bundle import InputSpec  # noqa: E402
+from edgemap.runtime.preprocess import cell_grid  # noqa: E402
+
+SIZE = 160
+LENS = Intrinsics(SIZE, SIZE, 130.0, 130.0, 79.5, 79.5)
+CAMERA = FloorCamera(LENS, Mount.from_degrees(0.5, 20.0, 0.0, 0.1))
+
+
+def floor_drive(seed: int, frames: int = 24, still: bool = False) -> FeatureDrive:
+    """A textured floor seen on an arc, as features: filters of the picture at stride 4, the same for every drive."""
+    rng = np.random.default_rng(seed)
+    noise = rng.integers(0, 255, (100, 100), dtype=np.uint8)
+    texture = cv2.resize(noise, (1600, 1600), interpolation=cv2.INTER_CUBIC)
+    v, u = np.mgrid[0:SIZE, 0:SIZE]
+    floor = np.nan_to_num(CAMERA.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3)
+    motion = SE2() if still else SE2(rng.uniform(0.0, 0.06), 0.0, rng.uniform(-0.08, 0.08))
+    filters = torch.randn(8, 1, 7, 7, generator=torch.Generator().manual_seed(0))
+    pose, poses, features = SE2(), [], []
+    for _ in range(frames):
+        texel = ((pose.apply(floor) + 8.0) * 100).astype(np.float32).reshape(SIZE, SIZE, 2)
+        picture = cv2.remap(texture, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=90)
+        grey = torch.from_numpy(picture).float()[None, None] / 64.0 - 2.0
+        features.append(torch.nn.functional.conv2d(grey, filters, stride=4, padding=3)[0].relu().numpy())
+        poses.append(pose.vector())
+        pose = pose @ motion
+    spec = InputSpec(name="image", width=SIZE, height=SIZE, resize="stretch", colour="bgr", scale=1.0)
+    cells, mount = flow_cells(CAMERA, cell_grid(spec, SIZE, SIZE, 16))
+    stamps = np.arange(frames) / 10.0
+    return FeatureDrive(f"floor {seed}", np.stack(features).astype(np.float16), stamps, np.array(poses), cells, mount)
+
+
+def new_head() -> FlowHead:
+    torch.manual_seed(0)
+    head = FlowHead((1, 8, 40, 40), 4)
+    head.feature_std.fill_(2.0)
+    return head
+
+
+def test_it_learns_to_tell_motion_from_a_textured_floor():
+    train, unseen = [floor_drive(seed) for seed in range(6)], [floor_drive(seed) for seed in (90, 91)]
+    head, recipe = new_head(), flow_recipe(1e-3, 5)
+    optimizer = recipe.optimizer(head)
+    before = validate(head, recipe.unroll, unseen)
+    for step in range(80):
+        rng = np.random.default_rng(step)
+        loss, _ = recipe.loss(head, make_batch([recipe.clips.draw(train, rng) for _ in range(3)]), 0.5)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(head.parameters(), 1.0)
+        optimizer.step()
+    after = validate(head, recipe.unroll, unseen)
+    assert after["rmse_yaw_rad"] < 0.5 * before["rmse_yaw_rad"]
+    assert after["rmse_forward_m"] < 0.5 * before["rmse_forward_m"]
+
+
+def test_the_state_carries_everything_from_chunk_to_chunk():
+    drive, head, recipe = floor_drive(3, frames=12), new_head(), flow_recipe()
+    whole, _, _ = recipe.unroll(head, make_batch([(drive, np.arange(12))]), None)
+    first, _, state = recipe.unroll(head, make_batch([(drive, np.arange(6))]), None)
+    second, _, _ = recipe.unroll(head, make_batch([(drive, np.arange(5, 12))]), state)
+    torch.testing.assert_close(torch.cat([first, second], dim=1), whole, atol=1e-6, rtol=1e-5)
+    steps, covariances = estimate(head, recipe.unroll, drive)
+    assert (len(steps), covariances.shape) == (11, (11, 3, 3))
+
+
+def test_one_step_at_a_time_is_the_same_as_a_clip():
+    drive, head = floor_drive(4, frames=5), new_head().eval()
+    batch = make_batch([(drive, np.arange(5))])
+    with torch.no_grad():
+        looks, _ = run_clip(head, batch)
+        state = [torch.zeros(shape) for shape in head.state_shapes.values()]
+        for index in range(5):
+            motion, covariance, *state = head(
+                batch.features[:, index], batch.cells, batch.mount, batch.dt_s[:, index : index + 1], *state
+            )
+            if index == 0:
+                state[2:] = [torch.zeros_like(part) for part in state[2:]]  # a clip's memory starts at frame 1
+            else:
+                torch.testing.assert_close(motion, looks[index - 1][1].solution.motion, atol=1e-5, rtol=1e-4)
+                torch.testing.assert_close(covariance, looks[index - 1][1].solution.covariance, atol=1e-8, rtol=1e-3)
+
+
+def test_the_loss_prefers_the_truth_and_honest_doubt():
+    drive, head = floor_drive(5), new_head()
+    batch = make_batch([(drive, np.arange(6))])
+    total, parts = flow_loss(head, batch, 0.0)
+    assert set(parts) == {"motion", "coarse"}
+    wrong = make_batch([(drive, np.arange(6))])
+    wrong.motions[..., 2] += 0.2
+    assert flow_loss(head, wrong, 0.0)[0].item() > total.item()
+
+
+def test_a_checkpoint_gives_the_head_back(tmp_path):
+    head = new_head()
+    save_head(HeadCheckpoint(head, "edgemap-nano", "stride4", "flow", measured={"a": 1}), tmp_path / "best.pt")
+    found = load_head(tmp_path / "best.pt")
+    assert (found.kind, found.feature, found.head.stride, found.measured) == ("flow", "stride4", 4, {"a": 1})
+    for name, tensor in head.state_dict().items():
+        torch.testing.assert_close(found.head.state_dict()[name], tensor)
+    with pytest.raises(ExportError, match="stride 16; 4 or 8 are wanted"):
+        FlowHead((1, 8, 10, 10), 16)
+
+
+def test_clips_skip_turn_round_and_stand_still():
+    drive, rng = floor_drive(6), np.random.default_rng(0)
+    steps = [np.diff(Clips(length=4, still=0.5).draw([drive], rng)[1]) for _ in range(80)]
+    assert {-1, 0, 1, 2} <= {int(step) for row in steps for step in row}
+    for row in steps:
+        assert np.abs(row).max() * 0.1 <= LONGEST_DT_S
+    chosen = [(drive, np.array([3, 5, 7, 7]))]
+    batch = make_batch(chosen)
+    assert batch.dt_s[0].tolist() == pytest.approx([0.2] * 4)
+    assert batch.motions[0, 3].tolist() == pytest.approx([0.0, 0.0, 0.0])
+    assert batch.motions[0, 1].tolist() == pytest.approx(drive.motions(np.array([3, 5]))[0].tolist())
+    with pytest.raises(ExportError, match="24 frames, clips need 30"):
+        Clips(length=30).draw([drive], rng)
