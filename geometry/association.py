@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.evidence import Evidence, pose_variance_m2
+from edgemap.geometry.evidence import Evidence, mean_variance
 from edgemap.geometry.floor_map import MapObject, SightingSums
 
 Array = NDArray[np.float64]
@@ -140,9 +140,9 @@ class Estimate:
             self.sums.join(pool.sums)
         self._pools, self._rule = pools, rule
         self.saved = next((pool.saved for pool in pools if pool.saved is not None), None)
-        firsts = [pool.first for pool in pools if pool.first is not None]
-        self._first = None if self.saved else min(firsts, key=lambda placed: placed.sighting.stamp_s)
-        known_m2 = 0.0 if self._first is None else pose_variance_m2(self._first)
+        first = min(pools, key=lambda pool: (pool.saved is None, pool.sums.first_seen_s))
+        self._first_m2 = first.first_m2
+        known_m2 = mean_variance(first.first_m2)
         xx, xy, yy = np.array([pool.information for pool in pools]).T
         vx, vy = np.array([pool.vector for pool in pools]).T
         determinant = xx * yy - xy * xy
@@ -167,7 +167,7 @@ class Estimate:
         extent_m = sum(pool.extent_m * pool.sums.count for pool in self._pools) / self.sums.count
         shared = sum((pool.shared for pool in self._pools), np.zeros((2, 2))) / sum(p.weight for p in self._pools)
         own = self._spread_m2 + np.eye(2) * self._rule.systematic_of(extent_m) ** 2
-        return own + shared + (0.0 if self._first is None else self._first.from_pose(self._first.pose_covariance))
+        return own + shared + self._first_m2
 
     def as_object(self, identity: str, label: str) -> MapObject:
         """The object as a map shows it."""

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.association import AssociationRule, Estimate, Places, agglomerated
 from edgemap.geometry.errors import MapError
@@ -21,6 +22,8 @@ from edgemap.geometry.exclusion import without_overlaps
 from edgemap.geometry.floor_map import MapObject, id_order
 from edgemap.geometry.footprints import footprint_m
 from edgemap.geometry.sighting import PlacedSighting
+
+Array = NDArray[np.float64]
 
 
 @dataclass(slots=True, eq=False)
@@ -130,6 +133,31 @@ class _Class:
             kept.region[row] = self.region[self.row_of[kept.pools[row].key]]
         return kept
 
+    def rekeyed(self) -> _Class:
+        """The same after pools were moved: those of one object that came to lie on one spot are one."""
+        parts: dict[Key, list[int]] = {}
+        for row, pool in enumerate(self.pools):
+            rank = 0
+            while not self._fits(row, parts.get(pool.key_here(rank), [])):
+                rank += 1
+            parts.setdefault(pool.key_here(rank), []).append(row)
+        became = {self.pools[row].key: key for key, rows in parts.items() for row in rows}
+        kept = _Class(self.rule)
+        for key, rows in parts.items():
+            whole = self.pools[rows[0]]
+            for row in rows[1:]:
+                whole.join(self.pools[row])
+            whole.key, whole.beside = key, {became[other] for other in whole.beside if other in became}
+            kept.append(whole, self.owner[rows[0]])
+        for row in range(len(kept.pools)):
+            kept.link(row)
+        return kept
+
+    def _fits(self, row: int, others: list[int]) -> bool:
+        """Whether a pool may become one with these: one object's, and never seen side by side."""
+        beside = self.pools[row].beside
+        return all(self.owner[other] is self.owner[row] and self.pools[other].key not in beside for other in others)
+
     def _linked(self, rows: set[int]) -> set[int]:
         found, new = set(rows), set(rows)
         while new:
@@ -205,6 +233,23 @@ class FloorMap:
         """Objects with enough evidence, none in the place of a better one, ordered by id."""
         found = [shown for item in self._objects.values() if (shown := item.settled(self.rule)) is not None]
         return without_overlaps(sorted(found, key=lambda item: id_order(item.id)))
+
+    def moved(self, places: Mapping[str, tuple[Array, Array]]) -> None:
+        """Objects stand elsewhere than thought: position (2,), and what of its covariance (2, 2) the way brings, by id.
+
+        What turns out to be one merges, as when it is sighted. A saved map's objects stay where they are.
+        """
+        for label in list(self._classes):
+            there = [item for item in self._objects.values() if item.label == label and item.id in places]
+            for item in there:
+                position_m, from_way_m2 = places[item.id]
+                by_m = position_m - Estimate(item.pools, self.rule).position_m
+                for pool in item.pools:
+                    if pool.saved is None:
+                        pool.move(by_m, from_way_m2)
+            if there:
+                kind = self._classes[label] = self._classes[label].rekeyed()
+                self._settle(label, kind, list(range(len(kind.pools))))
 
     def doubt(self, identity: str, most: float) -> None:
         """Show an object with this confidence at most."""

@@ -33,7 +33,7 @@ def keys_of(sightings: Sequence[PlacedSighting]) -> list[Key]:
         x_m, y_m = sightings[row].position_map_m
         lever_x_m, lever_y_m = sightings[row].lever_m
         side = int((math.atan2(lever_y_m, lever_x_m) / math.tau + 0.5) * SIDES) % SIDES
-        spot = math.floor(x_m / CELL_M), math.floor(y_m / CELL_M), side
+        spot = *_cell(x_m, y_m), side
         keys[row] = (*spot, taken[spot])
         taken[spot] += 1
     return keys
@@ -43,13 +43,13 @@ class Evidence:
     """Sightings of one pool, summed.
 
     information (3,): xx, xy, yy of their pixel information, 1/m^2; vector (2,): that times position. shared: (2, 2)
-    m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each. first:
-    the earliest one. beside: pools seen in one frame with it. views: squares they were seen from. saved: the earlier
-    map's object this is, if it is one. updated: number of the last frame.
+    m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
+    first_m2: (2, 2), all that it makes of the earliest one. beside: pools seen in one frame with it. views: squares
+    they were seen from. saved: the earlier map's object this is, if it is one. updated: number of the last frame.
     """
 
     __slots__ = (
-        "beside", "extent_m", "first", "information", "key", "saved", "shared", "sums", "updated", "variance_m2",
+        "beside", "extent_m", "first_m2", "information", "key", "saved", "shared", "sums", "updated", "variance_m2",
         "vector", "views", "weight",
     )  # fmt: skip
 
@@ -57,7 +57,7 @@ class Evidence:
         self.key, self.extent_m, self.saved = key, extent_m, saved
         self.information, self.vector = np.zeros(3), np.zeros(2)
         self.shared, self.weight, self.variance_m2 = np.zeros((2, 2)), 0.0, 0.0
-        self.first: PlacedSighting | None = None
+        self.first_m2 = np.zeros((2, 2))
         self.sums = SightingSums()
         self.beside: set[Key] = set()
         self.views: set[tuple[int, int]] = set()
@@ -89,26 +89,59 @@ class Evidence:
         self.vector += (xx * x_m + xy * y_m, xy * x_m + yy * y_m)
         self.shared += (xx + yy) * placed.shared_m2
         self.weight += xx + yy
-        if self.first is None or placed.sighting.stamp_s < self.first.sighting.stamp_s:
-            self.first = placed
+        pose_m2 = placed.from_pose(placed.pose_covariance)
+        if placed.sighting.stamp_s < self.sums.first_seen_s:
+            self.first_m2 = pose_m2
         self.sums.add(placed)
-        self.variance_m2 += (pose_variance_m2(placed) - self.variance_m2) / self.sums.count
+        self.variance_m2 += (mean_variance(pose_m2) - self.variance_m2) / self.sums.count
         self.views.add(_square(x_m - placed.lever_m[0], y_m - placed.lever_m[1]))
         self.updated = frame
 
+    @property
+    def position_m(self) -> Array:
+        """Information-weighted mean of the sightings, (2,)."""
+        (xx, xy, yy), (vx, vy) = self.information, self.vector
+        return np.array([yy * vx - xy * vy, xx * vy - xy * vx]) / (xx * yy - xy * xy)
 
-def pose_variance_m2(placed: PlacedSighting) -> float:
-    """What the pose's covariance makes of a sighting's place: the mean of both axes' variances."""
-    covariance = placed.pose_covariance
-    if not covariance.any():
-        return 0.0
-    return float(np.trace(placed.from_pose(covariance))) / 2.0
+    def key_here(self, rank: int) -> Key:
+        """The key of a pool that lies where this one does now; that of a saved object stays."""
+        side = self.key[2]
+        return self.key if side == SAVED_SIDE else (*_cell(*self.position_m), side, rank)
+
+    def move(self, by_m: Array, from_way_m2: Array) -> None:
+        """It lies elsewhere by (2,), and the way that it was seen from adds this (2, 2) to its covariance."""
+        (xx, xy, yy), (dx, dy) = self.information, by_m
+        self.vector += (xx * dx + xy * dy, xy * dx + yy * dy)
+        self.variance_m2, self.first_m2 = mean_variance(from_way_m2), from_way_m2
+        self.views = {_square((i + 0.5) * VIEW_M + dx, (j + 0.5) * VIEW_M + dy) for i, j in self.views}
+
+    def join(self, other: Evidence) -> None:
+        """Take in another pool's sightings."""
+        counts = self.sums.count, other.sums.count
+        self.variance_m2 = float(np.average([self.variance_m2, other.variance_m2], weights=counts))
+        if other.sums.first_seen_s < self.sums.first_seen_s:
+            self.first_m2 = other.first_m2
+        self.information, self.vector = self.information + other.information, self.vector + other.vector
+        self.shared, self.weight = self.shared + other.shared, self.weight + other.weight
+        self.sums.join(other.sums)
+        self.views |= other.views
+        self.beside |= other.beside
+        self.updated = max(self.updated, other.updated)
+
+
+def mean_variance(covariance: Array) -> float:
+    """Mean of both axes' variances of a covariance (2, 2)."""
+    return float(covariance[0, 0] + covariance[1, 1]) / 2.0
 
 
 def positive(matrix: Array, least: float = 0.0) -> Array:
     """The nearest symmetric matrix with no eigenvalue below `least`."""
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
     return (vectors * np.maximum(values, least)) @ vectors.T
+
+
+def _cell(x_m: float, y_m: float) -> tuple[int, int]:
+    return math.floor(x_m / CELL_M), math.floor(y_m / CELL_M)
 
 
 def _square(x_m: float, y_m: float) -> tuple[int, int]:

@@ -117,3 +117,20 @@ def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed
     first, second = chairs.objects()
     assert (first.id, first.position_m[0]) == ("chair-1", pytest.approx(2.0, abs=0.02))
     assert (second.id, second.position_m[0]) == ("chair-2", pytest.approx(2.6, abs=0.02))
+
+
+def test_things_put_elsewhere_keep_their_ids_and_what_comes_to_one_place_merges(placed):
+    chairs = FloorMap()
+    for frame in range(5):
+        chairs.update([placed("chair", 2.0, 0.0, frame), placed("chair", 5.0, 0.0, frame)])
+    for frame in range(5, 8):
+        chairs.update([placed("chair", 3.1, 0.9, frame)])
+    way_m2 = np.diag([0.01, 0.04])
+    chairs.moved({"chair-1": (np.array([2.5, 0.5]), way_m2), "chair-3": (np.array([2.5, 0.5]), way_m2)})
+    first, second = chairs.objects()
+    assert (first.id, second.id, chairs.merged) == ("chair-1", "chair-2", {"chair-3": "chair-1"})
+    assert first.position_m == pytest.approx([2.5, 0.5])
+    assert second.position_m == pytest.approx([5.0, 0.0])
+    assert (first.count, first.covariance_m2[1, 1] - first.covariance_m2[0, 0]) == (8, pytest.approx(0.03))
+    assert chairs.update([placed("chair", 2.5, 0.5, 9), placed("chair", 5.0, 0.0, 9)]) == ["chair-1", "chair-2"]
+    assert chairs.update([placed("chair", 2.0, -0.6, 10)]) == ["chair-4"]  # what stood there has left its cell
