@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from torch import Tensor
-
 from edgemap.export.detector.blocks import fold_norms
 from edgemap.export.detector.classes import nano_classes
 from edgemap.export.detector.network import Nano
@@ -84,12 +82,3 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
 def is_detector(path: Path) -> bool:
     """Whether a torch file is a detector's checkpoint, and not an odometry head's. Raises ExportError."""
     return read_torch(path).get("format") == FORMAT
-
-
-def average_into(average: dict[str, Tensor], network: Nano, decay: float) -> None:
-    """One step of the exponential moving average of a network's weights, in place."""
-    for name, tensor in network.state_dict().items():
-        if tensor.is_floating_point():
-            average[name].lerp_(tensor, 1.0 - decay)
-        else:
-            average[name].copy_(tensor)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import copy
-import math
-import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from edgemap.export.detector.checkpoint import RESUME_FORMAT, DetectorCheckpoint, average_into, save_detector
+from edgemap.export.detector.checkpoint import RESUME_FORMAT, DetectorCheckpoint, save_detector
 from edgemap.export.detector.curves import write_curves
 from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.loss import detection_loss
@@ -23,9 +21,8 @@ from edgemap.export.detector.schedule import NO_MOSAIC, Schedule
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
-from edgemap.export.torch_files import read_torch, save_whole
+from edgemap.export.training import Training, average_into
 
-SAVE_EVERY_S = 120.0
 AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
 CLIP_NORM = 20.0
 PARTS = ("total", "box", "objectness", "classes", "kept")
@@ -56,11 +53,13 @@ class Settings:
     bfloat16: bool = False
 
 
-class Trainer:
+class Trainer(Training):
     """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
 
     start: the network as it starts, with its origin; train, validation: examples as `load_examples` gives.
     """
+
+    resume_format = RESUME_FORMAT
 
     def __init__(
         self,
@@ -70,8 +69,8 @@ class Trainer:
         folder: Path,
         settings: Settings,
     ) -> None:
-        torch.set_num_threads(settings.threads)
-        self.start, self.settings, self.folder = start, settings, folder
+        super().__init__(folder, settings.validate_minutes, settings.threads)
+        self.start, self.settings = start, settings
         self.train, self.validation = train, validation
         self.network = start.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         for part in settings.frozen:
@@ -81,71 +80,35 @@ class Trainer:
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         self.optimizer = torch.optim.AdamW(_groups(self.network, settings), weight_decay=0.0)
         self.schedule = Schedule(settings.minutes, settings.epochs)
-        self.epoch, self.index, self.steps, self.trained_s = 0, 0, 0, 0.0
-        self.best, self.rows = -1.0, []  # type: ignore[var-annotated]
-        self._sums, self._count = dict.fromkeys(PARTS, 0.0), 0
-        folder.mkdir(parents=True, exist_ok=True)
-
-    def resume(self) -> None:
-        """Go on from `last.pt`. Raises ExportError where it belongs to another run."""
-        path = self.folder / "last.pt"
-        state = read_torch(path)
-        if state.get("format") != RESUME_FORMAT:
-            raise ExportError(f"{path}: format {state.get('format')!r}, expected {RESUME_FORMAT!r}")
-        if tuple(state["names"]) != self.start.names or state["start"] != self.start.start:
-            raise ExportError(
-                f"{path}: started from {state['start']} for {len(state['names'])} classes, not this run's"
-            )
-        self.network.load_state_dict(state["network"])
-        self.average = state["average"]
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.epoch, self.index, self.steps = state["epoch"], state["index"], state["steps"]
-        self.trained_s, self.best, self.rows = state["trained_s"], state["best"], state["rows"]
-        self._sums, self._count = state["sums"], state["count"]
-        torch.set_rng_state(state["random"])
-
-    def run(self) -> dict[str, Any]:
-        """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
-        batches = self._batches()
-        validated = saved = before_s = self.trained_s
-        began = time.perf_counter()
-        every_s = None if self.settings.validate_minutes is None else 60.0 * self.settings.validate_minutes
-        bar = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed} {postfix}", mininterval=2.0)
-        try:
-            while self.progress() < 1.0:
-                mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
-                loader = Batches(self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic)
-                for images, targets in loader.epoch(self.epoch, self.index):
-                    self._step(images, targets)
-                    self.index += 1
-                    self.trained_s = before_s + time.perf_counter() - began
-                    self._show(bar)
-                    if every_s is not None and self.trained_s - validated >= every_s:
-                        validated = self.trained_s
-                        self._validate()
-                    if self.trained_s - saved >= SAVE_EVERY_S:
-                        saved = self.trained_s
-                        self.save()
-                    if self.progress() >= 1.0 or (mosaic > 0.0 and self.progress() >= NO_MOSAIC):
-                        break
-                if self.index >= batches:
-                    self.epoch, self.index = self.epoch + 1, 0
-                    if every_s is None:
-                        self._validate()
-            self._validate()
-        finally:
-            bar.close()
-            self.save()
-        return max(self.rows, key=lambda row: row["ap50"])
+        self.epoch, self.index = 0, 0
 
     def progress(self) -> float:
-        """Share of the budget that is spent."""
+        """By the clock or by epochs."""
         return self.schedule.progress(self.trained_s, self.epoch + self.index / self._batches())
 
-    def save(self) -> None:
-        """Write `last.pt`."""
-        state = {
-            "format": RESUME_FORMAT,
+    def take_steps(self) -> Iterator[None]:
+        """Epoch by epoch; without --validate-minutes validated after each. Mosaics stop before the end."""
+        while self.progress() < 1.0:
+            mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
+            loader = Batches(self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic)
+            for images, targets in loader.epoch(self.epoch, self.index):
+                self._step(images, targets)
+                self.index += 1
+                yield
+                if self.progress() >= 1.0 or (mosaic > 0.0 and self.progress() >= NO_MOSAIC):
+                    break
+            if self.index >= self._batches():
+                self.epoch, self.index = self.epoch + 1, 0
+                if self.settings.validate_minutes is None:
+                    self.validate()
+
+    def best(self) -> dict[str, Any]:
+        """The row of the highest AP50."""
+        return max(self.rows, key=lambda row: row["ap50"])
+
+    def state(self) -> dict[str, Any]:
+        """Network, average, optimiser, where in which epoch."""
+        return {
             "names": list(self.start.names),
             "start": self.start.start,
             "settings": asdict(self.settings),
@@ -154,15 +117,20 @@ class Trainer:
             "optimizer": self.optimizer.state_dict(),
             "epoch": self.epoch,
             "index": self.index,
-            "steps": self.steps,
-            "trained_s": self.trained_s,
-            "best": self.best,
-            "rows": self.rows,
-            "sums": self._sums,
-            "count": self._count,
             "random": torch.get_rng_state(),
         }
-        save_whole(state, self.folder / "last.pt")
+
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Raises ExportError where it started from something else, or for other classes."""
+        if tuple(state["names"]) != self.start.names or state["start"] != self.start.start:
+            raise ExportError(
+                f"{path}: started from {state['start']} for {len(state['names'])} classes, not this run's"
+            )
+        self.network.load_state_dict(state["network"])
+        self.average = state["average"]
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.epoch, self.index = state["epoch"], state["index"]
+        torch.set_rng_state(state["random"])
 
     def _batches(self) -> int:
         return max(1, len(self.train) // self.settings.batch)
@@ -181,17 +149,12 @@ class Trainer:
         if kept is not None:
             losses["kept"] = kept
             losses["total"] = losses["total"] + self.settings.keep * kept
-        if not math.isfinite(losses["total"].item()):
-            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
+        self.add({part: losses[part].item() if part in losses else 0.0 for part in PARTS})
         self.optimizer.zero_grad(set_to_none=True)
         losses["total"].backward()
         nn.utils.clip_grad_norm_(self.learning, CLIP_NORM)
         self.optimizer.step()
-        self.steps += 1
         average_into(self.average, self.network, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
-        for part in PARTS:
-            self._sums[part] += losses[part].item() if part in losses else 0.0
-        self._count += 1
 
     def _drift(self, x4: torch.Tensor, images: torch.Tensor, maps: Sequence[torch.Tensor]) -> torch.Tensor:
         """Relative squared distance of the trunk's maps from those of the start, summed over the strides."""
@@ -206,35 +169,27 @@ class Trainer:
         ]
         return torch.stack(distances).sum()
 
-    def _show(self, bar: tqdm) -> None:
-        bar.n = round(100 * self.progress(), 1)
-        mean = self._sums["total"] / max(1, self._count)
-        text = f"epoch {self.epoch} step {self.steps} loss {mean:.3f} best AP50 {max(0.0, self.best):.3f}"
-        bar.set_postfix_str(text, refresh=False)
-        bar.update(0)
-
     def averaged(self) -> Nano:
         """The network with its averaged weights."""
         network = copy.deepcopy(self.network)
         network.load_state_dict(self.average)
         return network.eval()
 
-    def _validate(self) -> None:
+    def validate(self) -> None:
+        """With the averaged weights, on the validation examples."""
         network = self.averaged()
         figures = validate(network, self.validation, self.start.names, self.settings.size)
         row = {
             "minutes": round(self.trained_s / 60.0, 2),
             "epoch": round(self.epoch + self.index / self._batches(), 2),
             "pictures": self.steps * self.settings.batch,
-            **{part: round(self._sums[part] / max(1, self._count), 4) for part in PARTS},
+            **self.means(4),
             "ap": figures["ap"],
             "ap50": figures["ap50"],
         }
-        self._sums, self._count = dict.fromkeys(PARTS, 0.0), 0
         self.rows.append(row)
         tqdm.write("  ".join(f"{key} {value}" for key, value in row.items()))
-        if figures["ap50"] > self.best:
-            self.best = figures["ap50"]
+        if self.best() is row:
             measured = {
                 "training": {"pictures": len(self.train), "settings": asdict(self.settings), **row},
                 "validation": figures,

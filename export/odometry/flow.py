@@ -24,6 +24,7 @@ COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of st
 FINE_REACH = 3  # of the fine search, in cells of stride 8 around the prediction
 SIGMA = 0.01  # a cell's weight of 1 stands for this standard deviation of its bearing
 FAR_INVERSE_DEPTH = 0.4  # 1/m, what is taken for the depth of a cell that does not see the floor, at first
+FASTEST = (3.0, 1.0, 0.8)  # m, m, rad of one step: the coarse motion is cut to it, so that no outlier runs away
 SLOPE = 0.1
 
 
@@ -75,6 +76,8 @@ class FlowHead(nn.Module):
         self.feature_std: Tensor
         self.register_buffer("feature_mean", torch.zeros(1, channels, 1, 1))
         self.register_buffer("feature_std", torch.ones(1, channels, 1, 1))
+        self.fastest: Tensor
+        self.register_buffer("fastest", torch.tensor([FASTEST]), persistent=False)
         self.coarse_offsets: Tensor
         self.fine_offsets: Tensor
         self.register_buffer("coarse_offsets", offsets(COARSE_ROWS, COARSE_COLUMNS), persistent=False)
@@ -144,13 +147,13 @@ class FlowHead(nn.Module):
         found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known], dim=1))
         first = self._read(self.tell(found), guess, floor, geometry, prior, prior, prior_information, 0)
 
-        bearings, _ = seen_before(geometry, first.inverse_depth.flatten(2), first.solution.motion)
+        start = torch.maximum(torch.minimum(first.solution.motion, self.fastest), -self.fastest)
+        bearings, _ = seen_before(geometry, first.inverse_depth.flatten(2), start)
         predicted = geometry.cells_of(bearings - geometry.here).unflatten(2, shape)
         scores = correlate(fine, _warped(fine_before, predicted), FINE_REACH, FINE_REACH)
         nearer = functional.avg_pool2d(_expected(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
         finer = functional.leaky_relu(self.narrow(torch.cat([scores.permute(0, 3, 1, 2), fine], dim=1)), SLOPE)
         found = self.refine(torch.cat([finer, found, nearer, first.moved - predicted], dim=1))
-        start = first.solution.motion
         second = self._read(
             self.retell(found), predicted + nearer, first.inverse_depth.flatten(2), geometry, start, prior,
             prior_information, 1,

@@ -1,0 +1,131 @@
+"""What every training here shares: a budget, validations that choose `best.pt`, a `last.pt` to resume from."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from edgemap.export.errors import ExportError
+from edgemap.export.torch_files import read_torch, save_whole
+
+SAVE_EVERY_S = 120.0
+
+
+class Training(ABC):
+    """One run in a folder. Rows are what each validation found; sums are of the losses since the last one."""
+
+    resume_format: str
+
+    def __init__(self, folder: Path, validate_minutes: float | None, threads: int) -> None:
+        torch.set_num_threads(threads)
+        self.folder, self._every_s = folder, math.inf if validate_minutes is None else 60.0 * validate_minutes
+        self.steps, self.trained_s = 0, 0.0
+        self.rows: list[dict[str, Any]] = []
+        self.sums: dict[str, float] = {}
+        self.count = 0
+        folder.mkdir(parents=True, exist_ok=True)
+
+    @abstractmethod
+    def progress(self) -> float:
+        """Share of the budget that is spent, 0..1."""
+
+    @abstractmethod
+    def take_steps(self) -> Iterator[None]:
+        """Train; yields after every step, and ends when the budget is spent."""
+
+    @abstractmethod
+    def validate(self) -> None:
+        """Add a row, and write `best.pt` where it is the best one."""
+
+    @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """What a resume needs besides what this class keeps."""
+
+    @abstractmethod
+    def restore(self, state: dict[str, Any], path: Path) -> None:
+        """Take `state`'s values again. Raises ExportError where they belong to another run."""
+
+    @abstractmethod
+    def best(self) -> dict[str, Any]:
+        """The best row."""
+
+    def ended(self) -> bool:
+        """Whether to stop before the budget is spent; asked after a validation."""
+        return False
+
+    def run(self) -> dict[str, Any]:
+        """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
+        began, before_s = time.perf_counter(), self.trained_s
+        validated = saved = before_s
+        bar = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed} {postfix}", mininterval=2.0)
+        try:
+            for _ in self.take_steps():
+                self.trained_s = before_s + time.perf_counter() - began
+                self._show(bar)
+                if self.trained_s - validated >= self._every_s:
+                    validated = self.trained_s
+                    self.validate()
+                    if self.ended():
+                        break
+                if self.trained_s - saved >= SAVE_EVERY_S:
+                    saved = self.trained_s
+                    self.save()
+            if self.count or not self.rows:
+                self.validate()
+        finally:
+            bar.close()
+            self.save()
+        return self.best()
+
+    def resume(self) -> None:
+        """Go on from `last.pt`. Raises ExportError where it belongs to another run."""
+        path = self.folder / "last.pt"
+        state = read_torch(path)
+        if state.get("format") != self.resume_format:
+            raise ExportError(f"{path}: format {state.get('format')!r}, expected {self.resume_format!r}")
+        self.restore(state, path)
+        self.steps, self.trained_s, self.rows = state["steps"], state["trained_s"], state["rows"]
+        self.sums, self.count = state["sums"], state["count"]
+
+    def save(self) -> None:
+        """Write `last.pt`."""
+        kept = {name: getattr(self, name) for name in ("steps", "trained_s", "rows", "sums", "count")}
+        save_whole({"format": self.resume_format, **self.state(), **kept}, self.folder / "last.pt")
+
+    def add(self, parts: dict[str, float]) -> None:
+        """Count one step's losses."""
+        if not all(map(math.isfinite, parts.values())):
+            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
+        for name, value in parts.items():
+            self.sums[name] = self.sums.get(name, 0.0) + value
+        self.count += 1
+        self.steps += 1
+
+    def means(self, digits: int = 5) -> dict[str, float]:
+        """Mean losses since the last call."""
+        found = {name: round(value / max(1, self.count), digits) for name, value in self.sums.items()}
+        self.sums, self.count = {}, 0
+        return found
+
+    def _show(self, bar: Any) -> None:
+        bar.n = round(100 * self.progress(), 1)
+        loss = next(iter(self.sums.values()), 0.0) / max(1, self.count)
+        bar.set_postfix_str(f"step {self.steps} loss {loss:.3f}", refresh=False)
+        bar.update(0)
+
+
+def average_into(average: dict[str, Tensor], network: nn.Module, decay: float) -> None:
+    """One step of the exponential moving average of a network's weights, in place."""
+    for name, tensor in network.state_dict().items():
+        if tensor.is_floating_point():
+            average[name].lerp_(tensor, 1.0 - decay)
+        else:
+            average[name].copy_(tensor)
