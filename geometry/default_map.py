@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.association import AssociationRule, Estimate, Places, agglomerated
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.evidence import VIEW_M, Evidence, Key, keys_of
+from edgemap.geometry.evidence import VIEW_M, Evidence, Key, Move, keys_of
 from edgemap.geometry.exclusion import without_overlaps
 from edgemap.geometry.floor_map import MapObject, id_order
 from edgemap.geometry.footprints import footprint_m
@@ -133,14 +133,17 @@ class _Class:
             kept.region[row] = self.region[self.row_of[kept.pools[row].key]]
         return kept
 
-    def rekeyed(self) -> _Class:
-        """The same after pools were moved: those of one object that came to lie on one spot are one."""
+    def rekeyed(self, part_of: Mapping[int, int]) -> _Class:
+        """The same after pools were moved: those of one object that came to lie on one spot are one.
+
+        part_of: what a pool's thing turned out to be.
+        """
         parts: dict[Key, list[int]] = {}
         for row, pool in enumerate(self.pools):
-            rank = 0
-            while not self._fits(row, parts.get(pool.key_here(rank), [])):
+            thing, rank = part_of.get(pool.thing, pool.thing), 0
+            while not self._fits(row, parts.get(pool.key_here(thing, rank), [])):
                 rank += 1
-            parts.setdefault(pool.key_here(rank), []).append(row)
+            parts.setdefault(pool.key_here(thing, rank), []).append(row)
         became = {self.pools[row].key: key for key, rows in parts.items() for row in rows}
         kept = _Class(self.rule)
         for key, rows in parts.items():
@@ -234,21 +237,15 @@ class FloorMap:
         found = [shown for item in self._objects.values() if (shown := item.settled(self.rule)) is not None]
         return without_overlaps(sorted(found, key=lambda item: id_order(item.id)))
 
-    def moved(self, places: Mapping[str, tuple[Array, Array]]) -> None:
-        """Objects stand elsewhere than thought: position (2,), and what of its covariance (2, 2) the way brings, by id.
-
-        What turns out to be one merges, as when it is sighted. A saved map's objects stay where they are.
-        """
-        for label in list(self._classes):
-            there = [item for item in self._objects.values() if item.label == label and item.id in places]
-            for item in there:
-                position_m, from_way_m2 = places[item.id]
-                by_m = position_m - Estimate(item.pools, self.rule).position_m
-                for pool in item.pools:
-                    if pool.saved is None:
-                        pool.move(by_m, from_way_m2)
+    def moved(self, things: Mapping[int, Move]) -> None:
+        """What was seen of some things lies elsewhere than thought, by the thing's number. What turns out to be one
+        merges, and what turns out to be two parts, as when it is sighted."""
+        for label, kind in list(self._classes.items()):
+            there = [pool for pool in kind.pools if pool.thing in things]
+            for pool in there:
+                pool.move(things[pool.thing].by_m, things[pool.thing].from_way_m2)
             if there:
-                kind = self._classes[label] = self._classes[label].rekeyed()
+                kind = self._classes[label] = kind.rekeyed({number: move.part_of for number, move in things.items()})
                 self._settle(label, kind, list(range(len(kind.pools))))
 
     def doubt(self, identity: str, most: float) -> None:

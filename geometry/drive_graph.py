@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.evidence import Move
 from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.keyframes import Rebase, Way, WayRule
+from edgemap.geometry.keyframes import Rebase, Way, WayRule, points_from
 from edgemap.geometry.pose_graph import Known, Looks, Solution, solve
 from edgemap.geometry.revisit import Pairing, RevisitRule, certain_pairings
 from edgemap.geometry.se2 import SE2
@@ -56,6 +56,15 @@ class _Solved:
     misfit: dict[int, float]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Revisit:
+    """What things seen again say: how the past moved, the pose's covariance (3, 3) now, and where each thing lies."""
+
+    past: Rebase
+    covariance: Array
+    moves: dict[int, Move]
+
+
 class DriveGraph:
     """Fed every frame's motion and sightings. Tracks that are one thing form a group, which is one landmark.
 
@@ -72,28 +81,13 @@ class DriveGraph:
         self._known: dict[int, tuple[Array, Array]] = {}
         self._refused: set[tuple[int, int]] = set()
 
-    def remember(self, objects: Sequence[MapObject], already: Mapping[str, str] | None = None) -> None:
-        """Things of an earlier map, in the frame that the way is in: seen again, they put it right.
-
-        already: what the map's ids of this drive became, where some turned out to be things of that map.
-        """
-        taken = self.groups()
+    def remember(self, objects: Sequence[MapObject]) -> None:
+        """Things of an earlier map, in the frame that the way is in: seen again, they put it right."""
         for item in objects:
             track = self.tracker.begin(item.label, item.width_m, item.position_m, -1, -np.inf)
             track.count = max(item.count, self.rule.least)
-            track.names[item.id] = track.count
             self._group[track.number] = track.number
             self._known[track.number] = item.position_m, np.linalg.inv(item.covariance_m2)
-            for members in taken.values():
-                if called(members, already or {}) == item.id:
-                    self._group.update({member.number: track.number for member in members})
-                    self.links += 1
-
-    def moved(self, pose_new_old: SE2, covariance: Array) -> None:
-        """Everything into another frame, known to the covariance (3, 3) in it."""
-        self.way.moved(pose_new_old, covariance)
-        for track in self.tracker.tracks.values():
-            track.position_m = pose_new_old.apply(track.position_m)
 
     def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> bool:
         """Move on by one frame; whether this is when to look for things seen before."""
@@ -120,17 +114,22 @@ class DriveGraph:
             self._open.setdefault(track.number, []).append((place, np.linalg.inv(spread)))
         return tracks
 
-    def revisit(self) -> tuple[Rebase, Array] | None:
-        """Look for things seen before, and put way and tracks right by them: how the past moved, and the pose's
-        covariance (3, 3); None while nothing was seen again."""
+    def revisit(self) -> Revisit | None:
+        """Look for things seen before, and put way and tracks right by them; None while nothing was seen again."""
+        before, number_of = self.way.vectors(), dict(self._group)
         solved = self._paired()
         if solved is None and self.links:
             solved = self._solve(rounds=3)
         if solved is None:
             return None
-        rebase = self.way.put(solved.solution.poses)
-        self._place_tracks(solved, rebase)
-        return rebase, solved.solution.last_covariance
+        past = self.way.put(solved.solution.poses)
+        self._place_tracks(solved, past)
+        moves = self._moves(solved, before, number_of)
+        return Revisit(past, solved.solution.last_covariance, moves)
+
+    def things(self, tracks: Sequence[Track]) -> list[int]:
+        """The number of the thing that each track is of, as far as it is known."""
+        return [self._group[track.number] for track in tracks]
 
     def groups(self) -> dict[int, list[Track]]:
         """The tracks of each thing."""
@@ -224,7 +223,24 @@ class DriveGraph:
                 track.position_m = SE2(*rebase.moves[track.last]).apply(track.position_m)
             else:
                 track.position_m = solved.solution.landmarks[at]
-                track.spread_m2 = solved.solution.covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
+
+    def _moves(self, solved: _Solved, before: Array, number_of: dict[int, int]) -> dict[int, Move]:
+        """Where each thing lies now, by its number before: its looks moved with their poses, and it by their mean."""
+        after = solved.solution.poses
+        rows = np.array([look.keyframe for look in self._looks], dtype=np.intp)
+        places = np.array([look.place_m for look in self._looks]).reshape(-1, 2)
+        shifts = points_from(after[rows], places) - points_from(before[rows], places)
+        by: dict[int, list[Array]] = {}
+        for look, shift in zip(self._looks, shifts, strict=True):
+            by.setdefault(number_of[look.track], []).append(shift)
+        unknown_m2, moves = solved.solution.last_covariance[:2, :2], {}
+        for number, each in by.items():
+            part_of = self._group[number]
+            at = solved.row.get(part_of)
+            covariance = solved.solution.covariance
+            from_way_m2 = unknown_m2 if at is None else covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
+            moves[number] = Move(np.mean(each, axis=0), from_way_m2, part_of)
+        return moves
 
     def _close_looks(self) -> None:
         """What one keyframe saw of a track becomes one look: repeated frames repeat each other's error."""
@@ -261,12 +277,3 @@ class DriveGraph:
                 del self.tracker.tracks[number], self._group[number]
             self._looks = [look for look in self._looks if look.track not in gone]
             self._refused = {pair for pair in self._refused if gone.isdisjoint(pair)}
-
-
-def called(tracks: Sequence[Track], became: Mapping[str, str]) -> str | None:
-    """The map's object that most sightings of these tracks went to, None before any. became: ids that are no more."""
-    names: Counter[str] = Counter()
-    for track in tracks:
-        for name, count in track.names.items():
-            names[became.get(name, name)] += count
-    return max(names, key=lambda name: (names[name], name), default=None)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from edgemap.geometry.footprints import footprint_m
 from edgemap.geometry.sighting import PlacedSighting
 
 Array = NDArray[np.float64]
-Key = tuple[int, int, int, int]  # cell x, cell y, side, rank among the frame's sightings there
+Key = tuple[int, int, int, int, int]  # cell x, cell y, side, thing, rank among the frame's sightings there
 
 CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
 SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
@@ -25,15 +26,25 @@ VIEW_M = 0.5  # side of the squares in which places that an object was seen from
 SAVED_SIDE = -1
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """How a thing was found to lie elsewhere: by_m (2,); from_way_m2 (2, 2), what its covariance has from the way;
+    part_of: number of the thing that it turned out to be, its own where it is still that."""
+
+    by_m: Array
+    from_way_m2: Array
+    part_of: int
+
+
 def keys_of(sightings: Sequence[PlacedSighting]) -> list[Key]:
     """The pool of each sighting of one frame and label; two boxes of one frame are never in one pool."""
-    keys: list[Key] = [(0, 0, 0, 0)] * len(sightings)
-    taken: Counter[tuple[int, int, int]] = Counter()
+    keys: list[Key] = [(0, 0, 0, 0, 0)] * len(sightings)
+    taken: Counter[tuple[int, int, int, int]] = Counter()
     for row in sorted(range(len(sightings)), key=lambda row: tuple(sightings[row].position_map_m)):
         x_m, y_m = sightings[row].position_map_m
         lever_x_m, lever_y_m = sightings[row].lever_m
         side = int((math.atan2(lever_y_m, lever_x_m) / math.tau + 0.5) * SIDES) % SIDES
-        spot = *_cell(x_m, y_m), side
+        spot = *_cell(x_m, y_m), side, sightings[row].thing
         keys[row] = (*spot, taken[spot])
         taken[spot] += 1
     return keys
@@ -70,7 +81,7 @@ class Evidence:
         A map does not say which part of its uncertainty its objects share: all of it but the systematic one counts as
         this object's own, and the new drive's pose as independent of it.
         """
-        known = cls((number, 0, SAVED_SIDE, 0), max(footprint_m(item.label, item.width_m)), item)
+        known = cls((number, 0, SAVED_SIDE, -1, 0), max(footprint_m(item.label, item.width_m)), item)
         spread = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
         (xx, xy), (_, yy) = np.linalg.inv(spread / min(correlated, max(float(item.count), 1.0)))
         known.information = np.array([xx, xy, yy])
@@ -103,10 +114,15 @@ class Evidence:
         (xx, xy, yy), (vx, vy) = self.information, self.vector
         return np.array([yy * vx - xy * vy, xx * vy - xy * vx]) / (xx * yy - xy * xy)
 
-    def key_here(self, rank: int) -> Key:
-        """The key of a pool that lies where this one does now; that of a saved object stays."""
+    def key_here(self, thing: int, rank: int) -> Key:
+        """The key of a pool of a thing that lies where this one does now; that of a saved object stays."""
         side = self.key[2]
-        return self.key if side == SAVED_SIDE else (*_cell(*self.position_m), side, rank)
+        return self.key if side == SAVED_SIDE else (*_cell(*self.position_m), side, thing, rank)
+
+    @property
+    def thing(self) -> int:
+        """The thing that all its sightings are of, as far as the drive's graph tells; -1 where it does not."""
+        return self.key[3]
 
     def move(self, by_m: Array, from_way_m2: Array) -> None:
         """It lies elsewhere by (2,), and the way that it was seen from adds this (2, 2) to its covariance."""

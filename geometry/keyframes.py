@@ -60,6 +60,11 @@ class Rebase:
         return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
 
 
+def points_from(poses: Array, points_m: Array) -> Array:
+    """Points (N, 2) seen from poses (N, 3), in the frame that these are in."""
+    return _composed(poses, np.column_stack([points_m, np.zeros(len(points_m))]))[:, :2]
+
+
 def _composed(a: Array, b: Array) -> Array:
     """`SE2 @ SE2` of rows (N, 3)."""
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
@@ -132,13 +137,6 @@ class Way:
         moves = [(now @ before.inverse()).vector() for now, before in zip(after, self.poses, strict=True)]
         self.poses = after
         return Rebase(np.array(self.stamps_s), np.array([*moves[:-1], np.zeros(3)]))
-
-    def moved(self, pose_new_old: SE2, covariance: Array) -> None:
-        """Everything into another frame, whose origin is known to the covariance (3, 3) in it."""
-        self.poses = [pose_new_old @ pose for pose in self.poses]
-        first = SE2(*self._first)
-        spread = compose_covariance(pose_new_old, covariance, first, np.linalg.inv(self._first_information))
-        self._first, self._first_information = (pose_new_old @ first).vector(), np.linalg.inv(spread)
 
     def thinned(self) -> list[tuple[int, SE2]]:
         """Drop a quarter of the older half, those nearest to their neighbours; for each keyframe before, which one it

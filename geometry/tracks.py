@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +37,8 @@ class TrackRule:
 
 @dataclass(slots=True, eq=False)
 class Track:
-    """One thing while it stays in view. position_m: (2,) map frame; spread_m2: (2, 2) of it from pose and looks, zero
-    until the way was put right. first, last: keyframes. seen_at_m: the odometer at the last sighting. names: how often
-    its sightings went to which object of the map."""
+    """One thing while it stays in view. position_m: (2,) map frame. first, last: keyframes, -1 for one of an earlier
+    map. seen_at_m: the odometer at the last sighting."""
 
     number: int
     label: str
@@ -50,8 +48,6 @@ class Track:
     last: int
     seen_at_m: float
     count: int = 0
-    names: Counter[str] = field(default_factory=Counter)
-    spread_m2: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
 
 class Tracker:

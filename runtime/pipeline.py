@@ -93,9 +93,8 @@ class Pipeline:
         lap("odometry")
         corrected = self._correct(motion, sightings, frame.stamp_s)
         lap("correct")
-        placed = [sighting.placed(self.pose_map_base, self.pose_covariance) for sighting in sightings]
+        placed = self._placed(sightings)
         object_ids = self.map.update(placed)
-        self.corrector.named(object_ids, self.map.merged)
         self.forgetter.look(self.map, detections, self.pose_map_base, object_ids)
         lap("map")
         return StepResult(
@@ -141,5 +140,9 @@ class Pipeline:
         corrected = self.corrector.look(pose, covariance, motion, sightings, stamp_s)
         if corrected is not None and isinstance(self.map, FloorMap):
             self.pose_map_base, self.pose_covariance = corrected.pose_map_base, corrected.pose_covariance
-            self.map.moved(corrected.places)
+            self.map.moved(corrected.things)
         return corrected
+
+    def _placed(self, sightings: list[Sighting]) -> list[PlacedSighting]:
+        pose, covariance, things = self.pose_map_base, self.pose_covariance, self.corrector.things
+        return [sighting.placed(pose, covariance, thing) for sighting, thing in zip(sightings, things, strict=True)]

@@ -40,7 +40,7 @@ def start_in(pipeline: M, saved: Sequence[MapObject], start: SE2) -> M:
     """The pipeline, standing at `start` in the saved map, which it goes on with from its first frame."""
     pipeline.map = FloorMap.continued(saved)
     pipeline.pose_map_base, pipeline.pose_covariance = start, np.diag(np.square(START_SIGMAS))
-    pipeline.corrector.remember(saved)
+    pipeline.corrector.begin_in(saved)
     return pipeline
 
 
@@ -94,7 +94,7 @@ class Relocator:
             alignment.pose_a_b, alignment.covariance, pipeline.pose_map_base, pipeline.pose_covariance
         )
         pipeline.pose_map_base = alignment.pose_a_b @ pipeline.pose_map_base
-        pipeline.corrector.relocated(alignment.pose_a_b, alignment.covariance, self._saved, pipeline.map.merged)
+        pipeline.corrector.begin_in(merged)
         pose, covariance = pipeline.pose_map_base, pipeline.pose_covariance
         return replace(
             result,

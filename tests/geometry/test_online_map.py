@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from edgemap.geometry.batch import batch_objects
 from edgemap.geometry.default_map import FloorMap
+from edgemap.geometry.evidence import Move
 from edgemap.geometry.floor_map import id_order
 
 
@@ -122,15 +123,37 @@ def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed
 def test_things_put_elsewhere_keep_their_ids_and_what_comes_to_one_place_merges(placed):
     chairs = FloorMap()
     for frame in range(5):
-        chairs.update([placed("chair", 2.0, 0.0, frame), placed("chair", 5.0, 0.0, frame)])
+        chairs.update([placed("chair", 2.0, 0.0, frame, thing=0), placed("chair", 5.0, 0.0, frame, thing=1)])
     for frame in range(5, 8):
-        chairs.update([placed("chair", 3.1, 0.9, frame)])
+        chairs.update([placed("chair", 3.1, 0.9, frame, thing=2)])
     way_m2 = np.diag([0.01, 0.04])
-    chairs.moved({"chair-1": (np.array([2.5, 0.5]), way_m2), "chair-3": (np.array([2.5, 0.5]), way_m2)})
+    chairs.moved({0: Move(np.array([0.5, 0.5]), way_m2, 0), 2: Move(np.array([-0.6, -0.4]), way_m2, 0)})
     first, second = chairs.objects()
     assert (first.id, second.id, chairs.merged) == ("chair-1", "chair-2", {"chair-3": "chair-1"})
     assert first.position_m == pytest.approx([2.5, 0.5])
     assert second.position_m == pytest.approx([5.0, 0.0])
     assert (first.count, first.covariance_m2[1, 1] - first.covariance_m2[0, 0]) == (8, pytest.approx(0.03))
-    assert chairs.update([placed("chair", 2.5, 0.5, 9), placed("chair", 5.0, 0.0, 9)]) == ["chair-1", "chair-2"]
+    both = [placed("chair", 2.5, 0.5, 9, thing=0), placed("chair", 5.0, 0.0, 9, thing=1)]
+    assert chairs.update(both) == ["chair-1", "chair-2"]
     assert chairs.update([placed("chair", 2.0, -0.6, 10)]) == ["chair-4"]  # what stood there has left its cell
+
+
+def test_two_things_taken_for_one_part_when_they_turn_out_to_stand_apart(placed):
+    chairs = FloorMap()
+    for frame in range(6):
+        chairs.update([placed("chair", 2.0, 0.0, frame, thing=0)])
+    for frame in range(6, 10):  # its twin, seen from a pose that had drifted
+        chairs.update([placed("chair", 2.05, 0.1, frame, thing=1)])
+    assert [item.count for item in chairs.objects()] == [10]
+    chairs.moved({1: Move(np.array([0.9, 0.0]), np.zeros((2, 2)), 1)})
+    first, second = chairs.objects()
+    assert (first.id, first.count, second.count) == ("chair-1", 6, 4)
+    assert second.position_m == pytest.approx([2.95, 0.1])
+
+
+def test_what_no_graph_follows_stays(placed):
+    chairs = FloorMap()
+    for frame in range(5):
+        chairs.update([placed("chair", 2.0, 0.0, frame)])
+    chairs.moved({0: Move(np.array([5.0, 0.0]), np.zeros((2, 2)), 0)})
+    assert chairs.objects()[0].position_m == pytest.approx([2.0, 0.0])
