@@ -22,8 +22,8 @@ class AssociationRule:
     plane. max_distance_m: never farther than this. correlated: neighbouring frames repeat each other's error, so this
     many sightings weigh as one. systematic_m, systematic_extent_share: standard deviation of what no number of
     sightings takes away (a box's lower edge is not the footprint), at least, and as a share of the footprint's longer
-    side. min_count, min_confidence: what an object needs to show on the map. forget_after: frames after which one that
-    does not is dropped.
+    side. min_count, min_confidence: what an object needs to show on the map (chosen on the simulated homes 8101-8106).
+    forget_after: frames after which one that does not is dropped.
     """
 
     gate: float = 13.82
@@ -31,7 +31,7 @@ class AssociationRule:
     correlated: float = 4.0
     systematic_m: float = 0.08
     systematic_extent_share: float = 0.15
-    min_count: int = 3
+    min_count: int = 4
     min_confidence: float = 0.6
     forget_after: int = 3000
 
