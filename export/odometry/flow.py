@@ -147,7 +147,9 @@ class FlowHead(nn.Module):
         found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known], dim=1))
         first = self._read(self.tell(found), guess, floor, geometry, prior, prior, prior_information, 0)
 
-        start = torch.maximum(torch.minimum(first.solution.motion, self.fastest), -self.fastest)
+        found_first = first.solution.motion
+        bounded = torch.maximum(torch.minimum(found_first, self.fastest), -self.fastest)
+        start = found_first + (bounded - found_first).detach()  # so that the gradient still says which way is back
         bearings, _ = seen_before(geometry, first.inverse_depth.flatten(2), start)
         predicted = geometry.cells_of(bearings - geometry.here).unflatten(2, shape)
         scores = correlate(fine, _warped(fine_before, predicted), FINE_REACH, FINE_REACH)

@@ -104,20 +104,23 @@ def solve(
     each, (B, 2, N). prior: another estimate of the motion, (B, 3), with independent information (B, 3). One step of
     Gauss and Newton from `start`, (B, 3), normal equations solved by blocks (Schur complement).
     """
-    rows = slopes.transpose(1, 2).flatten(2)  # (B, 5, 2N)
-    weighted = rows * weights.flatten(1)[:, None]
+    # In float64: what the tilt takes off the motion's information is nearly all of it where only far things are seen.
+    rows = slopes.transpose(1, 2).flatten(2).double()  # (B, 5, 2N)
+    weighted = rows * weights.flatten(1)[:, None].double()
+    prior_information = prior_information.double()
     normal = torch.matmul(weighted, rows.transpose(1, 2))
-    right = torch.matmul(weighted, residuals.flatten(1)[:, :, None])
+    right = torch.matmul(weighted, residuals.flatten(1)[:, :, None].double())
     motion, cross, tilt = normal[:, :3, :3], normal[:, :3, 3:], normal[:, 3:, 3:]
     eye3 = torch.eye(3, dtype=normal.dtype)
     motion = motion + eye3 * prior_information[:, :, None]
     tilt = tilt + torch.eye(2, dtype=normal.dtype) / TILT_SIGMA_RAD**2
-    pull = right[:, :3] + (prior_information * (prior - start))[:, :, None]
+    pull = right[:, :3] + (prior_information * (prior - start).double())[:, :, None]
     through = torch.matmul(cross, inverse2(tilt))
     information = motion - torch.matmul(through, cross.transpose(1, 2))
     pull = pull - torch.matmul(through, right[:, 3:])
     covariance = inverse3(information)
-    return Solution(start + torch.matmul(covariance, pull)[:, :, 0], information, covariance)
+    step, kind = torch.matmul(covariance, pull)[:, :, 0], start.dtype
+    return Solution(start + step.to(kind), information.to(kind), covariance.to(kind))
 
 
 def inverse2(matrix: Tensor) -> Tensor:
@@ -136,4 +139,4 @@ def inverse3(matrix: Tensor) -> Tensor:
     rows = [torch.stack(row, dim=1) for row in ((1.0 - c * c, ab, ac), (ab, 1.0 - b * b, bc), (ac, bc, 1.0 - a * a))]
     determinant = (1.0 - c * c) + a * ab + b * ac
     adjugate = torch.stack(rows, dim=1)
-    return adjugate / determinant.clamp_min(1e-6)[:, None, None] * root[:, :, None] * root[:, None]
+    return adjugate / determinant.clamp_min(1e-9)[:, None, None] * root[:, :, None] * root[:, None]

@@ -64,7 +64,7 @@ def test_it_learns_to_tell_motion_from_a_textured_floor():
     head, recipe = new_head(), flow_recipe(1e-3, 5)
     optimizer = recipe.optimizer(head)
     before = validate(head, recipe.unroll, unseen)
-    for step in range(80):
+    for step in range(120):
         rng = np.random.default_rng(step)
         loss, _ = recipe.loss(head, make_batch([recipe.clips.draw(train, rng) for _ in range(3)]), 0.5)
         optimizer.zero_grad()
