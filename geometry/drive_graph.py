@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.evidence import Move
 from edgemap.geometry.floor_map import MapObject
 from edgemap.geometry.keyframes import Rebase, Way, WayRule, points_from
-from edgemap.geometry.pose_graph import Known, Looks, Solution, solve
+from edgemap.geometry.pose_graph import Known, Looks, Solution, inverse, solve
 from edgemap.geometry.revisit import Pairing, RevisitRule, certain_pairings
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.sighting import Sighting
@@ -87,7 +87,7 @@ class DriveGraph:
             track = self.tracker.begin(item.label, item.width_m, item.position_m, -1, -np.inf)
             track.count = max(item.count, self.rule.least)
             self._group[track.number] = track.number
-            self._known[track.number] = item.position_m, np.linalg.inv(item.covariance_m2)
+            self._known[track.number] = item.position_m, inverse(item.covariance_m2)
 
     def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> bool:
         """Move on by one frame; whether this is when to look for things seen before."""
@@ -111,7 +111,7 @@ class DriveGraph:
             self._group.setdefault(track.number, track.number)
             spread = rotation @ (sighting.covariance_m2 + sighting.shared_m2) @ rotation.T
             place = way.since.apply(sighting.position_base_m)
-            self._open.setdefault(track.number, []).append((place, np.linalg.inv(spread)))
+            self._open.setdefault(track.number, []).append((place, inverse(spread)))
         return tracks
 
     def revisit(self) -> Revisit | None:
@@ -248,8 +248,8 @@ class DriveGraph:
         for number, seen in self._open.items():
             total = np.sum([information for _, information in seen], axis=0)
             place = np.linalg.solve(total, np.sum([information @ place for place, information in seen], axis=0))
-            spread = np.linalg.inv(total) * len(seen) + own
-            self._looks.append(_Look(len(self.way) - 1, number, place, np.linalg.inv(spread)))
+            spread = inverse(total) * len(seen) + own
+            self._looks.append(_Look(len(self.way) - 1, number, place, inverse(spread)))
         self._open.clear()
 
     def _thin_out(self) -> None:

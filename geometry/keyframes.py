@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edgemap.geometry.pose_graph import Chain
+from edgemap.geometry.pose_graph import Chain, inverse
 from edgemap.geometry.se2 import SE2, compose_covariance
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ class WayRule:
     per_radian: float = 0.05
     still_m: float = 0.003
     still_rad: float = 0.003
-    most: int = 900
+    most: int = 600
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +97,7 @@ class Way:
     def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:
         """The first keyframe, known as well as its covariance says."""
         self.poses, self.stamps_s, self._first = [pose], [stamp_s], pose.vector()
-        self._first_information = np.linalg.inv(covariance + np.linalg.inv(FIXED))
+        self._first_information = inverse(covariance + inverse(FIXED))
 
     def is_due(self, motion: SE2, covariance: Array) -> bool:
         """Move on; whether the next keyframe is due here."""
@@ -125,7 +125,7 @@ class Way:
         """The keyframes as a graph has them."""
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._covariances).reshape(-1, 3, 3)
-        return Chain(motions, np.linalg.inv(covariances), self._first, self._first_information)
+        return Chain(motions, inverse(covariances), self._first, self._first_information)
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""

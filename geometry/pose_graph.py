@@ -166,11 +166,11 @@ def _add_looks(whole: _System, poses: Array, landmarks: Array, looks: Looks, ker
     whole.add_blocks(looks.pose, looks.pose, turned_pose @ information @ by_pose)
     np.subtract.at(whole.right.reshape(-1, 3), looks.pose, (turned_pose @ weighted)[:, :, 0])
     np.subtract.at(whole.right_corner.reshape(-1, 2), looks.landmark, (turned_landmark @ weighted)[:, :, 0])
-    between = turned_pose @ information @ by_landmark
-    across = whole.between.reshape(len(poses), 3, -1, 2)
-    np.add.at(across, (looks.pose, slice(None), looks.landmark), between)
-    corner = whole.corner.reshape(len(landmarks), 2, len(landmarks), 2)
-    np.add.at(corner, (looks.landmark, slice(None), looks.landmark), turned_landmark @ information @ by_landmark)
+    rows = 3 * looks.pose[:, None, None] + np.arange(3)[:, None]
+    columns = 2 * looks.landmark[:, None, None] + np.arange(2)
+    np.add.at(whole.between, (rows, columns), turned_pose @ information @ by_landmark)
+    corner = turned_landmark @ information @ by_landmark
+    np.add.at(whole.corner, (columns.transpose(0, 2, 1), columns), corner)
     return chi2
 
 
@@ -185,3 +185,8 @@ def _add_known(whole: _System, landmarks: Array, known: Known) -> None:
 def _stack(rows: list[list[Array]]) -> Array:
     """(N, R, C) of R lists of C arrays (N,)."""
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def inverse(matrices: Array) -> Array:
+    """Inverses of matrices (..., N, N), in double precision."""
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)

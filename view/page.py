@@ -157,11 +157,11 @@ class LivePage:
         past, self._past, self._moved_m = self._past, None, 0.0
         if past is None:
             return
-        trail, sightings = self.trail.all(), self.sightings.all()
-        places = iter(past.points(self._trail_s, trail).tolist())
-        self.trail.replace(lambda _: tuple(next(places)))
-        seen_at = iter(past.points(self._sightings_s, [seen[2:] for seen in sightings]).tolist())
-        self.sightings.replace(lambda seen: (*seen[:2], *next(seen_at)))
+        trail = past.points(self._trail_s, self.trail.all()).tolist()
+        seen = past.points(self._sightings_s, [seen[2:] for seen in self.sightings.all()]).tolist()
+        places, seen_at = iter(trail), iter(seen)
+        self.trail.replace(lambda _: _pair(next(places)))
+        self.sightings.replace(lambda told: (*told[:2], *_pair(next(seen_at))))
         self.epoch += 1
 
     def _extend_trail(self, result: StepResult) -> None:
@@ -177,3 +177,8 @@ class LivePage:
         wake, self._wake = self._wake, None
         if wake is not None:
             wake()
+
+
+def _pair(place: list[float]) -> tuple[float, float]:
+    x_m, y_m = place
+    return x_m, y_m

@@ -110,7 +110,7 @@ def test_a_saved_maps_things_say_where_the_robot_is():
 
 def test_what_was_seen_of_a_thing_moves_by_what_the_way_there_was_off():
     random, graph, moved = np.random.default_rng(3), DriveGraph(), None
-    off: dict[int, list[float]] = {}
+    off: dict[int, list[np.ndarray]] = {}
     start = TWO_ROUNDS[0].inverse()
     for index, motion in enumerate(drifting(TWO_ROUNDS)):
         if index == 0:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from edgemap.geometry.pose_graph import Chain, Known, Looks, solve
+from edgemap.geometry.pose_graph import Chain, Known, Looks, inverse, solve
 from edgemap.geometry.se2 import SE2
 
 FIXED = np.eye(3) * 1e8
@@ -25,9 +25,9 @@ def drive(seed=0, count=9):
     looks = Looks(
         np.array([k for k, _ in rows]), np.array([j for _, j in rows]),
         np.array([poses[k].inverse().apply(landmarks[j]) + random.normal(0.0, 0.1, 2) for k, j in rows]),
-        np.array([np.linalg.inv(np.diag([0.01, 0.02]) + 0.003) for _ in rows]),
+        inverse(np.array([np.diag([0.01, 0.02]) + 0.003 for _ in rows])),
     )  # fmt: skip
-    information = np.array([np.linalg.inv(np.diag([9e-4, 9e-4, 9e-4]) + 1e-4) for _ in motions])
+    information = inverse(np.array([np.diag([9e-4, 9e-4, 9e-4]) + 1e-4 for _ in motions]))
     start = np.array([p.vector() for p in poses]) + random.normal(0.0, 0.05, (count, 3))
     start[0] = poses[0].vector()
     chain = Chain(np.array(motions), information, start[0], FIXED)
