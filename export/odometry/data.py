@@ -116,4 +116,6 @@ class FeatureStore:
         if self._session is None:
             options = session_options(self._threads)
             self._session = ort.InferenceSession(self._model, options, providers=["CPUExecutionProvider"])
-        return np.asarray(self._session.run([self._name], {self._input.name: tensor})[0])[0]
+        options = ort.RunOptions()
+        options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
+        return np.asarray(self._session.run([self._name], {self._input.name: tensor}, options)[0])[0]

@@ -48,8 +48,9 @@ def open_odometry(
     )
 
 
-# What the covariances of the hybrid's members are multiplied by. Fitted on validation drives 8101-8106.
-DOUBTS = {"flow": 1.0, "planar": 1.0, "wheels": 1.0}
+# What the covariances of the hybrid's members are multiplied by, so that errors and covariance agree: mean NEES on
+# validation drives 8101-8106 was 10 for planar, 3 for flow.
+DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0}
 
 
 def _members(bundle: Bundle, camera: Camera, floor: FloorCamera) -> list[Member]:
