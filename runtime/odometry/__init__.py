@@ -54,7 +54,7 @@ DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0}
 
 
 def _members(bundle: Bundle, camera: Camera, floor: FloorCamera) -> list[Member]:
-    """The bundle's flow head where there is a trained one, the floor's corners, the source's wheels where it has any."""
+    """Corners on the floor, the bundle's flow head where a trained one is there, wheels where the source has any."""
     members = []
     head = bundle.manifest.odometry.get("flow")
     if head is not None and head.trained:

@@ -1,4 +1,4 @@
-"""Several odometries as one: a network, the floor's corners and the wheels fail in different ways, so each mends another."""
+"""Several odometries as one: a network, the floor's corners and wheels fail in different ways and mend each other."""
 
 from __future__ import annotations
 
