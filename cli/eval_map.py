@@ -46,7 +46,7 @@ def command(
     clustering: Annotated[
         Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
     ] = "default",
-    correct: Correct = False,
+    correct: Correct = True,
     threads: Threads = None,
     plot: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")

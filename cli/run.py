@@ -52,7 +52,7 @@ def command(
         Literal["default", "paper"],
         tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default",
-    correct: Correct = False,
+    correct: Correct = True,
     saved: SavedMap = None,
     start: StartText = None,
     forget: Forget = "auto",
