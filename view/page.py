@@ -69,10 +69,10 @@ class LivePage:
         """Keep the step's result in place of the one before."""
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
-        if result.relocated is not None:
-            self._relocate(result.relocated)
         if result.corrected is not None:
             self._correct(result.corrected)
+        if result.relocated is not None:
+            self._relocate(result.relocated)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             x_m, y_m = placed.position_map_m

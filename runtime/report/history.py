@@ -62,16 +62,17 @@ class History:
         stamp_s, pose = result.frame.stamp_s, result.pose_map_base
         if self.last is None:
             self.start_s = stamp_s
-        elif result.relocated is not None:  # from here on in a saved map's frame: the way so far is told in it too
-            self._settle_past()
-            self.stops = [replace(stop, pose_map_base=result.relocated @ stop.pose_map_base) for stop in self.stops]
         else:
             before = self.last.pose_map_base
             if result.corrected is not None:
                 past = result.corrected.past
                 before = result.corrected.moved(self.last.stamp_s, before)
                 self._past = past if self._past is None else self._past.then(past)
-            self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))
+            if result.relocated is not None:  # from here on in a saved map's frame: the way so far is told in it too
+                self._settle_past()
+                self.stops = [replace(stop, pose_map_base=result.relocated @ stop.pose_map_base) for stop in self.stops]
+            else:
+                self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))
         self.last = Stop(stamp_s, pose, _bound_m(result.pose_covariance))
         if self.frames % self._every == 0:
             self.stops.append(self.last)

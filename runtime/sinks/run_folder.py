@@ -71,10 +71,10 @@ class RunFolder:
             cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
         self._objects, self._merged = objects, result.merged
-        if result.relocated is not None:
-            self._relocate(result.relocated)
         if result.corrected is not None:
             self._correct(result.corrected)
+        if result.relocated is not None:
+            self._relocate(result.relocated)
         self._append(self._trajectory, tum_line(result.frame.stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)

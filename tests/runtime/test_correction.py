@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.runtime.correction import Corrector, NeverCorrects
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.relocation import START_SIGMAS
 from edgemap.runtime.report.history import History
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import read_tum
@@ -137,3 +139,38 @@ def test_report_and_page_tell_the_way_as_it_is_known_now(corrected, tmp_path):
     off = [np.linalg.norm(true - place, axis=1).min() for place in trail]
     assert max(off) < 0.35
     assert page.epoch > 0
+
+
+def test_a_start_told_roughly_is_put_right_by_the_saved_maps_things():
+    saved = list(steps(NeverCorrects(), yaw_share=0.0, way_share=0.0))[-1][1]
+    told = SE2(0.15, -0.1, 0.06)  # the robot stands at the origin
+    corrector, random, pose = Corrector(), np.random.default_rng(5), told
+    corrector.begin_in(saved)
+    covariance = np.diag(np.square(START_SIGMAS))
+    for index, motion in enumerate(drifting(WAY[:120], 5, yaw_share=0.01)):
+        pose = pose @ motion.motion if index else pose
+        sightings = sighted(ROOM, WAY[index], index, random)
+        corrected = corrector.look(pose, covariance, motion, sightings, index / 10)
+        pose = corrected.pose_map_base if corrected else pose
+    truth = WAY[0].inverse() @ WAY[119]
+    off = truth.inverse() @ pose
+    assert np.hypot(off.x_m, off.y_m) < 0.1
+    assert abs(off.yaw_rad) < 0.03
+
+
+def test_a_way_put_right_in_the_step_that_finds_the_saved_map_moves_before_it_turns(corrected, tmp_path):
+    """First the past moves in the run's own frame, then all of it into the saved map's."""
+    first = next(row for row, (result, _) in enumerate(corrected) if result.corrected)
+    turn = SE2(4.0, 1.0, 1.5)
+    history = History()
+    for result, _ in corrected[:first]:
+        history.add(result)
+    told = history.way()[0].pose_map_base, history.way()[-1]
+    result = corrected[first][0]
+    assert result.corrected is not None
+    history.add(replace(result, relocated=turn, pose_map_base=turn @ result.pose_map_base))
+    way = history.way()
+    assert way[0].pose_map_base.vector() == pytest.approx((turn @ told[0]).vector(), abs=1e-9)
+    before = result.corrected.moved(told[1].stamp_s, told[1].pose_map_base)
+    assert way[-2].pose_map_base.vector() == pytest.approx((turn @ before).vector(), abs=1e-9)
+    assert history.way_m < 1.1 * 0.1 * first
