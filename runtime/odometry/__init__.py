@@ -55,11 +55,10 @@ DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0}
 
 def _members(bundle: Bundle, camera: Camera, floor: FloorCamera) -> list[Member]:
     """Corners on the floor, the bundle's flow head where a trained one is there, wheels where the source has any."""
-    members = []
+    members = [Member(PlanarOdometry(floor), "camera", DOUBTS["planar"])]
     head = bundle.manifest.odometry.get("flow")
     if head is not None and head.trained:
         members.append(Member(LearnedOdometry(bundle, "flow", floor), "camera", DOUBTS["flow"]))
-    members.append(Member(PlanarOdometry(floor), "camera", DOUBTS["planar"]))
     if camera.wheel is not None:
         wheels = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)
         members.append(Member(wheels, "wheels", DOUBTS["wheels"]))
