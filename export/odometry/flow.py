@@ -69,7 +69,7 @@ class FlowHead(nn.Module):
         self.evidence = nn.Parameter(torch.tensor([-3.0, -3.0]))  # log of what one more cell tells: they err together
         for layer in (self.tell, self.retell, self.expect):
             nn.init.normal_(layer.weight, std=1e-3)
-            nn.init.zeros_(layer.bias)
+            nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
         with torch.no_grad():
             self.gates.bias[HIDDEN : 2 * HIDDEN] = 1.0  # type: ignore[index]
         self.feature_mean: Tensor

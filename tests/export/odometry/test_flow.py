@@ -83,6 +83,7 @@ def test_the_state_carries_everything_from_chunk_to_chunk():
     second, _, _ = recipe.unroll(head, make_batch([(drive, np.arange(5, 12))]), state)
     torch.testing.assert_close(torch.cat([first, second], dim=1), whole, atol=1e-6, rtol=1e-5)
     steps, covariances = estimate(head, recipe.unroll, drive)
+    assert covariances is not None
     assert (len(steps), covariances.shape) == (11, (11, 3, 3))
 
 

@@ -26,7 +26,7 @@ def geometry() -> Cells:
     return Cells.of(torch.from_numpy(cells).double(), torch.from_numpy(mount).double())
 
 
-def vector(motion: SE2) -> torch.Tensor:
+def vector(motion: SE2):
     return torch.from_numpy(motion.vector())[None]
 
 

@@ -100,7 +100,7 @@ def test_real_kitti_drives_ahead_and_its_left_turn_is_positive(shared_data):
 
     about_down = Rotation.from_matrix(matrices[:, :, :3]).as_euler("YXZ")[:, 0]
     np.testing.assert_allclose(np.sin(found[:, 2] + about_down), 0.0, atol=1e-6)
-    # The full poses say the same seen from above, and the height besides.
+    assert drive.full_poses is not None  # they say the same seen from above, and the height besides
     np.testing.assert_allclose(drive.full_poses[:, :2, 3], found[:, :2], atol=1e-6)
     np.testing.assert_allclose(drive.full_poses[:, 2, 3], -matrices[:, 1, 3], atol=1e-6)
     assert drive.rate_hz == 10.0
