@@ -39,9 +39,8 @@ def test_who_fails_is_left_out_and_its_fault_with_it():
 
 def test_when_all_fail_the_first_ones_guess_and_fault_stand():
     start, lost = motion(0.0, 1.0), motion(0.2, 1.0, fault="lost")
-    hybrid = HybridOdometry(
-        [Member(Scripted(start, lost), "camera"), Member(Scripted(start, motion(0.0, 1.0, fault="no wheels")), "wheels")]
-    )
+    wheels = Scripted(start, motion(0.0, 1.0, fault="no wheels"))
+    hybrid = HybridOdometry([Member(Scripted(start, lost), "camera"), Member(wheels, "wheels")])
     hybrid.step(FRAME, {})
     assert hybrid.step(FRAME, {}).fault == "lost"
 
