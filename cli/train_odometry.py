@@ -121,5 +121,6 @@ def command(
         trainer.resume()
     best = trainer.run()
     print(
-        f"{output / 'best.pt'}: validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
+    row = f"validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
+    print(f"{output / 'best.pt'}: {row}")
     )

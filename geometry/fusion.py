@@ -1,4 +1,4 @@
-"""Several measurements of one motion as one: independent ones, ones that share their errors, and who is to be believed."""
+"""Several measurements of one motion as one: independent ones, ones that share their errors, and whom to believe."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHARES = np.linspace(0.0, 1.0, 6)  # tried by covariance intersection
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """A motion (3,) in (m, m, rad) with its covariance (3, 3). source: measurements of one source share their errors."""
+    """A motion (3,) in (m, m, rad), its covariance (3, 3). source: measurements of one source share their errors."""
 
     motion: Array
     covariance: Array
