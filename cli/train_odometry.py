@@ -120,7 +120,5 @@ def command(
     if resume:
         trainer.resume()
     best = trainer.run()
-    print(
-    row = f"validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
-    print(f"{output / 'best.pt'}: {row}")
-    )
+    told = f"validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
+    print(f"{output / 'best.pt'}: {told}")
