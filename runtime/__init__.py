@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.default_map import FloorMap
     from edgemap.geometry.floor import FloorCamera
     from edgemap.runtime.cameras import Camera, open_camera
+    from edgemap.runtime.correction import Corrector
     from edgemap.runtime.frame import Frame
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline, StepResult
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Bundle": "edgemap.runtime.session",
     "Camera": "edgemap.runtime.cameras",
+    "Corrector": "edgemap.runtime.correction",
     "FloorCamera": "edgemap.geometry.floor",
     "FloorMap": "edgemap.geometry.default_map",
     "Frame": "edgemap.runtime.frame",
@@ -30,6 +32,7 @@ _HOME = {
 __all__ = [
     "Bundle",
     "Camera",
+    "Corrector",
     "FloorCamera",
     "FloorMap",
     "Frame",
