@@ -67,7 +67,8 @@ class Pipeline:
         self.camera, self.odometry, self.map = camera, odometry, object_map
         self.rule = rule or FloorRule(mapped=bundle.mapped)
         self.forgetter = forgetter or NeverForgets()
-        self.corrector = corrector or NeverCorrects()
+        # Only the default map can move with a corrected way.
+        self.corrector = corrector if corrector and isinstance(object_map, FloorMap) else NeverCorrects()
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
@@ -135,7 +136,7 @@ class Pipeline:
         self._started = True
 
     def _correct(self, motion: Motion, sightings: list[Sighting], stamp_s: float) -> Correction | None:
-        """Where things seen again tell how far the pose has drifted, pose and map move; only the default map can."""
+        """Where things seen again tell how far the pose has drifted, pose and map move."""
         pose, covariance = self.pose_map_base, self.pose_covariance
         corrected = self.corrector.look(pose, covariance, motion, sightings, stamp_s)
         if corrected is not None and isinstance(self.map, FloorMap):

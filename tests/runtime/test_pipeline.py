@@ -13,6 +13,7 @@ from edgemap.geometry.mount import Mount
 from edgemap.geometry.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.correction import Corrector
 from edgemap.runtime.errors import CameraError, RunFolderError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop import run
@@ -71,6 +72,15 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind
 def test_stages_stand_in_the_order_of_the_step(bundle):
     result = pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
     assert list(result.laps_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "correct", "map"]
+
+
+@pytest.mark.parametrize(("kind", "corrects"), [(FloorMap, True), (PaperMap, False)])
+def test_only_a_map_that_can_move_is_corrected(bundle, kind, corrects):
+    still = RecordedOdometry(Trajectory(np.arange(2.0), (SE2(), SE2())), "test")
+    pipe = Pipeline(bundle, FLOOR, still, kind(), corrector=Corrector())
+    result = pipe.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
+    assert pipe.corrector.corrects is corrects
+    assert [placed.thing for placed in result.sightings] == [0 if corrects else -1]
 
 
 def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):
