@@ -17,7 +17,7 @@ from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
 
-SHARES = (1.0, 0.9, 0.8, 0.7, 0.6)  # of the trained weights
+SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)  # of the trained weights
 
 
 def blend(start: Nano, tuned: Nano, share: float) -> Nano:

@@ -13,7 +13,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, Kind, load_head
 from edgemap.export.odometry.data import FeatureDrive, FeatureStore
 from edgemap.export.odometry.flow import FlowHead
-from edgemap.export.odometry.paper import random_head
+from edgemap.export.odometry.paper import PaperHead, random_head
 
 SAMPLES = 64  # frames that mean and deviation are taken from
 
@@ -31,6 +31,7 @@ def begin(
     slope: float = 0.1,
 ) -> HeadCheckpoint:
     """The head to train for a store's features. kernel, slope: of the paper's head. Raises ExportError."""
+    sample = _sample(drives, np.random.default_rng(seed))
     if start is not None:
         earlier = load_head(start)
         if earlier.kind != kind or tuple(earlier.head.shape) != tuple(store.shape):
@@ -38,6 +39,8 @@ def begin(
                 f"{start}: a {earlier.kind} head for features {tuple(earlier.head.shape)}, "
                 f"not {kind} for {tuple(store.shape)}"
             )
+        if (earlier.backbone, earlier.feature) != (backbone, feature):
+            _standardise(earlier.head, sample)
         return HeadCheckpoint(earlier.head, backbone, feature, kind)
     torch.manual_seed(seed)
     if kind == "flow":
@@ -45,12 +48,15 @@ def begin(
     else:
         head = random_head(store.shape, seed, kernel, slope)
         head.motion_scale.copy_(torch.from_numpy(_scale(drives)))
-    sample = _sample(drives, np.random.default_rng(seed))
+    _standardise(head, sample)
+    return HeadCheckpoint(head, backbone, feature, kind)
+
+
+def _standardise(head: FlowHead | PaperHead, sample: torch.Tensor) -> None:
+    """Features of mean 0 and deviation 1. A channel that hardly changes is mostly rounding: it is not blown up."""
     mean = sample.mean(dim=(0, 2, 3), keepdim=True)
     head.feature_mean.copy_(mean)
-    # A channel that hardly changes is mostly rounding: that must not be blown up.
     head.feature_std.copy_(sample.std(dim=(0, 2, 3), keepdim=True) + 1e-3 + 0.01 * mean.abs())
-    return HeadCheckpoint(head, backbone, feature, kind)
 
 
 def _sample(drives: Sequence[FeatureDrive], rng: np.random.Generator) -> torch.Tensor:
