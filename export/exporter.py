@@ -130,6 +130,7 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
         parameters=head.parameters_count,
         trained=checkpoint.trained,
         geometry=geometry,
+        window=checkpoint.window,
         sigma_forward_m=forward,
         sigma_left_m=left,
         sigma_yaw_rad=yaw,

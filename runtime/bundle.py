@@ -113,7 +113,8 @@ class OdometryHead(Strict):
 
     feature: the name of the backbone output that it reads. motion: the output's name, (1, 3) float32 holding
     forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights. geometry: what
-    kind `flow` takes and gives besides.
+    kind `flow` takes and gives besides. window: frames after which the state starts anew from the last frame, because
+    it was trained on clips of so many and runs away beyond; 0 for never.
     """
 
     file: str
@@ -125,6 +126,7 @@ class OdometryHead(Strict):
     parameters: int
     trained: bool
     geometry: GeometrySpec | None = None
+    window: int = 0
     sigma_forward_m: float = 0.05
     sigma_left_m: float = 0.05
     sigma_yaw_rad: float = 0.05
@@ -165,7 +167,7 @@ def contract_metadata(record: Detector | OdometryHead) -> str:
     """The contract as it stands in an ONNX file's metadata under `METADATA_KEY`: canonical JSON, file name left out."""
     document = msgspec.to_builtins(record)
     document.pop("file")
-    for volatile in ("trained", "sigma_forward_m", "sigma_left_m", "sigma_yaw_rad"):
+    for volatile in ("trained", "window", "sigma_forward_m", "sigma_left_m", "sigma_yaw_rad"):
         document.pop(volatile, None)
     return json.dumps(document, sort_keys=True, separators=(",", ":"))
 

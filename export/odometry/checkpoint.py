@@ -20,8 +20,8 @@ class HeadCheckpoint:
     """A head with all that a bundle says about it.
 
     feature: which tensor of the backbone it reads, in export's words (`head`, `neck`, `stride4`, …). sigma: standard
-    deviations of forward_m, left_m, yaw_rad of one step. envelope, measured: as in the manifest. trained: false for
-    random weights.
+    deviations of forward_m, left_m, yaw_rad of one step. envelope, measured, window: as in the manifest. trained: false
+    for random weights.
     """
 
     head: PaperHead | FlowHead
@@ -32,6 +32,7 @@ class HeadCheckpoint:
     sigma: tuple[float, float, float] = (0.05, 0.05, 0.05)
     envelope: dict[str, tuple[float, float]] = field(default_factory=dict)
     measured: dict[str, Any] = field(default_factory=dict)
+    window: int = 0
 
 
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
@@ -62,7 +63,7 @@ def load_head(path: Path) -> HeadCheckpoint:
         head = _head(path, document)
         head.load_state_dict(document["state_dict"])
         names = ("backbone", "feature", "kind", "trained", "measured")
-        values = {key: document[key] for key in names}
+        values = {key: document[key] for key in names} | {"window": int(document.get("window", 0))}
         sigma = tuple(float(value) for value in document["sigma"])
         envelope = {str(key): tuple(span) for key, span in document["envelope"].items()}
     except KeyError as error:

@@ -100,7 +100,7 @@ class HeadTraining(Training):
         """With the averaged weights, on whole drives."""
         head = copy.deepcopy(self.head)
         head.load_state_dict(self.average)
-        figures = validate(head.eval(), self.recipe.unroll, self.validation)
+        figures = validate(head.eval(), self.recipe.unroll, self.validation, self.recipe.window)
         measured = {name: value for name, value in figures.items() if isinstance(value, float)}
         row = {"minutes": round(self.trained_s / 60.0, 2), "steps": self.steps, **self.means(), **measured}
         self.rows.append(row)
@@ -142,4 +142,5 @@ class HeadTraining(Training):
             (figures["rmse_forward_m"], figures["rmse_left_m"], figures["rmse_yaw_rad"]),
             self.recipe.envelope(self.train),
             measured,
+            self.recipe.window,
         )

@@ -23,14 +23,20 @@ Unroll = Callable[[Any, Batch, list[Tensor] | None], tuple[Tensor, Tensor | None
 
 
 @torch.no_grad()
-def estimate(head: nn.Module, unroll: Unroll, drive: FeatureDrive) -> tuple[list[SE2], np.ndarray | None]:
-    """A head's motions of one drive, one fewer than frames, and their covariances where it tells any."""
+def estimate(
+    head: nn.Module, unroll: Unroll, drive: FeatureDrive, window: int = 0
+) -> tuple[list[SE2], np.ndarray | None]:
+    """A head's motions of one drive, one fewer than frames, and their covariances where it tells any.
+
+    window: motions after which the state starts anew from the last frame; 0 for never.
+    """
     state: list[Tensor] | None = None
     motions, covariances = [], []
     count = len(drive.stamps_s)
-    for start in range(0, count - 1, CHUNK):
-        indices = np.arange(start, min(count, start + CHUNK + 1))
-        found, doubt, state = unroll(head, make_batch([(drive, indices)]), state)
+    chunk = window or CHUNK
+    for start in range(0, count - 1, chunk):
+        indices = np.arange(start, min(count, start + chunk + 1))
+        found, doubt, state = unroll(head, make_batch([(drive, indices)]), None if window else state)
         motions.append(found[0].numpy())
         if doubt is not None:
             covariances.append(doubt[0].numpy())
@@ -38,13 +44,13 @@ def estimate(head: nn.Module, unroll: Unroll, drive: FeatureDrive) -> tuple[list
     return steps, np.concatenate(covariances).astype(np.float64) if covariances else None
 
 
-def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive]) -> dict[str, Any]:
+def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive], window: int = 0) -> dict[str, Any]:
     """Drift over all segments of 5, 2 and 1 m, per-step RMSE and NEES over all drives; `score` is what chooses."""
     head.eval()
     drifts: dict[float, list[float]] = {length: [] for length in SEGMENTS_M}
     errors, surprises = [], []
     for drive in drives:
-        steps, covariances = estimate(head, unroll, drive)
+        steps, covariances = estimate(head, unroll, drive, window)
         true = [SE2(*row) for row in drive.poses]
         found = integrated(steps)
         error = motion_errors(motions(true), steps)

@@ -58,6 +58,9 @@ class LearnedOdometry:
         if not self._fresh and self._geometry and not SHORTEST_DT_S <= dt_s <= LONGEST_DT_S:
             self._start_again()
         fresh, self._fresh = self._fresh, False
+        if self._head.window and self._fed > self._head.window:
+            self._states, self._fed = initial_states(self._head), 0
+            self._feed(self._last, NOMINAL_DT_S)
         motion, covariance = self._feed(features, NOMINAL_DT_S if fresh else dt_s)
         if fresh and math.isfinite(dt_s):
             return Motion(fault=f"{self.name} odometry: {dt_s:.3f} s since the last frame, started again")
@@ -74,7 +77,8 @@ class LearnedOdometry:
         self._last_s = -math.inf
 
     def _start_again(self) -> None:
-        self._states = initial_states(self._head)
+        self._states, self._fed = initial_states(self._head), 0
+        self._last: Tensors = {}
         self._fresh = True
 
     def _feed(self, features: Tensors, dt_s: float) -> tuple[SE2, np.ndarray]:
@@ -83,6 +87,7 @@ class LearnedOdometry:
             tensors[head.geometry.dt] = np.array([[dt_s]], dtype=np.float32)
         outputs = self._network.run({head.feature_input: features[head.feature], **tensors, **self._states})
         self._states = {state.input: outputs[state.output] for state in head.states}
+        self._last, self._fed = {head.feature: features[head.feature]}, self._fed + 1
         covariance = self._covariance
         if head.geometry is not None:
             covariance = outputs[head.geometry.covariance][0].astype(np.float64)

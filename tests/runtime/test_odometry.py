@@ -117,6 +117,15 @@ def test_paper_head_carries_its_state_and_forgets_it_on_reset(tmp_path):
     assert odometry.step(frame, features).motion.x_m == pytest.approx(0.01)
 
 
+def test_a_head_with_a_window_starts_anew_from_the_last_frame(tmp_path):
+    bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=True, window=2))
+    odometry = LearnedOdometry(bundle, "paper", CAMERA)
+    features = bundle.backbone.run({"image": np.zeros((1, 3, 64, 64), np.float32)})
+    frame = Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8))
+    motions = [odometry.step(frame, features).motion.x_m for _ in range(6)]
+    assert motions == pytest.approx([0.0, 0.01, 0.02, 0.01, 0.02, 0.01])
+
+
 def test_an_untrained_head_is_refused_unless_forced(tmp_path):
     bundle = load_bundle(painted.write_painted(tmp_path / "b", [], odometry=False))
     with pytest.raises(OdometryError, match="untrained"):

@@ -79,7 +79,7 @@ def backbone_model(head: np.ndarray, opset: int = 17, outputs: tuple[str, ...] =
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
 
 
-def odometry_spec(trained: bool) -> OdometryHead:
+def odometry_spec(trained: bool, window: int = 0) -> OdometryHead:
     return OdometryHead(
         file="odometry.paper.onnx",
         kind="paper",
@@ -89,6 +89,7 @@ def odometry_spec(trained: bool) -> OdometryHead:
         states=(StateSpec(input="count_in", output="count_out", shape=(1, 1)),),
         parameters=0,
         trained=trained,
+        window=window,
     )
 
 
@@ -131,6 +132,7 @@ def write_painted(
     metadata: str | None = None,
     resize: Resize = "stretch",
     odometry: bool | None = None,
+    window: int = 0,
 ) -> Path:
     """Write a whole bundle. odometry: None for none, else whether it says that it is trained."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -139,7 +141,7 @@ def write_painted(
     save(folder / record.file, backbone_model(head, opset, outputs), metadata or contract_metadata(record))
     heads = {}
     if odometry is not None:
-        heads["paper"] = odometry_spec(odometry)
+        heads["paper"] = odometry_spec(odometry, window)
         save(folder / "odometry.paper.onnx", odometry_model(head.shape), contract_metadata(heads["paper"]))
     sums = {path.name: sha256_file(path) for path in folder.glob("*.onnx")}
     manifest = Manifest(format=FORMAT, name="painted", version="1", detector=record, sha256=sums, odometry=heads)
