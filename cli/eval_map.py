@@ -69,7 +69,7 @@ def command(
 
     at_least(1, frames=frames)
     loaded = find_bundle(bundle, threads)
-    confidence = least_score(confidence, loaded)
+    least_score(confidence, loaded)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
         if not drive.objects or drive.truth is None or drive.mount is None:
@@ -114,7 +114,7 @@ def command(
 
 
 def _map_of(
-    drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float, frames: int, correct: bool
+    drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float | None, frames: int, correct: bool
 ) -> list[MapObject]:
     """The map that a pipeline makes of the drive's first frames, without a run folder."""
     from edgemap.geometry.floor import FloorCamera

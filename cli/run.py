@@ -110,21 +110,22 @@ def command(
     at_least(1, frames=frames)
     check_name(recording)
     loaded = find_bundle(bundle, threads)
-    confidence = least_score(confidence, loaded)
+    least = least_score(confidence, loaded)
     mapped = choose_classes(classes, loaded)
     with open_described(camera, camera_file, realtime and not view, frames) as source:
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
-        rule, forgetter = FloorRule(mapped=mapped), forgetter_of(forget, saved, clustering, floor)
+        rule = FloorRule(mapped=mapped, sure_score=loaded.sure_score(confidence))
+        forgetter = forgetter_of(forget, saved, clustering, floor)
         corrector = new_corrector(correct, odometry, clustering)
         pipeline = Pipeline(
-            loaded, floor, motion, new_map(clustering), rule=rule, confidence=confidence, forgetter=forgetter,
+            loaded, floor, motion, new_map(clustering), rule=rule, confidence=least, forgetter=forgetter,
             corrector=corrector,
         )  # fmt: skip
         steps = in_saved_map(pipeline, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        record = _record(source, loaded, floor, odometry, clustering, confidence, sorted(mapped))
+        record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
         record |= {"correct": corrector.corrects, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:

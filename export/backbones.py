@@ -32,7 +32,7 @@ DARKNET_PAD = 127  # Darknet's letterbox fills with 0.5
 class Backbone:
     """A detector ready to be bundled. features: export's word for a feature to the output's name.
 
-    confidence: least score of a box that maps best.
+    confidence, sure_confidence: as in the manifest, what maps best.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Backbone:
     licence: str
     sources: tuple[str, ...]
     confidence: float = 0.3
+    sure_confidence: float = 0.0
 
 
 def darknet_backbone(

@@ -79,6 +79,7 @@ def export_backbone(
         odometry=odometry,
         envelope={key: value for checkpoint in checkpoints for key, value in checkpoint.envelope.items()},
         confidence=part.confidence,
+        sure_confidence=part.sure_confidence,
         measured=part.measured | {f"odometry.{item.kind}": item.measured for item in checkpoints if item.measured},
         licence=part.licence,
         sources=part.sources,

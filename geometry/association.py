@@ -22,8 +22,8 @@ class AssociationRule:
     plane. max_distance_m: never farther than this. correlated: neighbouring frames repeat each other's error, so this
     many sightings weigh as one. systematic_m, systematic_extent_share: standard deviation of what no number of
     sightings takes away (a box's lower edge is not the footprint), at least, and as a share of the footprint's longer
-    side. min_count, min_confidence: what an object needs to show on the map (chosen on the simulated homes 8101-8106).
-    forget_after: frames after which one that does not is dropped.
+    side. min_count (of sure sightings), min_confidence: what an object needs to show on the map (chosen on the
+    simulated homes 8101-8106). forget_after: frames after which one that does not is dropped.
     """
 
     gate: float = 13.82
@@ -159,7 +159,7 @@ class Estimate:
     @property
     def shows(self) -> bool:
         """Whether there is enough evidence to put it on the map."""
-        enough = self.sums.count >= self._rule.min_count and self.sums.confidence >= self._rule.min_confidence
+        enough = self.sums.sure >= self._rule.min_count and self.sums.confidence >= self._rule.min_confidence
         return self.saved is not None or enough
 
     def covariance(self) -> Array:

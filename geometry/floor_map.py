@@ -64,17 +64,18 @@ class ObjectMap(Protocol):
 class SightingSums:
     """Sums over an object's sightings from which its size, confidence and times follow; two sums can be joined."""
 
-    __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "width_m")
+    __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "sure", "width_m")
 
     def __init__(self) -> None:
-        self.count, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0
+        self.count, self.sure, self.width_m, self.height_m, self.miss = 0, 0, 0.0, 0.0, 0.0
         self.first_seen_s, self.last_seen_s = math.inf, -math.inf
 
     @classmethod
     def of_saved(cls, item: MapObject) -> SightingSums:
         """The sums of an object that an earlier map holds."""
         sums = cls()
-        sums.count, sums.width_m, sums.height_m = item.count, item.width_m * item.count, item.height_m * item.count
+        sums.count = sums.sure = item.count
+        sums.width_m, sums.height_m = item.width_m * item.count, item.height_m * item.count
         sums.miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
         sums.first_seen_s, sums.last_seen_s = item.first_seen_s, item.last_seen_s
         return sums
@@ -83,6 +84,7 @@ class SightingSums:
         """Count one more sighting."""
         sighting = placed.sighting
         self.count += 1
+        self.sure += sighting.sure
         self.width_m += sighting.width_m
         self.height_m += sighting.height_m
         self.miss += math.log1p(-min(sighting.score, 0.999)) / 4.0  # four looks in a row tell about one thing
@@ -92,6 +94,7 @@ class SightingSums:
     def join(self, other: SightingSums) -> None:
         """Take in another object's sums."""
         self.count += other.count
+        self.sure += other.sure
         self.width_m += other.width_m
         self.height_m += other.height_m
         self.miss += other.miss

@@ -29,7 +29,8 @@ class Sighting:
     position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
     shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
     longer side of its class's usual footprint.
-    distance_m: horizontal, from the lens. detection: index into the frame's Detections.
+    distance_m: horizontal, from the lens. detection: index into the frame's Detections. sure: whether it may make an
+    object; others only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
     """
 
     label: str
@@ -44,6 +45,7 @@ class Sighting:
     detection: int
     frame: int = 0
     stamp_s: float = 0.0
+    sure: bool = True
 
     def placed(self, pose_map_base: SE2, pose_covariance: Array, thing: int = -1) -> PlacedSighting:
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
@@ -105,7 +107,7 @@ class FloorRule:
 
     border_px: a lower edge this near the picture's lower border is cut off. max_sigma_m: sightings less certain than
     this (largest standard deviation, pixel and mount together) are dropped. max_distance_m: and those farther.
-    mapped: labels that may be mapped; None means all.
+    mapped: labels that may be mapped; None means all. sure_score: least score of a sighting that may make an object.
     """
 
     border_px: float = 3.0
@@ -114,6 +116,7 @@ class FloorRule:
     noise: FloorNoise = field(default_factory=FloorNoise)
     box: BoxNoise = field(default_factory=BoxNoise)
     mapped: Collection[str] | None = None
+    sure_score: float = 0.0
 
 
 def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
@@ -174,11 +177,12 @@ def sightings_of(
             foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - reach_m, sigma_m)
         along = np.outer(direction, direction)
         guessed = along * shape.along**2 + (np.eye(2) - along) * shape.across**2  # the footprint is not seen
+        score = float(detections.scores[row])
         sightings.append(
             Sighting(
-                labels[row], float(detections.scores[row]), foot_m + direction * shape.reach_m(width_m),
+                labels[row], score, foot_m + direction * shape.reach_m(width_m),
                 foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
-                int(row), frame, stamp_s,
+                int(row), frame, stamp_s, score >= rule.sure_score,
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)

@@ -145,8 +145,8 @@ class Manifest(Strict):
     """`bundle.json`. sha256: of every other file in the folder, by its relative path.
 
     envelope: camera heights, pitches, fields of view, frame rates and speeds that a trained odometry has seen
-    (empty while none is trained). confidence: least score of a box, unless told otherwise. measured: figures with their
-    data. sources: where the weights came from.
+    (empty while none is trained). confidence: least score of a box, unless told otherwise; sure_confidence: of one that
+    may make an object, then. measured: figures with their data. sources: where the weights came from.
     """
 
     format: str
@@ -158,6 +158,7 @@ class Manifest(Strict):
     parity: dict[str, Parity] = {}
     envelope: dict[str, tuple[float, float]] = {}
     confidence: float = 0.3
+    sure_confidence: float = 0.0
     measured: dict[str, Any] = {}
     licence: str = ""
     sources: tuple[str, ...] = ()

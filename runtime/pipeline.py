@@ -65,7 +65,7 @@ class Pipeline:
         corrector: NeverCorrects | None = None,
     ) -> None:
         self.camera, self.odometry, self.map = camera, odometry, object_map
-        self.rule = rule or FloorRule(mapped=bundle.mapped)
+        self.rule = rule or FloorRule(mapped=bundle.mapped, sure_score=bundle.sure_score(confidence))
         self.forgetter = forgetter or NeverForgets()
         # Only the default map can move with a corrected way.
         self.corrector = corrector if corrector and isinstance(object_map, FloorMap) else NeverCorrects()

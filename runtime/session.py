@@ -55,6 +55,10 @@ class Bundle:
         """Class names by class id."""
         return tuple(entry.name for entry in self.manifest.detector.classes)
 
+    def sure_score(self, confidence: float | None) -> float:
+        """Least score of a box that may make an object. confidence: what the user asks of every box, if anything."""
+        return self.manifest.sure_confidence if confidence is None else 0.0
+
     @property
     def mapped(self) -> frozenset[str]:
         """Names of the classes that may appear on the map."""

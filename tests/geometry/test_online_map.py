@@ -157,3 +157,15 @@ def test_what_no_graph_follows_stays(placed):
         chairs.update([placed("chair", 2.0, 0.0, frame)])
     chairs.moved({0: Move(np.array([5.0, 0.0]), np.zeros((2, 2)), 0)})
     assert chairs.objects()[0].position_m == pytest.approx([2.0, 0.0])
+
+
+def test_faint_sightings_add_to_an_object_but_make_none(placed):
+    faint_map, mixed = FloorMap(), FloorMap()
+    for frame in range(12):
+        strong, faint = placed("chair", 2.0, 0.0, frame), placed("chair", 2.0, 0.0, frame, score=0.6)
+        faint = replace(faint, sighting=replace(faint.sighting, sure=False))
+        faint_map.update([faint])
+        mixed.update([strong if frame < 4 else faint])
+    assert faint_map.objects() == []
+    (chair,) = mixed.objects()
+    assert chair.count == 12
