@@ -50,7 +50,7 @@ def command(
     from edgemap.geometry.floor import FloorCamera
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.errors import CameraError
-    from edgemap.runtime.odometry.planar import PlanarOdometry
+    from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
 
     if not 0.0 < seconds < 1e6:
@@ -58,15 +58,19 @@ def command(
     loaded = find_bundle(bundle, threads)
     with open_described(camera, camera_file) as source:
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
-        pipeline = Pipeline(loaded, floor, PlanarOdometry(floor), FloorMap())
+        source.wheel = None  # the ring's stamps are its own
+
+        def new_pipeline() -> Pipeline:
+            return Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor), FloorMap())
+
+        pipeline = new_pipeline()
         first = source.read()
         if first is None:
             raise CameraError(f"{camera}: no frames")
         pipeline.step(first)
         cold_start_s = time.time() - psutil.Process().create_time()
         ring = read_ring(source, first)
-    pipeline = Pipeline(loaded, floor, PlanarOdometry(floor), FloorMap())
-    figures = measure(pipeline, ring, seconds)
+    figures = measure(new_pipeline(), ring, seconds)
     document: dict[str, Any] = {
         "bundle": loaded.manifest.name,
         "camera": camera,
@@ -76,7 +80,7 @@ def command(
         "detect_every": 1,
         "provider": "onnxruntime CPUExecutionProvider",
         "precision": "float32",
-        "odometry": "planar",
+        "odometry": "hybrid",
         "processor": _processor(),
     }
     if against:
@@ -88,7 +92,7 @@ def command(
         tensor = _probe(spec.input.height, spec.input.width)
         ratios = compare(
             Detector(loaded),
-            Pipeline(loaded, floor, PlanarOdometry(floor), FloorMap()).step,
+            new_pipeline().step,
             picture_to_boxes(spec, infer, 0.3),
             (lambda: loaded.backbone.run({spec.input.name: tensor}), lambda: infer(tensor)),
             ring,
