@@ -43,8 +43,7 @@ def export_backbone(
     sources: where the weights came from, for the manifest. Raises ExportError or another EdgemapError; then nothing is
     left at `out`.
     """
-    if backbone == NANO:
-        backbone = str(bundle_folder(NANO) / "detector.pt")
+    backbone = _file_of(backbone)
     checkpoints = [load_head(path) for path in heads]
     kinds = [checkpoint.kind for checkpoint in checkpoints]
     if len(set(kinds)) != len(kinds):
@@ -52,7 +51,7 @@ def export_backbone(
     if heads and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
     trained_here = backbone.endswith(".pt")
-    is_onnx = backbone.endswith(".onnx") or backbone == "yolox-nano"
+    is_onnx = _is_onnx(backbone)
     if (is_onnx or trained_here) and (size is not None or random_seed is not None):
         raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
     if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
@@ -97,13 +96,21 @@ def open_backbone(
     sources: tuple[str, ...] = (),
 ) -> Backbone:
     """A backbone by name, .cfg, .onnx or best.pt, tapped where heads want it. Raises ExportError or DownloadError."""
-    if backbone == NANO:
-        backbone = str(bundle_folder(NANO) / "detector.pt")
+    backbone = _file_of(backbone)
     if backbone.endswith(".pt"):
         return nano_backbone(Path(backbone), wanted)
-    if backbone.endswith(".onnx") or backbone == "yolox-nano":
+    if _is_onnx(backbone):
         return adopted_backbone(backbone, weights, wanted, sources)
     return darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
+
+
+def _file_of(backbone: str) -> str:
+    """Our own detector's name as the checkpoint that comes along; any other backbone as it is."""
+    return str(bundle_folder(NANO) / "detector.pt") if backbone == NANO else backbone
+
+
+def _is_onnx(backbone: str) -> bool:
+    return backbone.endswith(".onnx") or backbone == "yolox-nano"
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:

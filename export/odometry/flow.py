@@ -30,11 +30,10 @@ SLOPE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). information: of each
-    direction's bearing, (B, 2, H, W). inverse_depth: (B, 1, H, W), 1/m. solution: the motion from it."""
+    """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). inverse_depth:
+    (B, 1, H, W), 1/m. solution: the motion from it."""
 
     moved: Tensor
-    information: Tensor
     inverse_depth: Tensor
     solution: Solution
 
@@ -178,7 +177,7 @@ class FlowHead(nn.Module):
         measured = geometry.here + geometry.bearings_of(moved.flatten(2))
         used = information.flatten(2) * torch.exp(self.evidence[stage])
         solution = solve(slopes, measured - bearings, used, start, prior, prior_information)
-        return Look(moved, information, depth.unflatten(2, told.shape[2:]), solution)
+        return Look(moved, depth.unflatten(2, told.shape[2:]), solution)
 
     def _recall(self, x: Tensor, hidden: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
         """One ConvLSTM step (Shi et al. 2015)."""

@@ -9,14 +9,14 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from edgemap.evaluation.trajectory import integrated, motion_errors, motions, normalised_errors, path_m, segment_errors
+from edgemap.evaluation.odometry import errors_of, figures
+from edgemap.evaluation.trajectory import integrated
 from edgemap.export.odometry.clips import make_batch
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow_loss import Batch
 from edgemap.geometry.se2 import SE2
 
 CHUNK = 30  # frames at once
-SEGMENTS_M = (5.0, 2.0, 1.0)
 
 # A head over a batch of clips with the state before it: motions (B, T, 3), covariances (B, T, 3, 3) or None, new state.
 Unroll = Callable[[Any, Batch, list[Tensor] | None], tuple[Tensor, Tensor | None, list[Tensor]]]
@@ -47,28 +47,16 @@ def estimate(
 def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive], window: int = 0) -> dict[str, Any]:
     """Drift over all segments of 5, 2 and 1 m, per-step RMSE and NEES over all drives; `score` is what chooses."""
     head.eval()
-    drifts: dict[float, list[float]] = {length: [] for length in SEGMENTS_M}
-    errors, surprises = [], []
+    errors = []
     for drive in drives:
         steps, covariances = estimate(head, unroll, drive, window)
-        true = [SE2(*row) for row in drive.poses]
-        found = integrated(steps)
-        error = motion_errors(motions(true), steps)
-        errors.append(error)
-        if covariances is not None:
-            surprises.append(normalised_errors(error, covariances))
-        for length in SEGMENTS_M:
-            drifts[length].extend(100.0 * segment_errors(true, found, length)[:, 0] / length)
-    forward, left, yaw = (float(value) for value in np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)))
-    figures: dict[str, Any] = {
-        f"t{length:g}_percent": float(np.mean(values)) for length, values in drifts.items() if values
-    }
-    figures |= {"rmse_forward_m": forward, "rmse_left_m": left, "rmse_yaw_rad": yaw}
-    if surprises:
-        nees = np.concatenate(surprises)
-        figures |= {"nees_mean": float(nees.mean()), "nees_median": float(np.median(nees))}
-    way_m = sum(float(path_m([SE2(*row) for row in drive.poses])[-1]) for drive in drives)
-    figures["drives"], figures["path_m"] = len(drives), round(way_m, 1)
+        errors.append(errors_of([SE2(*row) for row in drive.poses], integrated(steps), covariances))
+    found = figures(errors)
+    drifts = {f"t{length}_percent": found["t_rel_percent"][length] for length in ("5", "2", "1")}
+    told: dict[str, Any] = {name: value for name, value in drifts.items() if value is not None}
     # Drift where a segment fits; else the yaw, which is what drift comes from.
-    figures["score"] = next((figures[key] for key in ("t5_percent", "t2_percent", "t1_percent") if key in figures), yaw)
-    return figures
+    score = next(iter(told.values()), found["rmse_yaw_rad"])
+    told |= {name: found[name] for name in ("rmse_forward_m", "rmse_left_m", "rmse_yaw_rad")}
+    if found["nees"] is not None:
+        told |= {"nees_mean": found["nees"], "nees_median": found["nees_median"]}
+    return told | {"drives": len(drives), "path_m": round(found["path_m"], 1), "score": score}
