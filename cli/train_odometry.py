@@ -63,6 +63,9 @@ def command(
     threads: Annotated[
         int, tyro.conf.arg(metavar="N", help="Of the network; one is better where other work shares the cores.")
     ] = 2,
+    bfloat16: Annotated[
+        bool, tyro.conf.arg(help="Convolutions in bfloat16: 1.6 times as fast where the processor has AVX512-BF16.")
+    ] = False,
     seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of clips and random weights.")] = 0,
     cache: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
@@ -115,7 +118,7 @@ def command(
     recipe = (
         flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     )
-    settings = Settings(minutes, steps, batch, seed, validate_minutes, patience, threads)
+    settings = Settings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)
     if resume:
         trainer.resume()

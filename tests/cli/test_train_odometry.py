@@ -61,7 +61,7 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, tmp_path, kind):
     assert {path.name for path in (tmp_path / "run").iterdir()} >= {"best.pt", "last.pt", "curves.csv"}
     features = list((tmp_path / "cache").rglob("*.npy"))
     written = features[0].stat().st_mtime_ns
-    result = edgemap("train", "odometry", *flags, *spent, "--steps", "3", "--resume")
+    result = edgemap("train", "odometry", *flags, *spent, "--steps", "3", "--resume", "--bfloat16")
     assert result.returncode == 0, result.stderr
     assert "after 3 steps" in result.stdout or "after 2 steps" in result.stdout
     assert features[0].stat().st_mtime_ns == written, "features were computed anew"
