@@ -15,6 +15,7 @@ from edgemap.cli.options import (
     Json,
     MountText,
     OptionError,
+    PrecisionName,
     Threads,
     find_bundle,
     lens_and_mount,
@@ -27,6 +28,7 @@ def command(
     camera: CameraSpec = "demo",
     seconds: Annotated[float, tyro.conf.arg(metavar="S", help="How long to measure, in seconds.")] = 10.0,
     threads: Threads = None,
+    precision: PrecisionName = "float32",
     against: Annotated[
         Literal["openvino", "opencv"] | None,
         tyro.conf.arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
@@ -52,16 +54,17 @@ def command(
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.processor import processor_name
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
-    loaded = find_bundle(bundle, threads)
+    loaded = find_bundle(bundle, threads, precision)
     with open_described(camera, camera_file) as source:
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
-        source.wheel = None  # the ring's stamps are its own
 
         def new_pipeline() -> Pipeline:
-            return Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor), FloorMap())
+            # The ring's stamps are its own: no wheels.
+            return Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor, wheels=False), FloorMap())
 
         pipeline = new_pipeline()
         first = source.read()
@@ -79,9 +82,9 @@ def command(
         "threads": loaded.threads,
         "detect_every": 1,
         "provider": "onnxruntime CPUExecutionProvider",
-        "precision": "float32",
+        "precision": loaded.precision,
         "odometry": "hybrid",
-        "processor": _processor(),
+        "processor": processor_name(),
     }
     if against:
         from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
@@ -113,21 +116,10 @@ def _probe(height: int, width: int):
     return np.random.default_rng(0).uniform(0, 255, (1, 3, height, width)).astype(np.float32)
 
 
-def _processor() -> str:
-    import platform
-    from pathlib import Path
-
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.is_file():
-        for line in cpuinfo.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()
-
-
 def _tell(document: dict[str, Any]) -> None:
     latency = document["latency_ms"]
-    print(f"{document['bundle']} on {document['camera']}, {document['threads']} threads, {document['processor']}")
+    how = f"{document['threads']} threads, {document['precision']}, {document['processor']}"
+    print(f"{document['bundle']} on {document['camera']}, {how}")
     print(f"  {document['fps']:.1f} frames/s over {document['frames']} frames, every frame detected")
     print(f"  {'stage':<12} {'p50':>8} {'p95':>8} {'p99':>8}  ms")
     rows = [*document["stages_ms"].items(), ("whole step", latency)]

@@ -16,6 +16,7 @@ from edgemap.cli.options import (
     IntrinsicsText,
     Json,
     MountText,
+    PrecisionName,
     Threads,
     find_bundle,
     least_score,
@@ -37,6 +38,7 @@ def command(
     camera_file: CameraFile = None,
     confidence: Confidence = None,
     threads: Threads = None,
+    precision: PrecisionName = "float32",
     plot: Annotated[
         Path | None,
         tyro.conf.arg(
@@ -60,7 +62,7 @@ def command(
 
     if not images:
         raise OptionError("no pictures given")
-    loaded = find_bundle(bundle, threads)
+    loaded = find_bundle(bundle, threads, precision)
     confidence = least_score(confidence, loaded)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
     documents = []

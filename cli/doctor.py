@@ -142,6 +142,7 @@ def _realsense() -> Iterator[Finding]:
 
 
 def _bundle(name: str) -> Finding:
+    from edgemap.cli.export import variant_line
     from edgemap.runtime.session import load_bundle
     from edgemap.runtime.store import bundle_folder
 
@@ -156,17 +157,20 @@ def _bundle(name: str) -> Finding:
                 "bundle", "broken", f"{name} is neither a bundle folder nor a known model", "edgemap pull --help"
             )
         loaded = load_bundle(folder)
+        for precision in loaded.manifest.variants:
+            load_bundle(folder, precision=precision)
     except EdgemapError as error:
         return Finding("bundle", "broken", str(error), f"edgemap pull {name}")
     detector = loaded.manifest.detector
     heads = [
         f"{kind} ({'trained' if head.trained else 'untrained'})" for kind, head in loaded.manifest.odometry.items()
     ]
+    variants = [f"{variant_line(name, item.measured)}; " for name, item in loaded.manifest.variants.items()]
     return Finding(
         "bundle",
         "ok",
         f"{loaded.manifest.name}: {detector.input.width}x{detector.input.height}, {len(loaded.names)} classes, "
-        f"odometry: {', '.join(heads) or 'none of its own'}; sums and contract hold",
+        f"odometry: {', '.join(heads) or 'none of its own'}; {''.join(variants)}sums and contract hold",
     )
 
 

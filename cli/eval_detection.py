@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, OptionError, Threads, at_least, find_bundle, in_unit
+from edgemap.cli.options import (
+    DEFAULT_BUNDLE,
+    BundleName,
+    Json,
+    OptionError,
+    PrecisionName,
+    Threads,
+    at_least,
+    find_bundle,
+    in_unit,
+)
 
 
 def command(
@@ -29,6 +39,7 @@ def command(
         tyro.conf.arg(metavar="NAME,…", help="Score these classes only, so that bundles compare; by default all."),
     ] = None,
     threads: Threads = None,
+    precision: PrecisionName = "float32",
     json: Json = False,
 ) -> None:
     """Average precision on labelled pictures, COCO protocol: AP over IoU 0.50 to 0.95, and AP50.
@@ -36,7 +47,6 @@ def command(
     Classes are matched by name; true boxes of classes that the bundle does not know are left out and counted apart.
     Boxes that are known to be seen too little (under 30 % visible, or under 24 px) are ignored: neither hit nor miss.
     """
-    import numpy as np
     from tqdm import tqdm
 
     from edgemap.cli.simulated import as_data
@@ -47,7 +57,7 @@ def command(
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence, nms=nms)
-    loaded = find_bundle(bundle, threads)
+    loaded = find_bundle(bundle, threads, precision)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
     number = {name: index for index, name in enumerate(loaded.names)}
     if classes is not None:
@@ -58,26 +68,11 @@ def command(
     pictures, unknown = [], 0
     with as_data(data, frames, quiet=json) as spec:
         for image, truth in tqdm(labelled_pictures(spec, frames), unit=" pictures", disable=json or None):
-            known = [row for row, label in enumerate(truth.labels) if label in number]
-            unknown += len(truth.labels) - len(known)
-            found = detector(image)
-            labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
-            boxes = truth.boxes[known].reshape(-1, 4)
-            height, width = image.shape[:2]
-            mine = np.isin(found.class_ids, list(number.values()))
-            pictures.append(
-                ScoredPicture(
-                    width,
-                    height,
-                    boxes,
-                    labels,
-                    found.boxes[mine],
-                    found.class_ids[mine],
-                    found.scores[mine],
-                    truth.ignorable()[known],
-                )
-            )
-    document = {"data": data, "bundle": loaded.manifest.name, **average_precision(pictures, loaded.names)}
+            unknown += sum(label not in number for label in truth.labels)
+            size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
+            pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detector(image), number))
+    document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name, "precision": loaded.precision}
+    document |= average_precision(pictures, loaded.names)
     document["boxes_of_unknown_classes"] = unknown
     if json:
         import json as json_module

@@ -15,6 +15,7 @@ from edgemap.cli.options import (
     Json,
     OdometrySpec,
     OptionError,
+    PrecisionName,
     Threads,
     at_least,
     find_bundle,
@@ -48,6 +49,7 @@ def command(
     ] = "default",
     correct: Correct = True,
     threads: Threads = None,
+    precision: PrecisionName = "float32",
     plot: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
     ] = None,
@@ -68,7 +70,7 @@ def command(
     from edgemap.runtime.drives import open_drive
 
     at_least(1, frames=frames)
-    loaded = find_bundle(bundle, threads)
+    loaded = find_bundle(bundle, threads, precision)
     least_score(confidence, loaded)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
@@ -82,6 +84,7 @@ def command(
         document: dict[str, Any] = {
             "data": data,
             "bundle": loaded.manifest.name,
+            "precision": loaded.precision,
             "odometry": odometry,
             "clustering": clustering,
             "correct": correct,

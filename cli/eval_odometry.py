@@ -8,7 +8,16 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.options import DEFAULT_BUNDLE, BundleName, Json, OptionError, Threads, at_least, find_bundle
+from edgemap.cli.options import (
+    DEFAULT_BUNDLE,
+    BundleName,
+    Json,
+    OptionError,
+    PrecisionName,
+    Threads,
+    at_least,
+    find_bundle,
+)
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
@@ -47,6 +56,7 @@ def command(
         ),
     ] = None,
     threads: Threads = None,
+    precision: PrecisionName = "float32",
     plot: Annotated[
         Path | None, tyro.conf.arg(metavar="DIR", help="Draw each way with the true one into this folder.")
     ] = None,
@@ -75,7 +85,7 @@ def command(
     names = sequence_names(specs)
     if repeated := next((name for name in names if names.count(name) > 1), None):
         raise OptionError(f"--data {repeated} is given twice")
-    loaded = find_bundle(bundle, threads)
+    loaded = find_bundle(bundle, threads, precision)
     needed = None if frames is None else first + (frames - 1) * every + 1
     drives: dict[str, ScoredDrive] = {}
     for name, spec in zip(names, specs, strict=True):
@@ -86,7 +96,8 @@ def command(
 
             followed = drives[name].followed
             plot_ways(plot / f"{_file_name(name)}.png", name, followed.true, {odometry: followed.estimated})
-    document = {"bundle": loaded.manifest.name, "odometry": odometry, **together(drives)}
+    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision, "odometry": odometry}
+    document |= together(drives)
     for name, spec in zip(names, specs, strict=True):
         document["sequences"][name]["data"] = spec
     if json:

@@ -18,6 +18,7 @@ from edgemap.cli.options import (
     IntrinsicsText,
     MountText,
     OdometrySpec,
+    PrecisionName,
     Threads,
     at_least,
     choose_classes,
@@ -83,6 +84,7 @@ def command(
     ] = None,
     lossless: Annotated[bool, tyro.conf.arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     threads: Threads = None,
+    precision: PrecisionName = "float32",
     allow_untrained: Annotated[
         bool, tyro.conf.arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
     ] = False,
@@ -109,7 +111,7 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
-    loaded = find_bundle(bundle, threads)
+    loaded = find_bundle(bundle, threads, precision)
     least = least_score(confidence, loaded)
     mapped = choose_classes(classes, loaded)
     with open_described(camera, camera_file, realtime and not view, frames) as source:
@@ -211,6 +213,7 @@ def _record(
         "confidence": confidence,
         "mapped": mapped,
         "threads": loaded.threads,
+        "precision": loaded.precision,
         "versions": {name: version(name) for name in ("edgemap", "onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},
     }

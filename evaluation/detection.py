@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.detections import Detections
 from edgemap.geometry.errors import EdgemapError
 
 
@@ -33,6 +34,23 @@ class ScoredPicture:
     labels: NDArray[np.int64]
     scores: NDArray[np.float64]
     ignored: NDArray[np.bool_] | None = None
+
+    @classmethod
+    def compare(
+        cls,
+        size: tuple[int, int],
+        true_boxes: NDArray[np.float64],
+        true_labels: Sequence[str],
+        ignored: NDArray[np.bool_],
+        found: Detections,
+        numbers: Mapping[str, int],
+    ) -> ScoredPicture:
+        """A picture of `size` (width, height) px by the classes in `numbers`, name to class id; others are left out."""
+        known = [row for row, label in enumerate(true_labels) if label in numbers]
+        labels = np.array([numbers[true_labels[row]] for row in known], dtype=np.int64)
+        mine = np.isin(found.class_ids, list(numbers.values()))
+        boxes = true_boxes[known].reshape(-1, 4)
+        return cls(*size, boxes, labels, found.boxes[mine], found.class_ids[mine], found.scores[mine], ignored[known])
 
 
 def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from edgemap.export import parity
 from edgemap.export.backbones import Backbone, adopted_backbone, darknet_backbone
 from edgemap.export.bundle_writer import write_bundle
+from edgemap.export.calibration import read_calibration
 from edgemap.export.detector.backbone import NAME as NANO
 from edgemap.export.detector.backbone import nano_backbone
 from edgemap.export.errors import ExportError
@@ -17,7 +18,8 @@ from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import head_to_onnx, seal
 from edgemap.geometry.flow_cells import CHANNELS
-from edgemap.runtime.bundle import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, StateSpec
+from edgemap.runtime.bundle import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.session import Bundle
 from edgemap.runtime.store import bundle_folder
 
 
@@ -31,6 +33,7 @@ def export_backbone(
     size: tuple[int, int] | None = None,
     random_seed: int | None = None,
     sources: tuple[str, ...] = (),
+    calibrate: Path | None = None,
 ) -> Path:
     """Export a backbone and its odometry heads as a bundle folder; gives `out`.
 
@@ -40,9 +43,10 @@ def export_backbone(
     untrained paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked
     so, but none for a detector trained here unless `feature` is given. size: (width, height) in px of a Darknet input.
     random_seed: random weights instead of a file, for timing.
-    sources: where the weights came from, for the manifest. Raises ExportError or another EdgemapError; then nothing is
-    left at `out`.
+    sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
+    ExportError or another EdgemapError; then nothing is left at `out`.
     """
+    calibration = None if calibrate is None else read_calibration(calibrate)
     backbone = _file_of(backbone)
     checkpoints = [load_head(path) for path in heads]
     kinds = [checkpoint.kind for checkpoint in checkpoints]
@@ -84,7 +88,11 @@ def export_backbone(
         sources=part.sources,
     )
     trunks = {checkpoint.kind: checkpoint.head for checkpoint in checkpoints}
-    return write_bundle(out, manifest, models, lambda bundle: parity.prove(bundle, part.reference, trunks, part.exact))
+
+    def proof(bundle: Bundle) -> dict[str, Parity]:
+        return parity.prove(bundle, part.reference, trunks, part.exact)
+
+    return write_bundle(out, manifest, models, proof, calibration)
 
 
 def open_backbone(

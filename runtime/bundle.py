@@ -141,8 +141,20 @@ class Parity(Strict):
     cases: int
 
 
+class Variant(Strict):
+    """A file that may run in the detector's place: same inputs, outputs and contract, other numbers inside.
+
+    measured: what export found beside the float32 file: pictures, differences, AP50 where there was truth, and time.
+    """
+
+    file: str
+    measured: dict[str, Any] = {}
+
+
 class Manifest(Strict):
     """`bundle.json`. sha256: of every other file in the folder, by its relative path.
+
+    variants: by precision, `int8`.
 
     envelope: camera heights, pitches, fields of view, frame rates and speeds that a trained odometry has seen
     (empty while none is trained). confidence: least score of a box, unless told otherwise; sure_confidence: of one that
@@ -155,6 +167,7 @@ class Manifest(Strict):
     detector: Detector
     sha256: dict[str, str]
     odometry: dict[str, OdometryHead] = {}
+    variants: dict[Literal["int8"], Variant] = {}
     parity: dict[str, Parity] = {}
     envelope: dict[str, tuple[float, float]] = {}
     confidence: float = 0.3
@@ -197,7 +210,8 @@ def read_manifest(folder: Path) -> Manifest:
         raise BundleError(f"bundle {path}: not JSON ({error})") from None
     if manifest.format != FORMAT:
         raise BundleError(f"bundle {path}: format {manifest.format!r}, this edgemap reads {FORMAT!r}")
-    files = [manifest.detector.file, *(head.file for head in manifest.odometry.values())]
+    parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
+    files = [part.file for part in parts]
     for name in [*files, *manifest.sha256]:
         _inside(folder, name)
     for name in files:

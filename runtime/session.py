@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
 import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from edgemap.runtime.bundle import (
     verified_file,
 )
 from edgemap.runtime.errors import BundleError, OdometryError
+from edgemap.runtime.precision import WORTH_IT, Precision, report_allows_int8, time_ratio
 
 Tensors = dict[str, NDArray[np.float32]]
 
@@ -45,12 +47,13 @@ class Network:
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A bundle whose backbone is loaded. threads: of each network."""
+    """A bundle whose backbone is loaded. threads: of each network. precision: of the backbone, float32 or int8."""
 
     folder: Path
     manifest: Manifest
     backbone: Network
     threads: int
+    precision: Precision = "float32"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -90,15 +93,41 @@ class Bundle:
         raise BundleError(f"bundle {self.folder}: {head.file} reads feature {head.feature!r}, which no output provides")
 
 
-def load_bundle(folder: Path, threads: int = 2) -> Bundle:
-    """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it."""
+def load_bundle(folder: Path, threads: int = 2, precision: Precision = "float32") -> Bundle:
+    """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it.
+
+    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it and a trial of
+    half a second finds it faster on this processor, else float32.
+    """
+    if precision == "auto":
+        return _load_the_faster(folder, threads)
     manifest = read_manifest(folder)
     detector = manifest.detector
-    inputs = {detector.input.name: (1, 3, detector.input.height, detector.input.width)}
+    if precision != "float32":
+        if precision not in manifest.variants:
+            raise BundleError(f"bundle {manifest.name} has no {precision} variant (edgemap export --int8 makes one)")
+        detector = msgspec.structs.replace(detector, file=manifest.variants[precision].file)
+    inputs = {detector.input.name: _input_shape(detector)}
     outputs = {head.name: head.shape for head in detector.heads}
     outputs |= {feature.name: feature.shape for feature in detector.features}
     network = _open(folder, manifest, detector, inputs, outputs, threads)
-    return Bundle(folder, manifest, network, threads)
+    return Bundle(folder, manifest, network, threads, precision)
+
+
+def _load_the_faster(folder: Path, threads: int) -> Bundle:
+    exact = load_bundle(folder, threads)
+    if not report_allows_int8(exact.manifest):
+        return exact
+    small = load_bundle(folder, threads, "int8")
+    spec = exact.manifest.detector
+    picture = np.random.default_rng(0).integers(0, 256, _input_shape(spec)).astype(np.float32)
+    tensors = {spec.input.name: picture * np.float32(spec.input.scale)}
+    ratio = time_ratio(lambda: small.backbone.run(tensors), lambda: exact.backbone.run(tensors))
+    return small if ratio <= WORTH_IT else exact
+
+
+def _input_shape(detector: Detector) -> tuple[int, ...]:
+    return (1, 3, detector.input.height, detector.input.width)
 
 
 def _open(

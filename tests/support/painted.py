@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -21,7 +21,9 @@ from edgemap.runtime.bundle import (
     Manifest,
     OdometryHead,
     StateSpec,
+    Variant,
     contract_metadata,
+    read_manifest,
     sha256_file,
     write_manifest,
 )
@@ -145,6 +147,19 @@ def write_painted(
         save(folder / "odometry.paper.onnx", odometry_model(head.shape), contract_metadata(heads["paper"]))
     sums = {path.name: sha256_file(path) for path in folder.glob("*.onnx")}
     manifest = Manifest(format=FORMAT, name="painted", version="1", detector=record, sha256=sums, odometry=heads)
+    write_manifest(folder, manifest)
+    return folder
+
+
+def with_int8(
+    folder: Path, boxes: list[tuple[str, float, float, float, float, float]], measured: dict[str, Any]
+) -> Path:
+    """Give a painted bundle an "int8" variant that sees other boxes, so that one can tell which file ran."""
+    manifest = read_manifest(folder)
+    file = "backbone.int8.onnx"
+    save(folder / file, backbone_model(head_with(boxes)), contract_metadata(manifest.detector))
+    manifest.sha256[file] = sha256_file(folder / file)
+    manifest.variants["int8"] = Variant(file=file, measured=measured)
     write_manifest(folder, manifest)
     return folder
 

@@ -1,0 +1,124 @@
+"""Static int8: the backbone once more with 8-bit weights and activations, by onnxruntime's own quantiser."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import msgspec
+import onnx
+from onnx import ModelProto, NodeProto, version_converter
+from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
+
+from edgemap.export.calibration import Calibration
+from edgemap.export.int8_report import int8_report
+from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
+from edgemap.runtime.bundle import Detector, Variant, read_manifest, sha256_file, verified_file, write_manifest
+from edgemap.runtime.drives.pictures import read_picture
+from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.session import Tensors, load_bundle
+
+FILE = "backbone.int8.onnx"
+LEAST_OPSET = 13  # scales per channel
+
+
+def add_int8(folder: Path, calibration: Calibration) -> None:
+    """Write the int8 variant into a bundle's folder, and what it loses and gains into bundle.json.
+
+    Raises ExportError, BundleError or CameraError.
+    """
+    manifest = read_manifest(folder)
+    detector = manifest.detector
+    source = onnx.load(verified_file(folder, manifest, detector.file))
+    model = quantised(source, detector, _tensors(detector, calibration.shown))
+    save_model(seal(model, msgspec.structs.replace(detector, file=FILE)), folder / FILE)
+    manifest.sha256[FILE] = sha256_file(folder / FILE)
+    variant = manifest.variants["int8"] = Variant(file=FILE)
+    write_manifest(folder, manifest)
+    variant.measured = int8_report(load_bundle(folder, 1), load_bundle(folder, 1, "int8"), calibration)
+    write_manifest(folder, manifest)
+
+
+def quantised(source: ModelProto, detector: Detector, tensors: Iterable[Tensors]) -> ModelProto:
+    """The model with 8-bit convolutions: weights symmetric per channel, activations unsigned.
+
+    An activation's range is the mean over the pictures of its least and largest value. Weights have 7 bits, so that
+    processors without VNNI, which add pairs of products in 16 bits, compute the same.
+    """
+    model = copy.deepcopy(source)  # the quantiser empties what it is given
+    if default_opset(model) < LEAST_OPSET:
+        model = version_converter.convert_version(model, LEAST_OPSET)
+    for number, node in enumerate(model.graph.node):
+        node.name = node.name or f"node_{number}"
+    heads = {head.name for head in detector.heads}
+    features = [value for value in model.graph.output if value.name not in heads]
+    for value in features:  # outputs that feed 8-bit layers would come out rounded; as inner tensors they do not
+        model.graph.output.remove(value)
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)  # it recommends a preparation that our graphs have behind them
+    try:
+        with tempfile.TemporaryDirectory() as name:
+            path = Path(name) / FILE
+            quantize_static(
+                model,
+                path,
+                _Reader(tensors),
+                quant_format=QuantFormat.QDQ,
+                per_channel=True,
+                reduce_range=True,
+                activation_type=QuantType.QUInt8,
+                weight_type=QuantType.QInt8,
+                nodes_to_exclude=float_nodes(model, detector),
+                calibrate_method=CalibrationMethod.MinMax,
+                extra_options={"CalibMovingAverage": True},
+            )
+            small = onnx.load(path)
+    finally:
+        logging.disable(before)
+    small.graph.output.extend(features)
+    small.ir_version = IR_VERSION
+    return small
+
+
+def float_nodes(model: ModelProto, detector: Detector) -> list[str]:
+    """Names of the nodes that stay float32: the last convolutions of the heads, and all that leads to a feature.
+
+    Logits and box sizes need more than 256 levels. An odometry was trained on float features, and gets the same bit for
+    bit; a feature that is a head itself (the paper's) cannot.
+    """
+    makers = {name: node for node in model.graph.node for name in node.output}
+    heads = {head.name for head in detector.heads}
+    features = {feature.name for feature in detector.features} - heads
+    return sorted(_leading_to(heads, makers, until="Conv") | _leading_to(features, makers))
+
+
+def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | None = None) -> set[str]:
+    """Nodes that tensors come from, back to the input or to the first of a kind on every way."""
+    found: set[str] = set()
+    todo = list(tensors)
+    while todo:
+        node = makers.get(todo.pop())
+        if node is not None and node.name not in found:
+            found.add(node.name)
+            todo += [] if node.op_type == until else node.input
+    return found
+
+
+def _tensors(detector: Detector, pictures: Iterable[Path]) -> Iterator[Tensors]:
+    preprocess = Preprocessor(detector.input)
+    for path in pictures:
+        tensor, _ = preprocess(read_picture(path))
+        yield {detector.input.name: tensor.copy()}
+
+
+class _Reader(CalibrationDataReader):
+    """Calibration tensors one by one, as onnxruntime asks for them."""
+
+    def __init__(self, tensors: Iterable[Tensors]) -> None:
+        self._tensors = iter(tensors)
+
+    def get_next(self) -> Tensors | None:  # type: ignore[override]
+        return next(self._tensors, None)
