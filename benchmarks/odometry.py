@@ -73,13 +73,12 @@ def score_drive(
             raise OdometryError(f"{spec} brings no true poses of its own to compare with")
         if camera.intrinsics is None or camera.mount is None:
             raise OdometryError(f"{spec}: neither lens nor mount known: its camera.yaml must say how the camera sits")
-        if not selection.wheels:
-            camera.wheel = None
         if odometry == OWN_WHEELS:
-            if camera.wheel is None:
+            if camera.wheel is None or not selection.wheels:
                 raise OdometryError(f"{spec}: no wheel odometry comes with it")
             odometry = f"wheel:{camera.wheel}"
-        motion = open_odometry(odometry, bundle, camera, FloorCamera(camera.intrinsics, camera.mount))
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
         followed = follow(
             camera, motion, FeatureSource(bundle), first=selection.first, every=selection.every,
             frames=selection.frames, progress=progress,

@@ -12,20 +12,25 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
+from edgemap.export.curves import Panel, write_curves
 from edgemap.export.detector.checkpoint import RESUME_FORMAT, DetectorCheckpoint, save_detector
-from edgemap.export.detector.curves import write_curves
 from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.loss import detection_loss
 from edgemap.export.detector.network import Head, Nano
-from edgemap.export.detector.schedule import NO_MOSAIC, Schedule
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
+from edgemap.export.schedule import Schedule
 from edgemap.export.training import Training, average_into
 
 AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
 CLIP_NORM = 20.0
+NO_MOSAIC = 0.85  # of the budget after which pictures stay single
 PARTS = ("total", "box", "objectness", "classes", "kept")
+PANELS = (
+    Panel("loss per positive cell", {"box": "box (1 - GIoU)", "objectness": "objectness", "classes": "classes"}),
+    Panel("validation", {"ap50": "AP50", "ap": "AP 0.50:0.95"}, top=1.0),
+)
 
 
 @dataclass(frozen=True)
@@ -206,7 +211,7 @@ class Trainer(Training):
                 ),
                 self.folder / "best.pt",
             )
-        write_curves(self.rows, self.folder)
+        write_curves(self.rows, self.folder, ("minutes", "minutes of training"), PANELS)
 
 
 def _groups(network: Nano, settings: Settings) -> list[dict[str, Any]]:

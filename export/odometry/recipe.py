@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from edgemap.export.detector.schedule import Schedule
 from edgemap.export.odometry.clips import Clips
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.flow_loss import Batch, flow_loss, run_clip
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.export.odometry.validate import Unroll
+from edgemap.export.schedule import Schedule
 
 LAMBDA = 100.0  # of the paper's equation 2: what a radian's square counts against a metre's
 

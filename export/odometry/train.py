@@ -13,18 +13,25 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from edgemap.export.detector.schedule import Schedule
+from edgemap.export.curves import Panel, write_curves
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.odometry.clips import make_batch
-from edgemap.export.odometry.curves import write_curves
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.recipe import Recipe
 from edgemap.export.odometry.validate import validate
+from edgemap.export.schedule import Schedule
 from edgemap.export.training import Training, average_into
 
 CLIP_NORM = 1.0
 AVERAGE_STEPS = 300
+PANELS = (  # the first is the paper's figure 6
+    Panel("loss", {"loss": "loss", "motion": "motion", "coarse": "coarse"}, from_zero=False),
+    Panel(
+        "validation drift, % of the way",
+        {"t5_percent": "over 5 m", "t2_percent": "over 2 m", "t1_percent": "over 1 m"},
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -111,7 +118,7 @@ class HeadTraining(Training):
         tqdm.write("  ".join(f"{key} {value:.4g}" for key, value in row.items()))
         if self.best() is row:
             save_head(self._checkpoint(head, row, figures), self.folder / "best.pt")
-        write_curves(self.rows, self.folder)
+        write_curves(self.rows, self.folder, ("steps", "steps of training"), PANELS)
 
     def state(self) -> dict[str, Any]:
         """Head, average, optimiser."""

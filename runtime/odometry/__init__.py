@@ -21,14 +21,20 @@ __all__ = ["Motion", "Odometry", "open_odometry"]
 
 
 def open_odometry(
-    spec: str, bundle: Bundle, camera: Camera, floor: FloorCamera, allow_untrained: bool = False
+    spec: str,
+    bundle: Bundle,
+    camera: Camera,
+    floor: FloorCamera,
+    allow_untrained: bool = False,
+    wheels: bool = True,
 ) -> Odometry:
     """The odometry that a SPEC names: hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
 
+    wheels: whether the hybrid listens to the source's wheels, where it brings any.
     Raises OdometryError for one that is unknown or not to be had here.
     """
     if spec == "hybrid":
-        return HybridOdometry(_members(bundle, camera, floor))
+        return HybridOdometry(_members(bundle, camera, floor, wheels))
     if spec == "planar":
         return PlanarOdometry(floor)
     if spec in ("flow", "paper"):
@@ -53,13 +59,13 @@ def open_odometry(
 DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0}
 
 
-def _members(bundle: Bundle, camera: Camera, floor: FloorCamera) -> list[Member]:
+def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool) -> list[Member]:
     """Corners on the floor, the bundle's flow head where a trained one is there, wheels where the source has any."""
     members = [Member(PlanarOdometry(floor), "camera", DOUBTS["planar"])]
     head = bundle.manifest.odometry.get("flow")
     if head is not None and head.trained:
         members.append(Member(LearnedOdometry(bundle, "flow", floor), "camera", DOUBTS["flow"]))
-    if camera.wheel is not None:
-        wheels = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)
-        members.append(Member(wheels, "wheels", DOUBTS["wheels"]))
+    if wheels and camera.wheel is not None:
+        recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)
+        members.append(Member(recorded, "wheels", DOUBTS["wheels"]))
     return members

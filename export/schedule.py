@@ -1,4 +1,4 @@
-"""How training spends its budget of minutes or epochs: learning rate, mosaics, when it is over."""
+"""How training spends its budget of minutes, epochs or steps: learning rate, when it is over."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 WARM_UP = 0.03  # of the budget
 LAST_RATE = 0.03  # of the highest
-NO_MOSAIC = 0.85  # of the budget after which pictures stay single
 
 
 @dataclass(frozen=True)
