@@ -131,6 +131,9 @@ def describe(folder: Path, manifest: object) -> None:
 
 def variant_line(precision: str, measured: dict[str, Any]) -> str:
     """What a variant of the backbone loses and gains, in one line."""
+    speed = (
+        f"{measured['time']:.2f} of float32's time on {measured['processor']}" if "time" in measured else "not timed"
+    )
     ap50 = measured.get("ap50")
     loss = f"AP50 {ap50[precision]:.3f} against {ap50['float32']:.3f}" if ap50 else "AP50 not measured"
-    return f"{precision}: {measured['time']:.2f} of float32's time on {measured['processor']}, {loss}"
+    return f"{precision}: {speed}, {loss}"

@@ -1,0 +1,79 @@
+"""`--precision` and `--int8` as a user types them; the painted int8 file sees a couch where float32 sees a chair."""
+
+import json
+import shutil
+
+import pytest
+from support import painted
+
+from edgemap.geometry.floor_map import load_map
+
+REPORT = {"time": 0.5, "processor": "Abacus 9", "ap50": {"float32": 0.7, "int8": 0.695}}
+
+
+@pytest.fixture
+def with_int8(tmp_path, painted_bundle):
+    folder = shutil.copytree(painted_bundle, tmp_path / "bundle")
+    return painted.with_int8(folder, [("couch", 40.0, 30.0, 12.0, 24.0, 0.9)], REPORT)
+
+
+def labels(result):
+    assert result.returncode == 0, result.stderr
+    return [entry["label"] for document in json.loads(result.stdout) for entry in document["detections"]]
+
+
+def test_detect_uses_the_file_that_is_asked_for(edgemap, with_int8, pictures):
+    detect = ("detect", pictures / "0.png", "--bundle", with_int8, "--json")
+    assert labels(edgemap(*detect)) == ["chair", "person"]
+    assert labels(edgemap(*detect, "--precision", "int8")) == ["couch"]
+
+
+def test_run_maps_with_it_and_says_so(edgemap, with_int8, pictures, tmp_path):
+    out = tmp_path / "run"
+    result = edgemap("run", "--camera", pictures, "--bundle", with_int8, "--out", out, "--precision", "int8")
+    assert result.returncode == 0, result.stderr
+    assert [item.id for item in load_map(out)] == ["couch-1"]
+    assert json.loads((out / "run.json").read_text())["precision"] == "int8"
+
+
+def test_bench_says_which_one_ran(edgemap, with_int8, pictures):
+    bench = ("bench", "--camera", pictures, "--bundle", with_int8, "--seconds", "0.2", "--precision", "int8", "--json")
+    assert json.loads(edgemap(*bench).stdout)["precision"] == "int8"
+
+
+def test_doctor_tells_what_the_variant_is_worth_and_that_it_is_whole(edgemap, with_int8, pictures):
+    doctor = ("doctor", "--camera", pictures, "--bundle", with_int8)
+    result = edgemap(*doctor)
+    assert result.returncode == 0, result.stdout
+    assert "int8: 0.50 of float32's time on Abacus 9, AP50 0.695 against 0.700" in result.stdout
+    with (with_int8 / "backbone.int8.onnx").open("ab") as stream:
+        stream.write(b"x")
+    result = edgemap(*doctor)
+    assert result.returncode == 1
+    assert "backbone.int8.onnx has sha256" in result.stdout
+
+
+def test_int8_without_a_variant_is_one_line(edgemap_here, painted_bundle, pictures):
+    result = edgemap_here("detect", pictures / "0.png", "--bundle", painted_bundle, "--precision", "int8")
+    assert result.returncode == 1
+    assert result.stderr == "edgemap detect: bundle painted has no int8 variant (edgemap export --int8 makes one)\n"
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (("--int8",), "--int8 needs pictures: --calibrate DIR"),
+        (("--calibrate", "EMPTY"), "is for --int8"),
+        (("--int8", "--calibrate", "EMPTY"), "empty: no pictures in it"),
+        (("--int8", "--calibrate", "nowhere"), "nowhere: no such folder"),
+    ],
+)
+def test_export_refuses_in_one_line(edgemap_here, tmp_path, flags, words):
+    (tmp_path / "empty").mkdir()
+    flags = [tmp_path / "empty" if flag == "EMPTY" else flag for flag in flags]
+    out = tmp_path / "out"
+    result = edgemap_here("export", "--backbone", "yolov3-tiny", "--random-weights", *flags, "-o", out)
+    assert result.returncode == 1
+    assert words in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not out.exists()
