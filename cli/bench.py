@@ -90,7 +90,7 @@ def command(
         from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
 
         opener = openvino_network if against == "openvino" else opencv_network
-        infer, precision = opener(loaded, loaded.threads)
+        infer, their_precision = opener(loaded, loaded.threads)
         spec = loaded.manifest.detector
         tensor = _probe(spec.input.height, spec.input.width)
         ratios = compare(
@@ -101,7 +101,7 @@ def command(
             ring,
             seconds,
         )
-        document["against"] = {against: ratios | {"precision": precision}}
+        document["against"] = {against: ratios | {"precision": their_precision}}
     if json:
         import json as json_module
 

@@ -11,6 +11,7 @@ from edgemap.export.calibration import MOST_JUDGED, MOST_SHOWN, read_calibration
 from edgemap.export.exporter import export_backbone
 from edgemap.export.int8_report import int8_report
 from edgemap.runtime.bundle import read_manifest
+from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.errors import BundleError, CameraError
 from edgemap.runtime.session import load_bundle
 
@@ -41,7 +42,7 @@ def quantised(tmp_path, small_cfg, small_weights, pictures):
 def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised, pictures):
     exact, small = load_bundle(quantised), load_bundle(quantised, precision="int8")
     assert (exact.precision, small.precision) == ("float32", "int8")
-    picture = cv2.imread(str(pictures / "3.png"))[:, :, ::-1].transpose(2, 0, 1)[None].astype(np.float32)
+    picture = read_picture(pictures / "3.png")[:, :, ::-1].transpose(2, 0, 1)[None].astype(np.float32)
     true, found = exact.backbone.run({"image": picture}), small.backbone.run({"image": picture})
     np.testing.assert_array_equal(found["feature_layer2"], true["feature_layer2"])
     gap = np.abs(found["head_stride8"] - true["head_stride8"])
