@@ -97,7 +97,7 @@ def load_bundle(folder: Path, threads: int = 2, precision: Precision = "float32"
     """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it.
 
     precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it and a trial of
-    half a second finds it faster on this processor, else float32.
+    about a second finds it faster on this processor, else float32.
     """
     if precision == "auto":
         return _load_the_faster(folder, threads)
