@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.detection import EvaluationError, ScoredPicture, average_precision
+from edgemap.geometry.detections import Detections
 
 NAMES = ("chair", "couch")
 TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])
@@ -65,3 +66,15 @@ def test_an_ignored_box_is_neither_hit_nor_miss():
     nobody = ScoredPicture(100, 100, TRUE, np.array([0, 0]), TRUE, np.array([0, 0]), np.array([0.9, 0.5]), ~half | half)
     with pytest.raises(EvaluationError, match="no true boxes"):
         average_precision([nobody], NAMES)
+
+
+def test_only_classes_that_are_asked_for_are_compared():
+    """Of two true boxes and two found ones, the chair of each; the ignored mark goes along."""
+    found = Detections(TRUE, np.array([0.9, 0.8]), np.array([1, 0]), NAMES)
+    one = ScoredPicture.compare((100, 80), TRUE, ("lamp", "chair"), np.array([False, True]), found, {"chair": 0})
+    assert (one.width, one.height) == (100, 80)
+    np.testing.assert_array_equal(one.true_boxes, TRUE[1:])
+    np.testing.assert_array_equal(one.boxes, TRUE[1:])
+    assert (one.true_labels.tolist(), one.labels.tolist(), one.scores.tolist()) == ([0], [0], [0.8])
+    assert one.ignored is not None
+    assert one.ignored.tolist() == [True]

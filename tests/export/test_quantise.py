@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import onnx
+import onnxruntime as ort
 import pytest
 from onnx import numpy_helper
 from support import painted
@@ -10,6 +11,7 @@ from support import painted
 from edgemap.export.calibration import MOST_JUDGED, MOST_SHOWN, read_calibration
 from edgemap.export.exporter import export_backbone
 from edgemap.export.int8_report import int8_report
+from edgemap.export.quantise import quantised
 from edgemap.runtime.bundle import read_manifest
 from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.errors import BundleError, CameraError
@@ -33,14 +35,14 @@ def pictures(tmp_path):
 
 
 @pytest.fixture
-def quantised(tmp_path, small_cfg, small_weights, pictures):
+def quantised_bundle(tmp_path, small_cfg, small_weights, pictures):
     """The small network with an odometry head on an inner feature, and its int8 variant."""
     options = {"weights": small_weights, "feature": "layer:2", "calibrate": pictures}
     return export_backbone(str(small_cfg), tmp_path / "b", **options)
 
 
-def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised, pictures):
-    exact, small = load_bundle(quantised), load_bundle(quantised, precision="int8")
+def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised_bundle, pictures):
+    exact, small = load_bundle(quantised_bundle), load_bundle(quantised_bundle, precision="int8")
     assert (exact.precision, small.precision) == ("float32", "int8")
     picture = read_picture(pictures / "3.png")[:, :, ::-1].transpose(2, 0, 1)[None].astype(np.float32)
     true, found = exact.backbone.run({"image": picture}), small.backbone.run({"image": picture})
@@ -49,8 +51,8 @@ def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised, p
     assert 0.0 < gap.max() < 0.1 * np.ptp(true["head_stride8"])
 
 
-def test_what_is_8_bit_and_what_is_not(quantised):
-    graph = onnx.load(quantised / "backbone.int8.onnx").graph
+def test_what_is_8_bit_and_what_is_not(quantised_bundle):
+    graph = onnx.load(quantised_bundle / "backbone.int8.onnx").graph
     constants = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
     makers = {name: node for node in graph.node for name in node.output}
     convolutions = [node for node in graph.node if node.op_type == "Conv"]
@@ -62,8 +64,8 @@ def test_what_is_8_bit_and_what_is_not(quantised):
     assert np.abs(weight).max() == 64  # seven bits
 
 
-def test_the_manifest_says_what_was_measured(quantised):
-    manifest = read_manifest(quantised)
+def test_the_manifest_says_what_was_measured(quantised_bundle):
+    manifest = read_manifest(quantised_bundle)
     assert set(manifest.sha256) == {"backbone.onnx", "backbone.int8.onnx", "odometry.paper.onnx"}
     variant = manifest.variants["int8"]
     figures = variant.measured
@@ -76,19 +78,19 @@ def test_the_manifest_says_what_was_measured(quantised):
     assert "ap50" not in figures  # no labels
 
 
-def test_the_same_variant_is_made_again(quantised, tmp_path, small_cfg, small_weights, pictures):
+def test_the_same_variant_is_made_again(quantised_bundle, tmp_path, small_cfg, small_weights, pictures):
     options = {"weights": small_weights, "feature": "layer:2", "calibrate": pictures}
     again = export_backbone(str(small_cfg), tmp_path / "again", **options)
-    assert read_manifest(again).sha256 == read_manifest(quantised).sha256
+    assert read_manifest(again).sha256 == read_manifest(quantised_bundle).sha256
 
 
-def test_a_changed_int8_file_is_refused_and_float32_still_loads(quantised):
-    data = bytearray((quantised / "backbone.int8.onnx").read_bytes())
+def test_a_changed_int8_file_is_refused_and_float32_still_loads(quantised_bundle):
+    data = bytearray((quantised_bundle / "backbone.int8.onnx").read_bytes())
     data[len(data) // 2] ^= 1
-    (quantised / "backbone.int8.onnx").write_bytes(data)
+    (quantised_bundle / "backbone.int8.onnx").write_bytes(data)
     with pytest.raises(BundleError, match=r"backbone\.int8\.onnx has sha256"):
-        load_bundle(quantised, precision="int8")
-    load_bundle(quantised)
+        load_bundle(quantised_bundle, precision="int8")
+    load_bundle(quantised_bundle)
 
 
 def test_no_pictures_no_bundle(tmp_path, small_cfg, small_weights):
@@ -126,3 +128,36 @@ def test_the_report_by_hand(tmp_path):
     assert report["difference"]["head"]["mean_value"] == pytest.approx(
         np.abs(painted.head_with([CHAIR])).mean(), rel=1e-3
     )
+
+
+def test_an_adopted_model_of_an_old_opset_with_nameless_nodes():
+    """Two 1x1 convolutions at opset 11, which has no scales per channel: the head's own stays float32.
+
+    Hand-made weights: the sum of the channels, then twice that, so that the answer is known.
+    """
+    first, last = np.ones((4, 3, 1, 1), np.float32), np.full((8, 4, 1, 1), 0.5, np.float32)
+    nodes = [
+        onnx.helper.make_node("Conv", ["image", "first"], ["inner"]),
+        onnx.helper.make_node("AveragePool", ["inner"], ["pooled"], kernel_shape=[32, 32], strides=[32, 32]),
+        onnx.helper.make_node("Conv", ["pooled", "last"], ["head"]),
+    ]
+    kind, size = onnx.TensorProto.FLOAT, painted.SIZE
+    graph = onnx.helper.make_graph(
+        nodes,
+        "old",
+        [onnx.helper.make_tensor_value_info("image", kind, (1, 3, size, size))],
+        [onnx.helper.make_tensor_value_info("head", kind, (1, 8, 2, 2))],
+        [numpy_helper.from_array(first, "first"), numpy_helper.from_array(last, "last")],
+    )
+    source = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 11)], ir_version=7)
+    before = source.SerializeToString()
+    random = np.random.default_rng(2)
+    pictures = [random.uniform(0, 255, (1, 3, size, size)).astype(np.float32) for _ in range(3)]
+    model = quantised(source, painted.detector_spec(), ({"image": picture} for picture in pictures))
+    assert source.SerializeToString() == before
+    assert [node.op_type for node in model.graph.node].count("DequantizeLinear") >= 2
+    assert "last" in {item.name for item in model.graph.initializer}
+    session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    found = np.asarray(session.run(None, {"image": pictures[0]})[0])
+    blocks = pictures[0].sum(axis=1).reshape(2, 32, 2, 32).mean(axis=(1, 3))
+    np.testing.assert_allclose(found[0], np.broadcast_to(2.0 * blocks, (8, 2, 2)), rtol=0.02)
