@@ -13,6 +13,7 @@ from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
+from edgemap.runtime.odometry.resting import RestingOdometry
 from edgemap.runtime.recordings.wheel import is_recording, read_wheel
 from edgemap.runtime.session import Bundle
 from edgemap.runtime.trajectory import Trajectory, read_tum
@@ -34,9 +35,9 @@ def open_odometry(
     Raises OdometryError for one that is unknown or not to be had here.
     """
     if spec == "hybrid":
-        return HybridOdometry(_members(bundle, camera, floor, wheels))
+        return RestingOdometry(HybridOdometry(_members(bundle, camera, floor, wheels)))
     if spec == "planar":
-        return PlanarOdometry(floor)
+        return RestingOdometry(PlanarOdometry(floor))
     if spec in ("flow", "paper"):
         return LearnedOdometry(bundle, spec, floor, allow_untrained)
     if spec == "truth":

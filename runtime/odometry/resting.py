@@ -1,0 +1,37 @@
+"""A robot at rest does not creep: motions too small to be told from none wait until they are more."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.protocol import Motion, Odometry
+from edgemap.runtime.session import Tensors
+
+# A motion below both waits. Chosen on validation drives, where planar's mean creep at rest of 0.039 cm a frame fell to
+# 0.018 and its drift on the way stayed what it was; at 10 Hz the band ends at 2 cm/s and 0.4 deg/s.
+LEAST_M, LEAST_RAD = 0.002, 0.0007
+
+
+class RestingOdometry:
+    """An odometry whose small motions wait and are told together as soon as they are a motion: nothing is lost."""
+
+    def __init__(self, odometry: Odometry) -> None:
+        self.name = odometry.name
+        self._odometry = odometry
+        self._waiting = SE2()
+
+    def step(self, frame: Frame, features: Tensors) -> Motion:
+        """The motion since the last one that was told, or none."""
+        found = self._odometry.step(frame, features)
+        motion = self._waiting @ found.motion
+        small = math.hypot(motion.x_m, motion.y_m) < LEAST_M and abs(motion.yaw_rad) < LEAST_RAD
+        self._waiting = motion if small else SE2()
+        return replace(found, motion=SE2() if small else motion)
+
+    def reset(self, reason: str) -> None:
+        """Start again at the next frame."""
+        self._waiting = SE2()
+        self._odometry.reset(reason)
