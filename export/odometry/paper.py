@@ -11,7 +11,7 @@ from torch.nn import functional
 from edgemap.export.errors import ExportError
 
 PARAMETER_LIMIT = 2_509_555  # the paper's count of trainable parameters, section 4.3
-HIDDEN = (64, 64)
+HIDDEN = {3: (64, 64), 5: (48, 48)}  # channels of both layers by the kernel's side, so that the count is kept
 WIDEST_DENSE, NARROWEST_DENSE = 128, 16
 SLOPE = 0.1  # of the leaky ReLU, as in Darknet
 
@@ -39,9 +39,9 @@ class ConvLSTMCell(nn.Module):
 class PaperHead(nn.Module):
     """Features of one frame and the state to the base's motion since the previous frame, and the new state.
 
-    Two ConvLSTM layers of 64 channels on the standardised map, then two dense layers over ALL cells. Pooling over cells
-    would be cheaper but forget where in the picture something moved, which is what tells turning from driving. The
-    first dense layer is as wide (up to 128) as the paper's parameter count leaves room for.
+    Two ConvLSTM layers of 64 channels (48 where kernels are 5x5) on the standardised map, then two dense layers over ALL
+    cells. Pooling over cells would be cheaper but forget where in the picture something moved, which is what tells
+    turning from driving. The first dense layer is as wide (up to 128) as the paper's parameter count leaves room for.
 
     shape: (1, C, H, W) of the features. Buffers, not trained by gradient: feature_mean and feature_std, (1, C, 1, 1);
     motion_scale (3,), metres, metres, radians per unit of output. Raises ExportError where the count cannot be kept.
@@ -50,7 +50,7 @@ class PaperHead(nn.Module):
     def __init__(
         self,
         shape: Sequence[int],
-        hidden: Sequence[int] = HIDDEN,
+        hidden: Sequence[int] = HIDDEN[3],
         dense: int | None = None,
         kernel: int = 3,
         slope: float = SLOPE,
@@ -98,7 +98,7 @@ class PaperHead(nn.Module):
 
 def random_head(shape: Sequence[int], seed: int = 0, kernel: int = 3, slope: float = SLOPE) -> PaperHead:
     """An untrained head whose weights follow from the seed alone."""
-    head = PaperHead(shape, kernel=kernel, slope=slope)
+    head = PaperHead(shape, HIDDEN[kernel], kernel=kernel, slope=slope)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for module in head.modules():

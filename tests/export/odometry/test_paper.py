@@ -67,9 +67,12 @@ def test_head_is_two_cells_then_two_dense_layers():
         np.testing.assert_allclose(ours[0].numpy(), theirs, atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(1, 255, 13, 13), (1, 512, 13, 13), (1, 255, 10, 10), (1, 255, 19, 19)])
-def test_parameters_stay_within_the_papers(shape):
-    head = random_head(shape)
+@pytest.mark.parametrize(
+    ("shape", "kernel"),
+    [((1, 255, 13, 13), 3), ((1, 512, 13, 13), 3), ((1, 255, 10, 10), 3), ((1, 255, 19, 19), 3), ((1, 255, 13, 13), 5)],
+)
+def test_parameters_stay_within_the_papers(shape, kernel):
+    head = random_head(shape, kernel=kernel)
     assert head.parameters_count == sum(p.numel() for p in head.parameters() if p.requires_grad) <= PARAMETER_LIMIT
     assert PARAMETER_LIMIT == 2_509_555
 
