@@ -22,8 +22,8 @@ class AssociationRule:
     plane. max_distance_m: never farther than this. correlated: neighbouring frames repeat each other's error, so this
     many sightings weigh as one. systematic_m, systematic_extent_share: standard deviation of what no number of
     sightings takes away (a box's lower edge is not the footprint), at least, and as a share of the footprint's longer
-    side. min_count (of sure sightings), min_confidence: what an object needs to show on the map (chosen on the
-    simulated homes 8101-8106). forget_after: frames after which one that does not is dropped.
+    side. min_count (of what its sightings count, see FloorRule), min_confidence: what an object needs to show
+    on the map (chosen on simulated homes). forget_after: frames after which one that does not is dropped.
     """
 
     gate: float = 13.82

@@ -67,14 +67,14 @@ class SightingSums:
     __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "sure", "width_m")
 
     def __init__(self) -> None:
-        self.count, self.sure, self.width_m, self.height_m, self.miss = 0, 0, 0.0, 0.0, 0.0
+        self.count, self.sure, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0, 0.0
         self.first_seen_s, self.last_seen_s = math.inf, -math.inf
 
     @classmethod
     def of_saved(cls, item: MapObject) -> SightingSums:
         """The sums of an object that an earlier map holds."""
         sums = cls()
-        sums.count = sums.sure = item.count
+        sums.count, sums.sure = item.count, float(item.count)
         sums.width_m, sums.height_m = item.width_m * item.count, item.height_m * item.count
         sums.miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
         sums.first_seen_s, sums.last_seen_s = item.first_seen_s, item.last_seen_s

@@ -19,6 +19,7 @@ from edgemap.geometry.standing import carried, covered
 Array = NDArray[np.float64]
 
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
+SURE_SPAN = 0.2  # of scores over which a sighting comes to count fully
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 
 
@@ -29,8 +30,8 @@ class Sighting:
     position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
     shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
     longer side of its class's usual footprint.
-    distance_m: horizontal, from the lens. detection: index into the frame's Detections. sure: whether it may make an
-    object; others only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
+    distance_m: horizontal, from the lens. detection: index into the frame's Detections. sure: how much it counts
+    towards making an object, 0..1; faint ones only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
     """
 
     label: str
@@ -45,7 +46,7 @@ class Sighting:
     detection: int
     frame: int = 0
     stamp_s: float = 0.0
-    sure: bool = True
+    sure: float = 1.0
 
     def placed(self, pose_map_base: SE2, pose_covariance: Array, thing: int = -1) -> PlacedSighting:
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
@@ -107,7 +108,8 @@ class FloorRule:
 
     border_px: a lower edge this near the picture's lower border is cut off. max_sigma_m: sightings less certain than
     this (largest standard deviation, pixel and mount together) are dropped. max_distance_m: and those farther.
-    mapped: labels that may be mapped; None means all. sure_score: least score of a sighting that may make an object.
+    mapped: labels that may be mapped; None means all. sure_score: at which a sighting counts half towards making an
+    object; fully from 0.1 above it on, not at all from 0.1 below.
     """
 
     border_px: float = 3.0
@@ -117,6 +119,10 @@ class FloorRule:
     box: BoxNoise = field(default_factory=BoxNoise)
     mapped: Collection[str] | None = None
     sure_score: float = 0.0
+
+    def sure(self, score: float) -> float:
+        """How much a sighting of this score counts towards making an object, 0..1."""
+        return min(1.0, max(0.0, 0.5 + (score - self.sure_score) / SURE_SPAN))
 
 
 def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
@@ -182,7 +188,7 @@ def sightings_of(
             Sighting(
                 labels[row], score, foot_m + direction * shape.reach_m(width_m),
                 foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
-                int(row), frame, stamp_s, score >= rule.sure_score,
+                int(row), frame, stamp_s, rule.sure(score),
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)

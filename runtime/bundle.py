@@ -158,7 +158,7 @@ class Manifest(Strict):
 
     envelope: camera heights, pitches, fields of view, frame rates and speeds that a trained odometry has seen
     (empty while none is trained). confidence: least score of a box, unless told otherwise; sure_confidence: of one that
-    may make an object, then. measured: figures with their data. sources: where the weights came from.
+    counts half towards making an object, then. measured: figures with their data. sources: where the weights came from.
     """
 
     format: str

@@ -12,6 +12,7 @@ from edgemap.geometry.batch import batch_objects
 from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.evidence import Move
 from edgemap.geometry.floor_map import id_order
+from edgemap.geometry.sighting import FloorRule
 
 
 def agree(online, batch):
@@ -163,9 +164,24 @@ def test_faint_sightings_add_to_an_object_but_make_none(placed):
     faint_map, mixed = FloorMap(), FloorMap()
     for frame in range(12):
         strong, faint = placed("chair", 2.0, 0.0, frame), placed("chair", 2.0, 0.0, frame, score=0.6)
-        faint = replace(faint, sighting=replace(faint.sighting, sure=False))
+        faint = replace(faint, sighting=replace(faint.sighting, sure=0.0))
         faint_map.update([faint])
         mixed.update([strong if frame < 4 else faint])
     assert faint_map.objects() == []
     (chair,) = mixed.objects()
     assert chair.count == 12
+
+
+def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
+    half = FloorMap()
+    for frame in range(8):
+        item = placed("chair", 2.0, 0.0, frame)
+        assert half.objects() == []
+        half.update([replace(item, sighting=replace(item.sighting, sure=0.5))])
+    assert len(half.objects()) == 1
+
+
+@pytest.mark.parametrize(("score", "sure"), [(0.65, 0.0), (0.75, 0.25), (0.8, 0.5), (0.85, 0.75), (0.95, 1.0)])
+def test_how_much_a_score_counts(score, sure):
+    assert FloorRule(sure_score=0.8).sure(score) == pytest.approx(sure)
+    assert FloorRule().sure(score) == 1.0
