@@ -61,7 +61,7 @@ class Bundle:
         return tuple(entry.name for entry in self.manifest.detector.classes)
 
     def sure_score(self, confidence: float | None) -> float:
-        """Score of a box that counts half towards making an object. confidence: what the user asks of every box, if anything."""
+        """Score of a box that counts half towards making an object. confidence: what the user asks of every box."""
         return self.manifest.sure_confidence if confidence is None else 0.0
 
     @property
