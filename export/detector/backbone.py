@@ -19,7 +19,8 @@ from edgemap.runtime.bundle import sha256_file
 from edgemap.runtime.session import Tensors
 
 NAME = "edgemap-nano"
-CONFIDENCE, SURE_CONFIDENCE = 0.6, 0.8  # the best maps of validation homes 8101-8106 and of 9110-9113 with unseen furniture
+# The best maps of homes 8101-8106 and, with furniture unseen in training, 9110-9113.
+CONFIDENCE, SURE_CONFIDENCE = 0.6, 0.8
 FEATURES = {"head": 32, "stride32": 32, "stride8": 8, "stride4": 4}  # export's words for a feature, and its stride
 
 

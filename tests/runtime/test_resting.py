@@ -55,7 +55,10 @@ def test_the_end_of_the_way_is_missed_by_less_than_the_band(motions):
 def test_a_robot_at_rest_does_not_creep():
     rng = np.random.default_rng(0)
     places = rng.normal(0.0, 0.0004, (200, 2))  # landmarks hold the robot; what is measured jitters about one place
-    motions = [SE2(*(after - before), 0.0) for before, after in itertools.pairwise(places)]
+    motions = [
+        SE2(float(after[0] - before[0]), float(after[1] - before[1]), 0.0)
+        for before, after in itertools.pairwise(places)
+    ]
     assert all(motion == SE2() for motion in told(motions))
 
 
