@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -18,6 +16,7 @@ from edgemap.benchmarks.paper_figures import (
     TABLE_5,
     TABLE_5_COLUMNS,
 )
+from edgemap.runtime.processor import processor_name
 
 NONE = "–"
 
@@ -138,16 +137,8 @@ def _own_row(document: dict[str, Any]) -> list[str]:
     odometry = "hybrid" if "hybrid" in document["odometry"] else "planar"
     parts = "KLT floor corners and ConvLSTM on feature correlation" if odometry == "hybrid" else "KLT floor corners"
     threads = document["threads"]
-    hardware = f"{threads} thread{'s' if threads > 1 else ''} of {processor()}"
+    hardware = f"{threads} thread{'s' if threads > 1 else ''} of {processor_name()}"
     return [f"**`{document['bundle']}`**", hardware, f"`{document['bundle']}`", "RGB camera", f"{odometry}: {parts}"]
-
-
-def processor() -> str:
-    """The processor's own name for itself."""
-    path = Path("/proc/cpuinfo")
-    lines = path.read_text().splitlines() if path.is_file() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def _number(value: float | None) -> str:

@@ -128,16 +128,8 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
     for index, (image, truth) in enumerate(LabelledPictures(drive, frames)):
         if index not in chosen:
             continue
-        known = [row for row, label in enumerate(truth.labels) if label in number]
-        labels = np.array([number[truth.labels[row]] for row in known], dtype=np.int64)
-        found = detector(image)
-        height, width = image.shape[:2]
-        pictures.append(
-            ScoredPicture(
-                width, height, truth.boxes[known].reshape(-1, 4), labels, found.boxes, found.class_ids, found.scores,
-                truth.ignorable()[known],
-            )
-        )  # fmt: skip
+        size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
+        pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detector(image), number))
     by_class = {name: count_detections(pictures, number[name]) for name in sorted(bundle.mapped)}
     counts = {"chair": by_class.get("chair"), "mapped": sum(by_class.values(), Counts())}
     return {

@@ -19,7 +19,7 @@ from edgemap.cli.options import (
     Threads,
     at_least,
     find_bundle,
-    least_score,
+    in_unit,
     lens_and_mount,
     new_corrector,
     new_map,
@@ -70,8 +70,8 @@ def command(
     from edgemap.runtime.drives import open_drive
 
     at_least(1, frames=frames)
+    in_unit(confidence=confidence)
     loaded = find_bundle(bundle, threads, precision)
-    least_score(confidence, loaded)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
         if not drive.objects or drive.truth is None or drive.mount is None:

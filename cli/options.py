@@ -117,19 +117,17 @@ def at_least(least: int, **values: int | None) -> None:
             raise OptionError(f"--{name} {value}: must be {least} or more")
 
 
-def in_unit(**values: float) -> None:
-    """Refuse numbers that are not above 0 and at most 1; keywords are option names. Raises OptionError."""
+def in_unit(**values: float | None) -> None:
+    """Refuse numbers not above 0 and at most 1; keywords are option names, None passes. Raises OptionError."""
     for name, value in values.items():
-        if not 0.0 < value <= 1.0:
+        if value is not None and not 0.0 < value <= 1.0:
             raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
 
 
 def least_score(confidence: float | None, bundle: Bundle) -> float:
     """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
-    if confidence is None:
-        return bundle.manifest.confidence
     in_unit(confidence=confidence)
-    return confidence
+    return bundle.manifest.confidence if confidence is None else confidence
 
 
 def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:

@@ -93,7 +93,7 @@ def command(
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")
-    from edgemap.export.exporter import open_backbone
+    from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore
     from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
@@ -101,7 +101,7 @@ def command(
     from edgemap.runtime.store import cache_folder
 
     feature = feature or {"flow": "stride4", "paper": "head"}[head]
-    if feature == "head" and (backbone == "yolox-nano" or backbone.endswith(".onnx")):
+    if feature == "head" and is_onnx(backbone):
         feature = "stride32"
     part = open_backbone(backbone, weights, [feature])
     store = FeatureStore(part, feature, cache or cache_folder() / "features")

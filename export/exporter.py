@@ -55,14 +55,14 @@ def export_backbone(
     if heads and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
     trained_here = backbone.endswith(".pt")
-    is_onnx = _is_onnx(backbone)
-    if (is_onnx or trained_here) and (size is not None or random_seed is not None):
+    adopted = is_onnx(backbone)
+    if (adopted or trained_here) and (size is not None or random_seed is not None):
         raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
     if weights is not None and (random_seed is not None or trained_here or backbone.endswith(".onnx")):
         raise ExportError(f"--weights {weights}: {backbone} takes no weights file here")
     wanted = [checkpoint.feature for checkpoint in checkpoints]
     if not checkpoints and (feature is not None or not trained_here):
-        wanted = [feature or ("stride32" if is_onnx else "head")]
+        wanted = [feature or ("stride32" if adopted else "head")]
     part = open_backbone(backbone, weights, wanted, size, random_seed, sources)
     if wanted and not checkpoints:
         shape = _feature_shape(part.detector, part.features[wanted[0]])
@@ -107,7 +107,7 @@ def open_backbone(
     backbone = _file_of(backbone)
     if backbone.endswith(".pt"):
         return nano_backbone(Path(backbone), wanted)
-    if _is_onnx(backbone):
+    if is_onnx(backbone):
         return adopted_backbone(backbone, weights, wanted, sources)
     return darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
 
@@ -117,7 +117,8 @@ def _file_of(backbone: str) -> str:
     return str(bundle_folder(NANO) / "detector.pt") if backbone == NANO else backbone
 
 
-def _is_onnx(backbone: str) -> bool:
+def is_onnx(backbone: str) -> bool:
+    """Whether a backbone, by name or file, is adopted from its ONNX graph and not built here."""
     return backbone.endswith(".onnx") or backbone == "yolox-nano"
 
 
