@@ -65,7 +65,7 @@ def render_pictures(
     parts = [store.read(home) for home in homes]
     write_text(folder / "boxes.json", json.dumps({"frames": [frame for part in parts for frame in part["frames"]]}))
     keys = sorted({key for part in parts for key in part["models"]})
-    write_text(folder / "README.md", credits_text([furniture.catalogue()[key] for key in keys], command, PICTURES))
+    write_text(folder / "README.md", credits_text([furniture.model_of(key) for key in keys], command, PICTURES))
     store.finish()
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import HELD_OUT_FROM_SEED, Apartment
+from edgemap.simulation.apartment.apartment import Apartment, purpose_of
+from edgemap.simulation.apartment.furniture import Purpose
 from edgemap.simulation.camera.setup import CameraSetup, Effects
 from edgemap.simulation.envelope import Envelope
 from edgemap.simulation.light_script import LightScript
@@ -58,7 +59,7 @@ def draw_views(apartment: Apartment, seed: int, count: int, envelope: Envelope |
         sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
         pose = _draw_pose(grid, sight, shown, rng)
         velocity = np.array([rng.uniform(0.0, 0.7), 0.0, rng.normal(0.0, 0.4)]) * (rng.random() < 0.7)
-        movers, passers = _draw_passers(grid, pose, seed >= HELD_OUT_FROM_SEED, rng)
+        movers, passers = _draw_passers(grid, pose, purpose_of(seed), rng)
         views.append(Shown(SE2(*pose), velocity, camera, effects, light, movers, passers))
     return views
 
@@ -85,11 +86,11 @@ def _draw_pose(grid: PlanGrid, sight: Sight, shown: dict[int, float], rng: np.ra
 
 
 def _draw_passers(
-    grid: PlanGrid, pose: Array, held_out: bool, rng: np.random.Generator
+    grid: PlanGrid, pose: Array, purpose: Purpose, rng: np.random.Generator
 ) -> tuple[tuple[Mover, ...], tuple[str, ...]]:
     movers, keys = [], []
     for number in range(int(rng.choice(len(_PASSERS), p=_PASSERS))):
-        models = furniture.people(held_out)
+        models = furniture.people(purpose)
         for _ in range(10):
             bearing = pose[2] + rng.normal(0.0, _ASIDE_RAD)
             at = pose[:2] + rng.uniform(*_NEAR_M) * np.array([math.cos(bearing), math.sin(bearing)])

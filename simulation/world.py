@@ -12,7 +12,7 @@ import numpy as np
 from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import HELD_OUT_FROM_SEED, Apartment, Placed, furnish
+from edgemap.simulation.apartment.apartment import Apartment, Placed, furnish, purpose_of
 from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.moved import Changes, move_furniture
 from edgemap.simulation.apartment.shell import build_shell
@@ -176,7 +176,7 @@ def _draw_drive(
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people
-    models = furniture.people(home_seed >= HELD_OUT_FROM_SEED)
+    models = furniture.people(purpose_of(home_seed))
     seconds = frames / camera.rate_hz
     walkers = draw_walkers(grid, models, people, motion, seconds, (seed, home_seed, number, 5, *turn))
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edgemap.simulation.apartment.furniture import Purpose
 from edgemap.simulation.apartment.layout import Layout
 from edgemap.simulation.apartment.placed import ALIVE, Placed
 from edgemap.simulation.apartment.plan import FloorPlan, draw_plan
 from edgemap.simulation.apartment.rooms import furnish_room
 
-__all__ = ["Apartment", "Placed", "furnish"]
+__all__ = ["Apartment", "Placed", "furnish", "purpose_of"]
 
-HELD_OUT_FROM_SEED = 9000
+_VALIDATION_FROM_SEED, _TEST_FROM_SEED = 8000, 9000
 # A home with fewer labelled pieces on its floor gets more of what can stand anywhere.
 _LEAST_PIECES = 15
 _FILLERS = ("potted plant", "chair", "armchair", "chair", "stool", "suitcase", "potted plant", "vase", "backpack")
@@ -29,11 +30,16 @@ class Apartment:
     before: Apartment | None = None
 
 
+def purpose_of(seed: int) -> Purpose:
+    """What the home of a seed is for: from 8000 on to choose by, from 9000 on to test with."""
+    return "training" if seed < _VALIDATION_FROM_SEED else "validation" if seed < _TEST_FROM_SEED else "test"
+
+
 def furnish(seed: int) -> Apartment:
-    """The home of a seed; seeds from 9000 draw from the held-out models of `models.toml`."""
+    """The home of a seed: to train on with models of our own beside the libraries', to test with held-out ones."""
     rng = np.random.default_rng(seed)
     plan = draw_plan(rng)
-    home = Layout(plan, seed >= HELD_OUT_FROM_SEED, rng)
+    home = Layout(plan, purpose_of(seed), rng)
     clutter = home.uniform(0.0, 1.0)
     for room in plan.rooms:
         furnish_room(home, room, len(plan.rooms) == 1, clutter)

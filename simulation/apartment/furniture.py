@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from edgemap.simulation.apartment.made import COUNTS, LIBRARY, made
+from edgemap.simulation.apartment.made import FLAT_TOPS, LIBRARY, made
 from edgemap.simulation.apartment.mesh_cache import kept
 from edgemap.simulation.apartment.simplify import simplified
 from edgemap.simulation.apartment.tint import Tint
@@ -35,6 +35,9 @@ LICENCES = {
 }
 # A home of some fifty pieces stays below a quarter of a million.
 _MOST_TRIANGLES = 9000
+# Which homes show what: those to train on, to choose by, and to test with.
+Purpose = Literal["training", "validation", "test"]
+
 _SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 
 
@@ -42,8 +45,8 @@ _SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 class Model:
     """One catalogue entry. Sizes in metres: width across the front, depth front to back. key: `library/file`.
 
-    scale: of these sizes against the catalogue's. elevation_m: how high it hangs, for what hangs on walls. top_m: how
-    high the flat top is that things can stand on; 0 where there is none.
+    scale: of these sizes against the catalogue's, (depth, width, height). elevation_m: how high it hangs, for what
+    hangs on walls. top_m: how high the flat top is that things can stand on; 0 where there is none.
     """
 
     library: str
@@ -56,7 +59,7 @@ class Model:
     rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     elevation_m: float = 0.0
     top_m: float = 0.0
-    scale: float = 1.0
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def key(self) -> str:
@@ -68,15 +71,16 @@ class Model:
         """Licence of the library the model is from."""
         return LICENCES[self.library]
 
-    def scaled(self, factor: float) -> Model:
-        """The same model larger or smaller in all directions."""
+    def scaled(self, factor: float, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Model:
+        """The same model larger or smaller in all directions, and stretched in depth, width and height."""
+        depth, width, height = (factor * part for part in stretch)
         return replace(
             self,
-            width_m=self.width_m * factor,
-            depth_m=self.depth_m * factor,
-            height_m=self.height_m * factor,
-            top_m=self.top_m * factor,
-            scale=self.scale * factor,
+            width_m=self.width_m * width,
+            depth_m=self.depth_m * depth,
+            height_m=self.height_m * height,
+            top_m=self.top_m * height,
+            scale=(self.scale[0] * depth, self.scale[1] * width, self.scale[2] * height),
         )
 
 
@@ -84,30 +88,36 @@ class Model:
 class Kind:
     """Interchangeable models. label: their COCO class, "" for mere decoration. held_out: for testing only.
 
-    scale: by key, of real pieces against the catalogue's sizes.
+    made: more to train on. scale: by key, of real pieces against the catalogue's sizes.
     """
 
     label: str
     training: tuple[str, ...]
+    made: tuple[str, ...]
     held_out: tuple[str, ...]
     scale: dict[str, float]
 
-    def choices(self, held_out: bool) -> tuple[str, ...]:
-        """Keys to draw from: the training models, or the held-out ones where the kind has any."""
-        return self.held_out if held_out and self.held_out else self.training
+    def choices(self, purpose: Purpose) -> tuple[str, ...]:
+        """Keys to draw from: for tests the held-out ones where the kind has any, for training the made ones too."""
+        if purpose == "training":
+            return self.training + self.made
+        return self.held_out if purpose == "test" and self.held_out else self.training
 
 
 @lru_cache(maxsize=1)
 def kinds() -> dict[str, Kind]:
     """Every kind of furniture that rooms draw from, from `models.toml`."""
     entries = tomllib.loads(resources.files("edgemap.simulation.apartment").joinpath("models.toml").read_text())
-    return {name: _kind(entry) for name, entry in entries.items()}
+    return {name: _kind(name, entry) for name, entry in entries.items()}
 
 
-def _kind(entry: dict[str, Any]) -> Kind:
+def _kind(name: str, entry: dict[str, Any]) -> Kind:
     models, held_out = ([_full(key) for key in entry.get(part, ())] for part in ("models", "held_out"))
+    numbered = (f"{LIBRARY}/{name}-{number}" for number in range(1, entry.get("made", 0) + 1))
+    more = tuple(key for key in numbered if key not in models)
     scale = {_full(key): float(factor) for key, factor in entry.get("scale", {}).items()}
-    return Kind(entry.get("label", ""), tuple(key for key in models if key not in held_out), tuple(held_out), scale)
+    training = tuple(key for key in models if key not in held_out)
+    return Kind(entry.get("label", ""), training, more, tuple(held_out), scale)
 
 
 def _full(key: str) -> str:
@@ -115,14 +125,14 @@ def _full(key: str) -> str:
     return f"{_SHORT.get(library, library)}/{name}"
 
 
-def people(held_out: bool = False) -> tuple[Model, ...]:
+def people(purpose: Purpose) -> tuple[Model, ...]:
     """Models of standing people, for whoever lets them walk through a home."""
-    return tuple(catalogue()[key] for key in kinds()["person"].choices(held_out))
+    return tuple(model_of(key) for key in kinds()["person"].choices(purpose))
 
 
 @lru_cache(maxsize=1)
 def catalogue() -> dict[str, Model]:
-    """All models by key. Raises SimulationError naming the Debian package where the libraries are absent."""
+    """The libraries' models by key. Raises SimulationError naming the Debian package where the libraries are absent."""
     models = {}
     for library in LICENCES:
         text = _archive(library).read("PluginFurnitureCatalog.properties").decode("latin1")
@@ -132,12 +142,25 @@ def catalogue() -> dict[str, Model]:
         for entry in entries.values():
             model = _model(library, entry)
             models.setdefault(model.key, model)
-    for kind, count in COUNTS.items():
-        for number in range(1, count + 1):
-            depth, width, height = np.ptp(made(f"{kind}-{number}").triangles().reshape(-1, 3), axis=0)
-            model = Model(LIBRARY, f"{kind} {number}", "edgemap", f"{kind}-{number}", width, depth, height)
-            models[model.key] = model
     return models
+
+
+def model_of(key: str) -> Model:
+    """A model of the libraries or of our own. Raises SimulationError for an unknown key."""
+    library, _, name = key.partition("/")
+    if library == LIBRARY:
+        return _made_model(name)
+    if key not in catalogue():
+        raise SimulationError(f"no furniture model {key!r} in {LIBRARIES}")
+    return catalogue()[key]
+
+
+@lru_cache(maxsize=4096)
+def _made_model(name: str) -> Model:
+    kind, _, number = name.rpartition("-")
+    depth, width, height = (float(side) for side in np.ptp(made(name).triangles().reshape(-1, 3), axis=0))
+    top = height if kind in FLAT_TOPS else 0.0
+    return Model(LIBRARY, f"{kind} {number}", "edgemap", name, width, depth, height, top_m=top)
 
 
 def piece(model: Model, tint: Tint | None = None) -> Mesh:
@@ -146,9 +169,13 @@ def piece(model: Model, tint: Tint | None = None) -> Mesh:
     return Mesh(tuple(_dressed(part, model.scale, tint) for part in parts))
 
 
-def _dressed(part: Part, scale: float, tint: Tint | None) -> Part:
+def _dressed(part: Part, scale: tuple[float, float, float], tint: Tint | None) -> Part:
     material = part.material if tint is None else tint.on(part.material)
-    return Part(material, part.positions * scale, part.normals, part.uv)
+    normals = part.normals
+    if len(set(scale)) > 1:
+        normals = normals / scale
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
+    return Part(material, part.positions * scale, normals, part.uv)
 
 
 @lru_cache(maxsize=512)
@@ -158,9 +185,7 @@ def load(key: str) -> Mesh:
     Metres, REP-103 (x out of its front, y left, z up), origin on the floor at the box's centre.
     Raises SimulationError for an unknown key.
     """
-    if key not in catalogue():
-        raise SimulationError(f"no furniture model {key!r} in {LIBRARIES}")
-    model = catalogue()[key]
+    model = model_of(key)
     if model.library == LIBRARY:
         return made(model.path)
     size = (model.width_m, model.height_m, model.depth_m)

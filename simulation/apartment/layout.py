@@ -9,7 +9,7 @@ import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.furniture import Model
+from edgemap.simulation.apartment.furniture import Model, Purpose
 from edgemap.simulation.apartment.placed import Placed
 from edgemap.simulation.apartment.plan import FloorPlan, RoomArea
 from edgemap.simulation.apartment.space import Boxes, Floor, rectangle_corners
@@ -26,8 +26,8 @@ class Layout:
     """Furniture of one home in the making. Every method that places something returns it, or None where it fits
     nowhere; drawn from one generator, so that a seed always furnishes alike."""
 
-    def __init__(self, plan: FloorPlan, held_out: bool, rng: np.random.Generator) -> None:
-        self.plan, self.held_out, self.rng = plan, held_out, rng
+    def __init__(self, plan: FloorPlan, purpose: Purpose, rng: np.random.Generator) -> None:
+        self.plan, self.purpose, self.rng = plan, purpose, rng
         self.placed: list[Placed] = []
         self.boxes, self.floor = Boxes(), Floor(plan)
         self._usual: dict[str, Model] = {}
@@ -53,9 +53,13 @@ class Layout:
         if usual and kind in self._usual:
             return self._usual[kind]
         pool = furniture.kinds()[kind]
-        keys = pool.choices(self.held_out)
+        keys = pool.choices(self.purpose)
         key = keys[int(self.rng.integers(len(keys)))]
-        model = furniture.catalogue()[key].scaled(pool.scale.get(key, 1.0) * self.uniform(0.92, 1.08))
+        size = pool.scale.get(key, 1.0) * self.uniform(0.92, 1.08)
+        stretch = (1.0, 1.0, 1.0)
+        if pool.label and self.purpose == "training":
+            stretch = (self.uniform(0.9, 1.1), self.uniform(0.9, 1.1), self.uniform(0.9, 1.1))
+        model = furniture.model_of(key).scaled(size, stretch)
         return self._usual.setdefault(kind, model) if usual else model
 
     def put(

@@ -55,8 +55,8 @@ def main() -> int:
         wanted = options.kinds or [name for name, kind in furniture.kinds().items() if kind.label]
         for name in wanted:
             kind, rows = furniture.kinds()[name], []
-            for key in (*kind.training, *kind.held_out):
-                model, seen, pictures = furniture.catalogue()[key], Counter(), []
+            for key in (*kind.training, *kind.made, *kind.held_out):
+                model, seen, pictures = furniture.model_of(key), Counter(), []
                 for picture, box in views(model):
                     found = seen_as(detector, picture, box, kind.label)
                     seen[found] += 1

@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import binary_dilation, label
 
 from edgemap.simulation.apartment import furniture
-from edgemap.simulation.apartment.apartment import furnish
+from edgemap.simulation.apartment.apartment import furnish, purpose_of
 
 # The least that a detector is asked for: names of COCO.
 LABELS = {
@@ -123,7 +123,7 @@ def test_held_out_models_show_only_in_homes_from_9000(homes):
     for seed, home in homes.items():
         for item in home.furniture:
             kind = kinds[item.kind]
-            assert item.model.key in (kind.held_out or kind.training if seed >= 9000 else kind.training)
+            assert item.model.key in kind.choices(purpose_of(seed))
 
 
 def test_no_model_of_a_class_is_both_trained_on_and_held_out(furniture_catalogue):
@@ -131,7 +131,10 @@ def test_no_model_of_a_class_is_both_trained_on_and_held_out(furniture_catalogue
     trained = {key for kind in kinds for key in kind.training}
     held_out = {key for kind in kinds for key in kind.held_out}
     assert not trained & held_out
-    assert trained | held_out <= set(furniture_catalogue)
+    assert all(furniture.model_of(key).key == key for key in trained | held_out)
+    made = {key for kind in kinds for key in kind.made}
+    assert made
+    assert not made & (trained | held_out)
     for name, least in {"chair": 25, "couch": 15, "dining table": 15, "bed": 10, "potted plant": 15}.items():
         keys = {key for kind in kinds if kind.label == name for key in (*kind.training, *kind.held_out)}
         assert len(keys) >= least
@@ -158,12 +161,12 @@ def test_scaled_piece_fills_its_footprint(homes):
     points = furniture.piece(item.model, item.tint).triangles().reshape(-1, 3)
     expected = [item.model.depth_m, item.model.width_m, item.model.height_m]
     assert np.ptp(points, axis=0) == pytest.approx(expected, abs=0.05)
-    plain = furniture.catalogue()[item.model.key]
-    assert item.model.width_m == pytest.approx(plain.width_m * item.model.scale)
-    assert 0.9 < item.model.scale < 1.1
+    plain = furniture.model_of(item.model.key)
+    assert item.model.width_m == pytest.approx(plain.width_m * item.model.scale[1])
+    assert all(0.8 < scale < 1.2 for scale in item.model.scale)
 
 
 def test_people_are_offered(furniture_catalogue):
-    assert len(furniture.people()) >= 6
-    assert not set(furniture.people()) & set(furniture.people(held_out=True))
-    assert all(1.4 < person.height_m < 2.0 for person in furniture.people())
+    assert len(furniture.people("training")) >= 6
+    assert not set(furniture.people("training")) & set(furniture.people("test"))
+    assert all(1.4 < person.height_m < 2.0 for person in furniture.people("training"))

@@ -1,0 +1,37 @@
+"""Models of our own, drawn anew for every number: `edgemap/vase-1` and so on. No catalogue, no licence needed.
+
+Test and validation homes show the few of them that `models.toml` lists for what the libraries have too few of; training
+homes show as many more as its `made` says, so that a detector learns what a chair is and not which chairs there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from edgemap.simulation.apartment.made.luggage import suitcase
+from edgemap.simulation.apartment.made.screens import tv
+from edgemap.simulation.apartment.made.shapes import centred
+from edgemap.simulation.apartment.made.vases import vase
+from edgemap.simulation.render.mesh import Mesh
+
+LIBRARY = "edgemap"
+# By kind of models.toml.
+MAKERS: dict[str, Callable[[np.random.Generator], Mesh]] = {
+    "suitcase": suitcase,
+    "tv": tv,
+    "vase": vase,
+}
+
+# Kinds whose top other things stand on.
+FLAT_TOPS = {"dining table"}
+
+
+def made(name: str) -> Mesh:
+    """`KIND-NUMBER` in metres, x out of its front, y left, z up, origin on the floor at its box's centre.
+
+    The number draws proportions, build and colours.
+    """
+    kind, _, number = name.rpartition("-")
+    return centred(MAKERS[kind](np.random.default_rng([sum(map(ord, kind)), int(number)])))
