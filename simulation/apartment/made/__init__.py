@@ -10,15 +10,22 @@ from collections.abc import Callable
 
 import numpy as np
 
+from edgemap.simulation.apartment.made.beds import bed
 from edgemap.simulation.apartment.made.luggage import suitcase
+from edgemap.simulation.apartment.made.plants import potted_plant, small_plant
 from edgemap.simulation.apartment.made.screens import tv
 from edgemap.simulation.apartment.made.shapes import centred
+from edgemap.simulation.apartment.made.tables import dining_table
 from edgemap.simulation.apartment.made.vases import vase
 from edgemap.simulation.render.mesh import Mesh
 
 LIBRARY = "edgemap"
 # By kind of models.toml.
 MAKERS: dict[str, Callable[[np.random.Generator], Mesh]] = {
+    "bed": bed,
+    "dining table": dining_table,
+    "potted plant": potted_plant,
+    "small plant": small_plant,
     "suitcase": suitcase,
     "tv": tv,
     "vase": vase,
