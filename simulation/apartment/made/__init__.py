@@ -11,9 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from edgemap.simulation.apartment.made.beds import bed
+from edgemap.simulation.apartment.made.couches import armchair, corner_couch, couch
 from edgemap.simulation.apartment.made.luggage import suitcase
 from edgemap.simulation.apartment.made.plants import potted_plant, small_plant
 from edgemap.simulation.apartment.made.screens import tv
+from edgemap.simulation.apartment.made.seats import chair, office_chair, stool
 from edgemap.simulation.apartment.made.shapes import centred
 from edgemap.simulation.apartment.made.tables import dining_table
 from edgemap.simulation.apartment.made.vases import vase
@@ -22,10 +24,16 @@ from edgemap.simulation.render.mesh import Mesh
 LIBRARY = "edgemap"
 # By kind of models.toml.
 MAKERS: dict[str, Callable[[np.random.Generator], Mesh]] = {
+    "armchair": armchair,
     "bed": bed,
+    "chair": chair,
+    "corner couch": corner_couch,
+    "couch": couch,
     "dining table": dining_table,
+    "office chair": office_chair,
     "potted plant": potted_plant,
     "small plant": small_plant,
+    "stool": stool,
     "suitcase": suitcase,
     "tv": tv,
     "vase": vase,
