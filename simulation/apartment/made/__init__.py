@@ -10,8 +10,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from edgemap.simulation.apartment.made.bags import backpack, other_luggage
+from edgemap.simulation.apartment.made.bathroom import basin, toilet
 from edgemap.simulation.apartment.made.beds import bed
 from edgemap.simulation.apartment.made.couches import armchair, corner_couch, couch
+from edgemap.simulation.apartment.made.kitchen import microwave, oven, refrigerator
 from edgemap.simulation.apartment.made.luggage import suitcase
 from edgemap.simulation.apartment.made.plants import potted_plant, small_plant
 from edgemap.simulation.apartment.made.screens import tv
@@ -25,19 +28,28 @@ LIBRARY = "edgemap"
 # By kind of models.toml.
 MAKERS: dict[str, Callable[[np.random.Generator], Mesh]] = {
     "armchair": armchair,
+    "backpack": backpack,
+    "basin": basin,
     "bed": bed,
     "chair": chair,
     "corner couch": corner_couch,
     "couch": couch,
     "dining table": dining_table,
+    "microwave": microwave,
     "office chair": office_chair,
+    "oven": oven,
     "potted plant": potted_plant,
+    "refrigerator": refrigerator,
     "small plant": small_plant,
     "stool": stool,
     "suitcase": suitcase,
+    "toilet": toilet,
     "tv": tv,
     "vase": vase,
 }
+
+# Kinds of which another maker draws the numbers above one: those that homes already show stay as they are.
+_LATER: dict[str, tuple[int, Callable[[np.random.Generator], Mesh]]] = {"suitcase": (18, other_luggage)}
 
 # Kinds whose top other things stand on.
 FLAT_TOPS = {"dining table"}
@@ -49,4 +61,6 @@ def made(name: str) -> Mesh:
     The number draws proportions, build and colours.
     """
     kind, _, number = name.rpartition("-")
-    return centred(MAKERS[kind](np.random.default_rng([sum(map(ord, kind)), int(number)])))
+    last, later = _LATER.get(kind, (int(number), MAKERS[kind]))
+    maker = MAKERS[kind] if int(number) <= last else later
+    return centred(maker(np.random.default_rng([sum(map(ord, kind)), int(number)])))
