@@ -113,7 +113,7 @@ def _part(points: Array, t: Array, material: Material) -> Part:
 
 def golden(count: int, start: float = 0.0) -> Array:
     """Headings (count,), radians, each a golden angle on from the last, as leaves grow round a stem."""
-    return start + np.arange(count) * 2.39996
+    return start + np.arange(count, dtype=np.float64) * 2.39996
 
 
 def ways(heading: Array, rise: ArrayLike) -> Array:

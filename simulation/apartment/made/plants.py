@@ -80,7 +80,7 @@ def _tree(rng: np.random.Generator, height: float, spread: float, z: float) -> l
             bark,
         )
     towards = spots * [1.0, 1.0, 0.6] + rng.normal(0.0, 0.5, (count, 3)) + [0.0, 0.0, float(rng.uniform(-0.4, 0.5))]
-    size = height * float(rng.uniform(0.06, 0.13)) * rng.uniform(0.7, 1.2, count)
+    size = height * float(rng.uniform(0.075, 0.14)) * rng.uniform(0.7, 1.2, count)
     shape = str(rng.choice(["oval", "lance", "spoon", "heart"]))
     slim = float(rng.uniform(0.35, 0.75))
     return parts + leaves(base, towards, size, size * slim, foliage(rng), shape, rng.uniform(0.2, 1.2, count), 0.3, 4)
@@ -331,8 +331,8 @@ def _succulent(rng: np.random.Generator, height: float, spread: float, z: float)
 
 def _bamboo(rng: np.random.Generator, height: float, spread: float, z: float) -> list[Part]:
     """Upright canes with knots, each with a few leaves: lucky bamboo, rubber plant, dieffenbachia."""
-    count, material, shades, parts = int(rng.integers(2, 8)), Material(green(rng)), foliage(rng), []
-    leafy, slim = int(rng.integers(6, 14)), float(rng.uniform(0.15, 0.5))
+    count, material, shades, parts = int(rng.integers(3, 8)), Material(green(rng)), foliage(rng), []
+    leafy, slim = int(rng.integers(9, 16)), float(rng.uniform(0.15, 0.5))
     big, shape = height * float(rng.uniform(0.2, 0.36)), str(rng.choice(["lance", "oval"]))
     start = float(rng.uniform(0.1, 0.75))
     for turn in golden(count):

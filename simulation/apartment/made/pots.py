@@ -32,8 +32,8 @@ def pot(rng: np.random.Generator, radius: float, height: float) -> tuple[list[Me
     if way < 0.3:
         meshes, lift = _stand(rng, radius, height)
     elif way < 0.5:
-        saucer = np.array([0.0, 1.0, 1.25, 1.25, 1.15]) * radius * 0.85
-        meshes = [Mesh((lathe(saucer, np.array([0.0, 0.0, 0.02, 0.025, 0.018]), material),))]
+        saucer = np.array([0.0, 1.0, 1.25, 1.25, 1.15, 1.0, 0.0]) * radius * 0.85
+        meshes = [Mesh((lathe(saucer, np.array([0.0, 0.0, 0.02, 0.025, 0.018, 0.008, 0.008]), material),))]
         lift = 0.01
     up = np.linspace(0.0, 1.0, 17)
     foot, belly = float(rng.uniform(0.55, 0.8)), float(rng.uniform(1.05, 1.35))

@@ -135,7 +135,9 @@ def _legs(rng: np.random.Generator, table: _Table) -> list[Mesh]:
         if rng.random() < 0.15 and not glass and not table.round_:
             meshes += _drawer(rng, corners, table, tall)
     if rng.random() < 0.22:
-        meshes += _stretchers(rng, corners, float(rng.uniform(0.1, 0.22)), min(0.04, size * 0.8), table.feet)
+        z = float(rng.uniform(0.1, 0.22))
+        out = corners + np.sign(corners) * spread * (1.0 - z / table.under)
+        meshes += _stretchers(rng, out, z, min(0.04, size * 0.8), table.feet)
     return meshes
 
 
@@ -185,8 +187,10 @@ def _trestles(rng: np.random.Generator, table: _Table) -> list[Mesh]:
                 meshes.append(beam((end * reach * narrow, y, bar + 0.005), foot, (size, size * 0.7), table.feet))
         z = float(rng.uniform(0.15, 0.3))
         meshes.append(beam((-reach * 0.85, y, z), (reach * 0.85, y, z), (size * 0.7, size), table.feet))
-        meshes.append(beam((end_x := reach * 0.9, y - lean, z), (end_x, y + lean, z), (size * 0.6,) * 2, table.feet))
-        meshes.append(beam((-end_x, y - lean, z), (-end_x, y + lean, z), (size * 0.6,) * 2, table.feet))
+        meshes.append(
+            beam((end_x := reach * 0.9, y - lean, z), (end_x, y + lean, z), (size * 0.6, size * 0.6), table.feet)
+        )
+        meshes.append(beam((-end_x, y - lean, z), (-end_x, y + lean, z), (size * 0.6, size * 0.6), table.feet))
     return meshes
 
 
@@ -230,7 +234,7 @@ def _crosses(rng: np.random.Generator, table: _Table) -> list[Mesh]:
             start, end = (way * reach, y + way * half * 0.4, 0.0), (-way * reach, y + way * half * 0.4, table.under)
             meshes.append(beam(start, end, (size, size * 0.8), table.feet))
         meshes.append(block(0.0, y, table.under - 0.03, 2.0 * reach + size, size, 0.03, table.feet))
-    meshes.append(beam((0.0, -at, table.under / 2), (0.0, at, table.under / 2), (size * 0.8,) * 2, table.feet))
+    meshes.append(beam((0.0, -at, table.under / 2), (0.0, at, table.under / 2), (size * 0.8, size * 0.8), table.feet))
     return meshes
 
 
