@@ -75,6 +75,14 @@ def rod(
     return Mesh(tuple(parts))
 
 
+def bar(start: ArrayLike, end: ArrayLike, radius: float, material: Material, hidden_m: float) -> Mesh:
+    """A straight round bar whose ends are let into other parts: light is kept at corners, so it has some outside."""
+    start, end = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    share = min(hidden_m / float(np.linalg.norm(end - start)), 0.45)
+    at = np.array([0.0, share, 1.0 - share, 1.0])[:, None]
+    return rod(start + at * (end - start), radius, material)
+
+
 def filleted(corners: ArrayLike, radius: float, steps: int = 5, closed: bool = False) -> Array:
     """A path (N, 3) through straight runs whose corners are rounded."""
     corners = np.asarray(corners, dtype=np.float64)

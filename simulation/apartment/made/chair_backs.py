@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edgemap.simulation.apartment.made.bent import beam, rod, sheet
+from edgemap.simulation.apartment.made.bent import bar, beam, rod, sheet
 from edgemap.simulation.apartment.made.cloths import woven
 from edgemap.simulation.apartment.made.shapes import tube
 from edgemap.simulation.render.mesh import Array, Material, Mesh
@@ -107,7 +107,7 @@ def _uprights(
     meshes = []
     for across in np.linspace(-1.0, 1.0, count + 2)[1:-1]:
         if way == "bars":
-            meshes.append(tube(back.at(across, low), back.at(across, high), 0.007, wood))
+            meshes.append(bar(back.at(across, low), back.at(across, high), 0.007, wood, 0.03))
         else:
             edges = across + np.array([-wide, wide])
             meshes.append(sheet(back.at(edges, np.linspace(low, high, 2)[:, None]), thin * 0.8, wood))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edgemap.simulation.apartment.made.bent import beam, filleted, outline, pad, rod
+from edgemap.simulation.apartment.made.bent import bar, beam, filleted, outline, pad, rod
 from edgemap.simulation.apartment.made.shapes import BLACK, lathe, tube
 from edgemap.simulation.render.mesh import Array, Material, Mesh
 
@@ -54,7 +54,7 @@ def stretchers(way: str, tops: Array, feet: Array, radius: float, height: float,
         "sides": [(a, c), (b, d)],
         "cross": [(a, d), (b, c)],
     }
-    return [tube(start, end, radius, material) for start, end in runs.get(way, [])]
+    return [bar(start, end, radius, material, 2.5 * radius) for start, end in runs.get(way, [])]
 
 
 def four_legs(
@@ -83,10 +83,10 @@ def tubular(rng: np.random.Generator, seat: Seat, material: Material) -> list[Me
         sides = [tube((x - 0.04, s * y, z), (0.04 - x, s * y, z), radius, material) for s in (1, -1)]
         return [rod(filleted(loop, 0.06), radius, material) for loop in loops] + sides
     if way == "sled":
-        bar = tube((0.0, y, z), (0.0, -y, z), radius, material)
+        rail = tube((0.0, y, z), (0.0, -y, z), radius, material)
         slope = float(rng.uniform(0.0, 0.06))
         loop = np.array([(x - 0.05, 0, z), (x - 0.05 + slope, 0, radius), (-x, 0, radius), (0.05 - x, 0, z)])
-        return [bar] + [rod(filleted(loop + [0, s * y, 0], 0.07, closed=True), radius, material) for s in (1, -1)]
+        return [rail] + [rod(filleted(loop + [0, s * y, 0], 0.07, closed=True), radius, material) for s in (1, -1)]
     if way == "cantilever":
         half = [(-x, y, z), (x, y, z), (x + 0.02, y, radius), (-x, y, radius)]
         return [rod(filleted(half + [(a, -b, c) for a, b, c in half[::-1]], 0.08), radius * 1.2, material)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from edgemap.simulation.apartment.made import chair_backs, chair_legs
-from edgemap.simulation.apartment.made.bent import beam, board, filleted, outline, pad, rod, sheet
+from edgemap.simulation.apartment.made.bent import bar, beam, board, filleted, outline, pad, rod, sheet
 from edgemap.simulation.apartment.made.chair_backs import Back
 from edgemap.simulation.apartment.made.chair_legs import Seat
 from edgemap.simulation.apartment.made.cloths import leather, upholstery, woven
@@ -61,7 +61,9 @@ def stool(rng: np.random.Generator) -> Mesh:
         way, radius = str(rng.choice(_LEGS[:6])), float(rng.uniform(0.012, 0.02))
         meshes += [chair_legs.leg(way, a, b, radius, body) for a, b in zip(tops, feet, strict=True)]
         bars = tops + (tops[:, 2:] - low) / tops[:, 2:] * (feet - tops)
-        meshes += [tube(a, b, radius * 0.6, body) for a, b in zip(bars, np.roll(bars, 1, axis=0), strict=True)]
+        meshes += [
+            bar(a, b, radius * 0.6, body, 1.5 * radius) for a, b in zip(bars, np.roll(bars, 1, axis=0), strict=True)
+        ]
     if rng.random() < 0.35:
         high = top + float(rng.uniform(0.15, 0.35))
         back = Back(-wide * 0.42, top - 0.03, high, wide * 0.8, wide * 0.9, float(rng.uniform(0.05, 0.2)), 0.05)
@@ -173,7 +175,8 @@ def _joiners(rng: np.random.Generator) -> list[Mesh]:
         tall = np.array([0.0, 0.0, float(rng.uniform(0.03, 0.07)) / 2.0])
         a, b, c, d = seat.corners(radius + 0.008) - tall
         for start, end in ((a, b), (b, d), (d, c), (c, a)):
-            meshes.append(beam(start, end, (2.0 * tall[2], 0.018), timber, across=(0, 0, 1)))
+            let_in = (end - start) * 1.1 * radius / float(np.linalg.norm(end - start))
+            meshes.append(beam(start + let_in, end - let_in, (2.0 * tall[2], 0.018), timber, across=(0, 0, 1)))
     if rng.random() < 0.2:
         meshes += _arms(rng, seat, back, radius, timber)
     return meshes
@@ -189,7 +192,7 @@ def _arms(rng: np.random.Generator, seat: Seat, back: Back, radius: float, mater
         top = np.array([reach, side * (seat.front / 2.0 + 0.02), rest])
         path = np.array([back.at(side, up), (back.at(side, up) + top) / 2.0 + [0.0, 0.025 * side, 0.012], top])
         path = np.concatenate([path, [top + [0.05, 0.0, -0.008]]])
-        meshes += [rod(filleted(path, 0.12), 0.024, material, 0.5), tube(foot, top, radius * 0.8, material)]
+        meshes += [rod(filleted(path, 0.12), 0.024, material, 0.5), bar(foot, top, radius * 0.8, material, 0.03)]
     return meshes
 
 
@@ -218,7 +221,7 @@ def _windsor(rng: np.random.Generator) -> list[Mesh]:
         meshes.append(back.strip(1.08, np.linspace(1.0 - 0.09 / tall, 1.0, 3), 0.02, timber))
         for at in np.linspace(-1.0, 1.0, int(rng.integers(5, 9))):
             thick = 0.011 if abs(at) == 1.0 else 0.007
-            meshes.append(tube(back.at(at * 0.92, -0.03), back.at(at, 0.97), thick, timber))
+            meshes.append(bar(back.at(at * 0.92, -0.03), back.at(at, 0.97), thick, timber, 0.04))
     if rng.random() < 0.25:
         meshes += _arms(rng, seat, back, 0.014, timber)
     return meshes
