@@ -28,6 +28,13 @@ def command(
             help="yolox-nano (its COCO weights, fetched where needed), its .onnx file, an earlier best.pt, or none.",
         ),
     ] = "yolox-nano",
+    weights: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            metavar="FILE",
+            help="A best.pt to go on from, with a schedule of its own; --keep and --blend-loss still look to --start.",
+        ),
+    ] = None,
     minutes: Annotated[
         float | None, tyro.conf.arg(metavar="M", help="Budget of training time; goes before --epochs.")
     ] = None,
@@ -105,6 +112,7 @@ def command(
         threads=threads,
     )
     network = begin(start, NAMES, input, seed)
+    begun = None if weights is None else begin(str(weights), NAMES, input, seed).network
     print(f"reading {', '.join(data)} …", flush=True)
     examples = load_examples(data, NAMES, input)
     held_back = load_examples(validation, NAMES, input, validate_pictures)
@@ -113,14 +121,12 @@ def command(
         f"{len(held_back)} to validate on",
         flush=True,
     )
-    trainer = Trainer(network, examples, held_back, output, settings)
+    trainer = Trainer(network, examples, held_back, output, settings, begun)
     if resume:
         trainer.resume()
     best = trainer.run()
     if not scratch:
-        # `network` is the trainer's own by now; the start is made anew.
-        untouched = begin(start, NAMES, input, seed).network
-        chosen, rows = choose_blend(untouched, load_detector(output / "best.pt"), held_back, blend_loss)
+        chosen, rows = choose_blend(network.network, load_detector(output / "best.pt"), held_back, blend_loss)
         save_detector(chosen, output / "blended.pt")
         for row in rows:
             print(f"  {row['share']:.0%} of what was learnt: AP50 {row['ap50']:.3f}   AP {row['ap']:.3f}")

@@ -1,4 +1,5 @@
-"""Layers of YOLOX-Nano (Ge et al. 2021): depthwise-separable convolutions, cross-stage blocks, pyramid pooling."""
+"""Layers of YOLOX-Nano (Ge et al. 2021): depthwise-separable convolutions, cross-stage blocks, pyramid pooling; and one
+of our own that deepens it."""
 
 from __future__ import annotations
 
@@ -81,6 +82,26 @@ class PyramidPool(nn.Module):
         """Shape stays."""
         x = self.reduce(x)
         return self.join(torch.cat([x, *(pool(x) for pool in self.pools)], dim=1))
+
+
+class Refinement(nn.Module):
+    """1x1 to half the channels and 3x3 back, added to the input: depth that a network may grow later.
+
+    The last weights start at zero, so that the network first computes what it did without it.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.reduce = nn.Conv2d(channels, channels // 2, 1)
+        self.spread = nn.Conv2d(channels // 2, channels, 3, padding=1)
+        self.activation = nn.SiLU(inplace=True)
+        nn.init.zeros_(self.spread.weight)
+        assert self.spread.bias is not None
+        nn.init.zeros_(self.spread.bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Shape stays."""
+        return x + self.spread(self.activation(self.reduce(x)))
 
 
 def convolutions(module: nn.Module) -> Iterator[Conv]:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from edgemap.export.detector.blocks import fold_norms
 from edgemap.export.detector.classes import nano_classes
 from edgemap.export.detector.network import Nano
@@ -58,7 +60,7 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
         names = tuple(str(name) for name in document["names"])
         nano_classes(names)
         network = Nano(len(names), bool(document["norm"]))
-        network.load_state_dict(document["state_dict"])
+        network.load_state_dict(document["state_dict"] | _unrefined(network, document["state_dict"]))
         checkpoint = DetectorCheckpoint(
             network.eval(),
             names,
@@ -77,6 +79,12 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
         fold_norms(network)
         network.norm = False
     return checkpoint
+
+
+def _unrefined(network: Nano, weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """For weights of before there were refinements: those of a network that does not refine yet."""
+    own = {name: tensor for name, tensor in network.state_dict().items() if name.startswith("refinements.")}
+    return {} if own.keys() & weights.keys() else own
 
 
 def is_detector(path: Path) -> bool:

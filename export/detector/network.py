@@ -1,4 +1,4 @@
-"""`edgemap-nano`: YOLOX-Nano's trunk with YOLOv3 heads of one anchor at strides 8, 16 and 32."""
+"""`edgemap-nano`: YOLOX-Nano's trunk, a refinement of its maps, and YOLOv3 heads of one anchor at strides 8, 16, 32."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from edgemap.export.detector.blocks import Conv, CrossStage, PyramidPool, Separable
+from edgemap.export.detector.blocks import Conv, CrossStage, PyramidPool, Refinement, Separable
 
 STRIDES = (8, 16, 32)
 WIDTHS = (64, 128, 256)  # channels of the trunk at these strides
@@ -65,6 +65,7 @@ class Nano(nn.Module):
         self.out16 = CrossStage(128, 128, 1, residual=False, norm=norm)
         self.step32 = Separable(128, 128, 2, norm)
         self.out32 = CrossStage(256, 256, 1, residual=False, norm=norm)
+        self.refinements = nn.ModuleList(Refinement(width) for width in WIDTHS)
         self.heads = nn.ModuleList(Head(width, classes, norm) for width in WIDTHS)
         self.upsample = nn.Upsample(scale_factor=2, mode="nearest")
 
@@ -73,7 +74,7 @@ class Nano(nn.Module):
         return self.down4(self.stem(image))
 
     def late(self, x4: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """From `early` to the three maps that the heads read: 64 channels at stride 8, 128 at 16, 256 at 32."""
+        """From `early` to the three maps that are refined: 64 channels at stride 8, 128 at 16, 256 at 32."""
         x8 = self.down8(x4)
         x16 = self.down16(x8)
         n32 = self.narrow32(self.down32(x16))
@@ -84,12 +85,12 @@ class Nano(nn.Module):
         return p8, p16, p32
 
     def trunk(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Pictures to the three maps that the heads read."""
+        """Pictures to the three maps that are refined."""
         return self.late(self.early(image))
 
     def look(self, maps: Sequence[Tensor]) -> tuple[Tensor, ...]:
-        """The trunk's maps to raw heads, finest first."""
-        return tuple(head(x) for head, x in zip(self.heads, maps, strict=True))
+        """The trunk's maps, refined, to raw heads, finest first."""
+        return tuple(head(refine(x)) for head, refine, x in zip(self.heads, self.refinements, maps, strict=True))
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """Raw heads, finest first."""

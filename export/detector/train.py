@@ -61,7 +61,8 @@ class Settings:
 class Trainer(Training):
     """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
 
-    start: the network as it starts, with its origin; train, validation: examples as `load_examples` gives.
+    start: the network that features are kept near, with its origin; train, validation: examples as `load_examples`
+    gives. begun: the network to go on from, where that is not the start.
     """
 
     resume_format = RESUME_FORMAT
@@ -73,15 +74,17 @@ class Trainer(Training):
         validation: Sequence[Example],
         folder: Path,
         settings: Settings,
+        begun: Nano | None = None,
     ) -> None:
         super().__init__(folder, settings.validate_minutes, settings.threads)
         self.start, self.settings = start, settings
         self.train, self.validation = train, validation
-        self.network = start.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        network = copy.deepcopy(begun or start.network)
+        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         for part in settings.frozen:
             self.network.get_submodule(part).requires_grad_(False)
         self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
-        self.teacher = copy.deepcopy(self.network).eval() if settings.keep > 0.0 else None
+        self.teacher = start.network.eval() if settings.keep > 0.0 else None
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         self.optimizer = torch.optim.AdamW(_groups(self.network, settings), weight_decay=0.0)
         self.schedule = Schedule(settings.minutes, settings.epochs)

@@ -43,7 +43,7 @@ def test_the_manifest_says_all_that_the_robot_needs(bundle, best):
     assert detector.features == ()  # nobody reads any
     assert [entry.name for entry in detector.classes] == list(NAMES)
     assert manifest.measured["validation"] == {"ap50": 0.5}
-    assert manifest.measured["weights"]["parameters"] == 892_373
+    assert manifest.measured["weights"]["parameters"] == 1_323_125
     assert manifest.parity["backbone.onnx"].max_abs_difference <= manifest.parity["backbone.onnx"].tolerance
 
 

@@ -103,4 +103,4 @@ def test_folding_normalisation_changes_no_output():
 
 
 def test_within_the_parameter_limit():
-    assert sum(p.numel() for p in Nano(len(NAMES), norm=False).parameters()) == 892_373
+    assert sum(p.numel() for p in Nano(len(NAMES), norm=False).parameters()) == 1_323_125
