@@ -128,7 +128,11 @@ def bent(path: ArrayLike, radius: ArrayLike, material: Material, sides: int = 8)
 
 def surface(points: Array, material: Material) -> Part:
     """A smooth surface through a grid of points (R, C, 3), facing as columns x rows."""
-    return grid(points, np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0)), material)
+    normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
+    # Where folds leave a corner without a direction it takes the whole's.
+    lost = np.linalg.norm(normals, axis=2) < 1e-8
+    normals[lost] = normals.sum(axis=(0, 1))
+    return grid(points, normals, material)
 
 
 def ball(middle: ArrayLike, size: float, material: Material) -> Mesh:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from edgemap.simulation.apartment.made.leafy import cactus, fountain, fronds, orchid, stalks, succulent, swords
@@ -32,6 +34,11 @@ def _potted(rng: np.random.Generator, growth: Growth, total: float, share: float
     radius = float(np.clip(height * rng.uniform(0.45, 0.75), *radii))
     meshes, soil = pot(rng, radius, height)
     parts = growth(rng, total - soil, radius * 0.75, soil)
+    reach = max(float(np.abs(part.positions[..., :2]).max()) for part in parts)
+    # What spreads wider than rooms have place for stays smaller as a whole.
+    scale = min(1.0, max(min(0.65 * total, 0.75), 1.2 * radius) / reach)
+    foot = np.array([0.0, 0.0, soil])
+    parts = [replace(part, positions=foot + (part.positions - foot) * scale) for part in parts]
     return joined([*meshes, Mesh(tuple(parts))])
 
 
