@@ -8,12 +8,14 @@ that three bounces cost as one. Both groups of light travel together, as six cha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from edgemap.simulation.render.light_points import Points, SolidPoints, SurfacePoints, probe_grid
+from edgemap.simulation.render.light_points import Points, Reflector, SolidPoints, SurfacePoints, probe_grid
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.raytracer import Raytracer, cosine_directions, in_pieces, r2_sequence
 from edgemap.simulation.render.scene import ROOM_ID, AreaLight, LitScene, LitSurface, Probes, Scene
@@ -33,7 +35,8 @@ class BakeSettings:
     """How fine the light is. Lengths in metres; samples per point; bounces after the direct light.
 
     texel_m: light maps; gather_m: where light maps gather bounced light; cluster_m: light points of solids;
-    vertex_spacing_m: longest edge that light may vary along.
+    vertex_spacing_m: longest edge that light may vary along. behind_samples: for the backs of solids, which are mostly
+    inside of them; hemisphere_samples: for all else.
     """
 
     texel_m: float = 0.04
@@ -42,12 +45,13 @@ class BakeSettings:
     vertex_spacing_m: float = 0.15
     lamp_samples: int = 16
     hemisphere_samples: int = 48
+    behind_samples: int = 16
     bounces: int = 3
 
     @classmethod
     def draft(cls) -> BakeSettings:
         """Good enough to train on, several times faster."""
-        return cls(0.08, 0.25, 0.12, 0.3, 4, 12, 2)
+        return cls(0.08, 0.25, 0.12, 0.3, 4, 12, 12, 2)
 
 
 def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitScene:
@@ -64,23 +68,27 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     direct_maps = [_direct(tracer, surface.fine, scene, settings.lamp_samples) for surface in surfaces]
     for surface in surfaces:
         surface.hide(buried_by, _BURIED_M)
-    gathering = Points.joined([*(surface.coarse for surface in surfaces), solids.points, air])
+    gathering = Points.joined([*(surface.coarse for surface in surfaces), air, solids.points])
     direct = np.concatenate(
         [surface.coarsened(light) for surface, light in zip(surfaces, direct_maps, strict=True)]
-        + [_direct(tracer, points, scene, settings.lamp_samples) for points in (solids.points, air)]
+        + [_direct(tracer, points, scene, settings.lamp_samples) for points in (air, solids.points)]
     )
-    sources = _first_hits(tracer, gathering, settings.hemisphere_samples)
-    corners, reflectance = _joined_reflectors(reflecting, surfaces)
+    outside = len(gathering) - len(solids.points) // 2
+    sources = (
+        _first_hits(tracer, gathering[:outside], settings.hemisphere_samples),
+        _first_hits(tracer, gathering[outside:], settings.behind_samples),
+    )
+    corners, reflectance = _joined_reflectors(reflecting, [*(len(surface.coarse) for surface in surfaces), len(air)])
     bounced = _bounced(sources, corners, reflectance, direct, settings.bounces)
-    behind = _met_from_behind(sources, len(corners), sum(len(part.triangles) for part in reflecting[:-1]))
+    behind = _met_from_behind(sources[0], len(corners), sum(len(part.triangles) for part in reflecting[:-1]))
     lit_surfaces, at = [], 0
     for surface, light in zip(surfaces, direct_maps, strict=True):
         some = slice(at, at + len(surface.coarse))
         lit_surfaces.append(_lit_surface(surface, light, bounced[some], behind[some] < 0.5))
         at = some.stop
     total = direct + bounced
-    parts = solids.lit(total[at : at + len(solids.points)])
-    cubes = total[at + len(solids.points) :].reshape(*shape, 6, 6)
+    cubes = total[at : at + len(air)].reshape(*shape, 6, 6)
+    parts = solids.lit(total[at + len(air) :])
     probes = Probes(corner, step, cubes[..., :3].copy(), cubes[..., 3:].copy())
     return LitScene(tuple(lit_surfaces), tuple(parts), scene.lights, probes)
 
@@ -107,27 +115,31 @@ def _from_one(
     """What share (N,) of a light's radiance arrives, divided by pi."""
     area, reach = float(np.linalg.norm(np.cross(lamp.u, lamp.v))), float(np.linalg.norm(lamp.u + lamp.v)) / 2.0
     corner, u, v, shine = (np.asarray(a, dtype=np.float32) for a in (lamp.corner, lamp.u, lamp.v, lamp.normal))
-    way = lamp.centre.astype(np.float32) - positions
-    near2 = np.maximum((way * way).sum(axis=1), 0.01)
-    bright = area * float(np.max(lamp.radiance)) / (np.pi * near2) > _FAINT
-    todo = np.flatnonzero(bright & ((way * normals).sum(axis=1) > -reach) & (way @ shine < reach))
     share = np.zeros(len(positions), dtype=np.float32)
-    seen = np.zeros(len(positions), dtype=bool)
+    way = lamp.centre.astype(np.float32) - positions
+    bright = area * float(np.max(lamp.radiance)) / (np.pi * np.maximum(_dot(way, way), 0.01)) > _FAINT
+    todo = np.flatnonzero(bright & (_dot(way, normals) > -reach) & (way @ shine < reach))
+    positions, normals, shifts = positions[todo], normals[todo], shifts[todo]
+    arrived, seen = np.zeros(len(todo), dtype=np.float32), np.zeros(len(todo), dtype=bool)
     for number, sample in enumerate(r2_sequence(samples).astype(np.float32)):
         if number == _TRIES:
-            todo = todo[seen[todo]]
+            share[todo] = arrived
+            todo, arrived = todo[seen], arrived[seen]
+            positions, normals, shifts = positions[seen], normals[seen], shifts[seen]
         if not len(todo):
             break
-        at = (sample + shifts[todo]) % 1.0
+        at = (sample + shifts) % 1.0
         target = corner + at[:, :1] * u + at[:, 1:] * v
-        way = target - positions[todo]
-        distance2 = np.maximum((way * way).sum(axis=1), 0.05**2)
-        cosines = np.maximum((way * normals[todo]).sum(axis=1), 0.0) * np.maximum(-(way @ shine), 0.0)
+        way = target - positions
+        distance2 = np.maximum(_dot(way, way), 0.05**2)
+        cosines = np.maximum(_dot(way, normals), 0.0) * np.maximum(-(way @ shine), 0.0)
         factor = cosines * (area / np.pi / samples) / (distance2 * distance2)
         lit = np.flatnonzero(factor > 0.0)
-        open_ = lit[tracer.visible(positions[todo[lit]], normals[todo[lit]], target[lit])]
-        share[todo[open_]] += factor[open_]
-        seen[todo[open_]] = True
+        open_ = lit[tracer.visible(positions[lit], normals[lit], target[lit])]
+        arrived[open_] += factor[open_]
+        if number < _TRIES:
+            seen[open_] = True
+    share[todo] = arrived
     return share
 
 
@@ -148,9 +160,13 @@ def _first_hits(tracer: Raytracer, points: Points, samples: int) -> NDArray[np.i
     return in_pieces(piece, len(points))
 
 
-def _joined_reflectors(reflecting: list, surfaces: list[SurfacePoints]) -> tuple[NDArray[np.int64], Light]:
-    """Light points (2 T, 3) at the corners of each triangle's front, then back, and what share (2 T, 3) they send."""
-    shifts = np.cumsum([0, *(len(surface.coarse) for surface in surfaces)])
+def _joined_reflectors(reflecting: list[Reflector], before: list[int]) -> tuple[NDArray[np.int64], Light]:
+    """Light points (2 T, 3) at the corners of each triangle's front, then back, and what share (2 T, 3) they send.
+
+    before: how many light points each surface has, and then the air: the solids' own are the last ones.
+    """
+    starts = np.cumsum([0, *before])
+    shifts = [*starts[:-2], starts[-1]]
     front = np.concatenate([part.front + shift for part, shift in zip(reflecting, shifts, strict=True)])
     back = np.concatenate([part.back + shift for part, shift in zip(reflecting, shifts, strict=True)])
     reflectance = np.concatenate([part.reflectance for part in reflecting]).astype(np.float32)
@@ -158,23 +174,45 @@ def _joined_reflectors(reflecting: list, surfaces: list[SurfacePoints]) -> tuple
 
 
 def _bounced(
-    sources: NDArray[np.int32], corners: NDArray[np.int64], reflectance: Light, direct: Light, bounces: int
+    sources: Sequence[NDArray[np.int32]],
+    corners: NDArray[np.int64],
+    reflectance: Light,
+    direct: Light,
+    bounces: int,
 ) -> Light:
-    """Irradiance / pi (N, 6) that comes back from other surfaces."""
+    """Irradiance / pi (N, 6) that comes back from other surfaces. sources: of the first points, then of the others."""
     bounced = np.zeros_like(direct)
     both = np.tile(reflectance, 2)
     for _ in range(bounces):
         light = direct + bounced
         sent = np.zeros((len(corners) + 1, 6), dtype=np.float32)
         sent[:-1] = both * ((light[corners[:, 0]] + light[corners[:, 1]] + light[corners[:, 2]]) / 3.0)
-        bounced = in_pieces(lambda some, sent=sent: sent[sources[some]].mean(axis=1), len(direct))
+        bounced = np.concatenate([_gathered(some, sent) for some in sources])
     return bounced
+
+
+def _gathered(sources: NDArray[np.int32], sent: Light) -> Light:
+    """Mean (N, 6) of what the sources (N, samples) of each point send."""
+
+    def piece(some: slice) -> Light:
+        rows = sources[some]
+        ends = np.arange(0, rows.size + 1, rows.shape[1], dtype=np.int32)
+        share = np.full(rows.size, 1.0 / rows.shape[1], dtype=np.float32)
+        # A product with a sparse matrix reads each source once, where indexing would copy them all.
+        return csr_array((share, rows.ravel(), ends), shape=(len(rows), len(sent))) @ sent
+
+    return in_pieces(piece, len(sources))
 
 
 def _met_from_behind(sources: NDArray[np.int32], doubled: int, surface_triangles: int) -> Array:
     """Share (N,) of a point's rays that meet a wall, floor or ceiling from behind: 1 inside of walls."""
     count = doubled // 2
     return ((sources >= count) & (sources < count + surface_triangles)).mean(axis=1)
+
+
+def _dot(a: Light, b: Light) -> Light:
+    """Products (N,) of vectors (N, 3)."""
+    return np.einsum("ij,ij->i", a, b)
 
 
 def _lit_surface(surface: SurfacePoints, direct: Light, bounced: Light, open_: NDArray[np.bool_]) -> LitSurface:

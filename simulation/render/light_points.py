@@ -36,6 +36,9 @@ class Points:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def __getitem__(self, some: slice) -> Points:
+        return Points(self.positions[some], self.normals[some], self.shifts[some])
+
     @classmethod
     def joined(cls, some: Sequence[Points]) -> Points:
         """All of them in one list."""
@@ -136,16 +139,22 @@ class SolidPoints:
         normals = _flat([part.normals for _, part in self._parts])
         ids = np.repeat(np.array([id_ for id_, _ in self._parts], dtype=np.int16), counts)
         corners = np.concatenate([_bytes(np.round(positions * 1e3), "i4"), _bytes(np.round(normals * 8.0), "i1")], 1)
-        keep, self._corner = welded(corners)
+        keep, corner = welded(corners)
         self._positions, self._normals = positions[keep], normals[keep]
         cells = [
             _bytes(np.floor(self._positions / cluster_m), "i2"),
             _bytes(np.round(self._normals * 1.5), "i1"),
             _bytes(ids[keep, None], "i2"),
         ]
-        chosen, self._cluster = welded(np.concatenate(cells, axis=1))
-        at, normals = self._positions[chosen], self._normals[chosen]
-        self._chosen = chosen
+        chosen, cluster = welded(np.concatenate(cells, axis=1))
+        # Welding leaves all in disorder; in the order of the meshes neighbours' rays meet the same triangles, which are
+        # then still in the processor's cache: half the time.
+        order, number = _ranked(keep)
+        self._positions, self._normals, self._corner = self._positions[order], self._normals[order], number[corner]
+        chosen, cluster = number[chosen], cluster[order]
+        order, number = _ranked(chosen)
+        self._chosen, self._cluster = chosen[order], number[cluster]
+        at, normals = self._positions[self._chosen], self._normals[self._chosen]
         self._count = len(chosen)
         none = np.zeros((2 * self._count, 2), dtype=np.float32)
         self.points = Points(np.concatenate([at, at]), np.concatenate([normals, -normals]), none)
@@ -215,6 +224,14 @@ def _flat(arrays: Sequence[Array]) -> Light:
     if not arrays:
         return np.zeros((0, 3), dtype=np.float32)
     return np.concatenate([array.reshape(-1, 3) for array in arrays]).astype(np.float32)
+
+
+def _ranked(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The order of unlike keys (N,), and for each its place in it."""
+    order = np.argsort(keys)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return order, place
 
 
 def _bytes(values: np.ndarray, kind: str) -> NDArray[np.uint8]:

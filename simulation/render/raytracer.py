@@ -37,7 +37,8 @@ class Raytracer:
         origins = points + normals * _OFFSET_M
         reach = (targets - origins) * 0.99
         ones = np.ones(len(points), dtype=np.float32)
-        hits = self._scene.run(origins.astype(np.float32), reach.astype(np.float32), ones, query="OCCLUDED")
+        origins, reach = (a.astype(np.float32, copy=False) for a in (origins, reach))
+        hits = self._scene.run(origins, reach, ones, query="OCCLUDED")
         return np.asarray(hits) < 0
 
     def first_hits(
