@@ -202,6 +202,19 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(drawn, tmp_path):
     assert (tmp_path / "broken/best.pt").stat().st_size < 3_000_000
 
 
+def test_going_on_from_other_weights_keeps_to_the_start_s_features(drawn, tmp_path):
+    """The features are held near the start's, whose own then lie off by as much as the two networks differ."""
+    start, other = (begin("none", CLASSES, 64, seed=seed) for seed in (0, 1))
+    trainer = Trainer(start, drawn, drawn[:8], tmp_path, Settings(size=64, keep=1.0, threads=1), other.network)
+    assert trainer.teacher is start.network
+    for name, tensor in other.network.state_dict().items():
+        assert torch.equal(trainer.network.state_dict()[name], tensor), name
+    picture = torch.rand(1, 3, 64, 64) * 255.0
+    with torch.no_grad():
+        x4 = trainer.network.early(picture)
+        assert float(trainer._drift(x4, picture, trainer.network.late(x4))) > 0.01
+
+
 def test_pictures_are_read_once_at_the_network_s_size(tmp_path):
     (tmp_path / "images").mkdir()
     (tmp_path / "labels").mkdir()

@@ -7,6 +7,7 @@ torch = pytest.importorskip("torch")
 
 from edgemap.export.detector.blocks import convolutions, fold_norms  # noqa: E402
 from edgemap.export.detector.boxes import cells_of, decode, flatten  # noqa: E402
+from edgemap.export.detector.checkpoint import DetectorCheckpoint, load_detector, save_detector  # noqa: E402
 from edgemap.export.detector.classes import NAMES  # noqa: E402
 from edgemap.export.detector.network import ANCHORS, SCALE_XY, STRIDES, Nano  # noqa: E402
 from edgemap.export.detector.start import load_yolox  # noqa: E402
@@ -104,3 +105,30 @@ def test_folding_normalisation_changes_no_output():
 
 def test_within_the_parameter_limit():
     assert sum(p.numel() for p in Nano(len(NAMES), norm=False).parameters()) == 1_323_125
+
+
+def test_a_refinement_begins_idle_and_learns():
+    network = Nano(3, norm=False).eval()
+    picture = torch.rand(1, 3, 64, 64) * 255.0
+    maps = network.trunk(picture)
+    for head, refined, x in zip(network.heads, network.look(maps), maps, strict=True):
+        assert torch.equal(head(x), refined)
+    sum(head.square().mean() for head in network.look(maps)).backward()
+    assert all(float(part.spread.weight.grad.abs().max()) > 0.0 for part in network.refinements)
+
+
+def test_weights_of_before_the_refinements_compute_what_they_did(tmp_path):
+    network = Nano(len(NAMES), norm=False).eval()
+    path = tmp_path / "early.pt"
+    save_detector(DetectorCheckpoint(network, NAMES, 64, "none", "none", ()), path)
+    document = torch.load(path, weights_only=True)
+    document["state_dict"] = {k: v for k, v in document["state_dict"].items() if not k.startswith("refinements.")}
+    torch.save(document, path)
+    picture = torch.rand(1, 3, 64, 64) * 255.0
+    with torch.no_grad():
+        for ours, theirs in zip(load_detector(path).network(picture), network(picture), strict=True):
+            torch.testing.assert_close(ours, theirs, rtol=2e-3, atol=2e-2)
+    del document["state_dict"]["stem.conv.weight"]
+    torch.save(document, path)
+    with pytest.raises(ExportError, match="weights do not fit"):
+        load_detector(path)
