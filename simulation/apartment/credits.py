@@ -35,8 +35,8 @@ Nothing in it was photographed or recorded. Made with
 
     {command}
 
-Floors, walls, rugs, pictures, light, and the vases, suitcases and televisions that are not listed here are the
-project's own. The rest of the furniture comes from Sweet Home 3D's libraries
+Floors, walls, rugs, pictures, light, and all furniture that is not listed here are the project's own. The rest of the
+furniture comes from Sweet Home 3D's libraries
 (Debian package `sweethome3d-furniture`); the models were scaled, tinted, placed, lit and rendered into pictures:
 
 | model | creator | library | licence |
