@@ -9,7 +9,7 @@ from zlib import crc32
 # between them.
 PALETTE = (
     "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#b5a300", "#aa4499", "#44aa99", "#999933",
-    "#cc3311", "#7766cc", "#a8703c", "#88a818",
+    "#c81e5a", "#7766cc", "#8a5a32", "#8a9099",
 )  # fmt: skip
 
 # What stands in most rooms has a colour of its own; other labels share by chance, and their names stand beside them.
