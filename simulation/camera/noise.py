@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,5 +23,6 @@ def noisy(
     picture: NDArray[np.uint8], shot: float, read: float, gain: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
     """The picture with the noise of one exposure; gain: how much it was brightened, 1 in good light."""
-    sigma = noise_levels(shot, read, gain)[picture]
-    return (picture + sigma * rng.standard_normal(picture.shape, dtype=np.float32) + 0.5).clip(0, 255).astype(np.uint8)
+    noise = rng.standard_normal(picture.shape, dtype=np.float32)
+    noise *= np.asarray(cv2.LUT(picture, noise_levels(shot, read, gain)))
+    return np.asarray(cv2.add(noise, picture, dtype=cv2.CV_8U), dtype=np.uint8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import cv2
@@ -48,6 +49,13 @@ def flow_px_s(depth_m: NDArray[np.float32], intrinsics: Intrinsics, linear: Arra
     return np.stack([across * intrinsics.fx, down * intrinsics.fy], axis=-1).astype(np.float32)
 
 
+@cache
+def _pixels(height: int, width: int) -> NDArray[np.float32]:
+    """Column and row of every pixel, (H, W, 2)."""
+    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    return np.stack([columns, rows], axis=-1)
+
+
 def exposed(
     picture: NDArray[np.uint8],
     depth_m: NDArray[np.float32],
@@ -69,8 +77,7 @@ def exposed(
         return picture
     flow = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR))
     late_s = (((np.arange(height, dtype=np.float32) + 0.5) / height - 0.5) * readout_s)[:, None, None]
-    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    start = np.stack([columns, rows], axis=-1) - flow * late_s
+    start = _pixels(height, width) - flow * late_s
     count = min(_MOST_SAMPLES, max(1, math.ceil(fastest * exposure_s / 1.5)))
     moments_s = ((np.arange(count) + 0.5) / count - 0.5) * exposure_s
     total = np.zeros(picture.shape, dtype=np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,6 +16,8 @@ from edgemap.simulation.render.mesh import Array
 # The lens is worked out on a grid this wide and interpolated: exact to about a thousandth of a pixel.
 _GRID_PX = 4
 _WIDEST = 3.0
+# cv2.remap's second map, which whole numbers make superfluous.
+_NO_MAP: Any = None
 
 
 class Lens:
@@ -29,6 +32,7 @@ class Lens:
         self.is_identity = intrinsics.distortion.is_identity
         self.pinhole = intrinsics
         self.area_px: NDArray[np.float32] | None = None
+        self._nearest: dict[int, NDArray[np.int16]] = {}
         if not self.is_identity:
             self._bend()
 
@@ -44,8 +48,11 @@ class Lens:
         every n-th row and column goes through pixel centres; for ids and depth."""
         if self.is_identity:
             return np.ascontiguousarray(values[::oversampling, ::oversampling])
-        column, row = self._nearest(oversampling)
-        return values[row, column]
+        if oversampling not in self._nearest:
+            at = np.round(self._where * oversampling)
+            limit = np.array([self.pinhole.width, self.pinhole.height]) * oversampling - 1
+            self._nearest[oversampling] = np.clip(at, 0, limit).astype(np.int16)
+        return np.asarray(cv2.remap(values, self._nearest[oversampling], _NO_MAP, cv2.INTER_NEAREST))
 
     def _bend(self) -> None:
         intrinsics = self.intrinsics
@@ -78,12 +85,6 @@ class Lens:
         )
         (du_dv, du_du), (dv_dv, dv_du) = (np.gradient(self._where[..., axis]) for axis in (0, 1))
         self.area_px = np.abs(du_du * dv_dv - du_dv * dv_du).astype(np.float32)
-
-    def _nearest(self, oversampling: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        at = np.round(self._where * oversampling).astype(np.intp)
-        limit = np.array([self.pinhole.width, self.pinhole.height]) * oversampling - 1
-        column, row = np.moveaxis(np.clip(at, 0, limit), -1, 0)
-        return column, row
 
 
 def _dense(coarse: Array, height: int, width: int) -> Array:
