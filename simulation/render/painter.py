@@ -85,10 +85,13 @@ class Painter:
         draw.meshes.array(program).render(vertices=batch.count, first=batch.first)
 
     def _highlights(self, program: Any, draw: Draw, light: LightMix) -> None:
-        """The lights nearest to a glossy batch, as it sees them."""
+        """The lights nearest to a glossy batch, as it sees them; those that are switched off cost nothing."""
         near, places = self._near(draw.batch) if draw.home is None else self._near_moving(draw.batch, draw.home)
-        powers = [tuple(lamp.radiance * (0.5 * _share(lamp.group, light))) for lamp in near]
-        program["lamp_at"], program["lamp_power"] = places, [*powers, *[_NOWHERE] * (shaders.LAMPS - len(near))]
+        on = [(lamp, at) for lamp, at in zip(near, places, strict=True) if _share(lamp.group, light) > 0.0]
+        none = [_NOWHERE] * (shaders.LAMPS - len(on))
+        program["lamps"] = len(on)
+        program["lamp_at"] = [at for _, at in on] + none
+        program["lamp_power"] = [tuple(lamp.radiance * (0.5 * _share(lamp.group, light))) for lamp, _ in on] + none
 
     def _near(self, batch: Batch) -> tuple[list[AreaLight], list[_Place]]:
         if id(batch) not in self._near_batch:
@@ -96,12 +99,11 @@ class Painter:
         return self._near_batch[id(batch)]
 
     def _near_moving(self, batch: Batch, home: Array) -> tuple[list[AreaLight], list[_Place]]:
-        """The nearest lights, and where they are for a batch that stands at `home` (4, 4), padded to LAMPS."""
+        """The nearest lights, and where they are for a batch that stands at `home` (4, 4)."""
         middle = (home @ [*batch.corners.mean(axis=0), 1.0])[:3]
         near = sorted(self._lights, key=lambda lamp: float(np.linalg.norm(lamp.centre - middle)))
         near, local = near[: shaders.LAMPS], np.linalg.inv(home)
-        places = [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
-        return near, [*places, *[_NOWHERE] * (shaders.LAMPS - len(near))]
+        return near, [tuple((local @ [*lamp.centre, 1.0])[:3]) for lamp in near]
 
 
 def _write(target: Any, colour: bool, slot: bool, depth: bool = True) -> None:

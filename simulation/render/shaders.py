@@ -75,7 +75,7 @@ in vec2 map_at;
 #endif
 #ifdef GLOSSY
 in vec3 at, shading; in float grey;
-uniform vec3 eye; uniform float gloss; uniform vec3 lamp_at[4], lamp_power[4];
+uniform vec3 eye; uniform float gloss; uniform int lamps; uniform vec3 lamp_at[4], lamp_power[4];
 #endif
 out vec4 pixel;
 void main() {
@@ -102,9 +102,12 @@ void main() {
     if (facing < 0.0) { n = -n; facing = -facing; }
     vec3 mirrored = 2.0 * facing * n - towards;
     vec3 shine = vec3(0.0);
-    for (int i = 0; i < 4; i++) {
-        float along = max(dot(mirrored, normalize(lamp_at[i] - at)), 0.0);
-        along *= along; along *= along; along *= along; along *= along; along *= along;
+    for (int i = 0; i < lamps; i++) {
+        vec3 way = lamp_at[i] - at;
+        float along = max(dot(mirrored, way), 0.0);
+        // The 64th power of the cosine, without a root.
+        along *= along / dot(way, way);
+        along *= along; along *= along; along *= along; along *= along;
         shine += lamp_power[i] * along * along;
     }
     float edge = 1.0 - facing, edge2 = edge * edge;
