@@ -65,13 +65,15 @@ def bake(scene: Scene, seed: int, settings: BakeSettings | None = None) -> LitSc
     tracer = Raytracer(np.concatenate([part.triangles for part in reflecting]))
     trim = [solid.mesh.triangles() for solid in scene.solids if solid.id == ROOM_ID and solid.mesh.parts]
     buried_by = Raytracer(np.concatenate(trim)) if trim else None
-    direct_maps = [_direct(tracer, surface.fine, scene, settings.lamp_samples) for surface in surfaces]
+    # All in one go: most surfaces are too small to be shared out to the processors by themselves.
+    everywhere = Points.joined([*(surface.fine for surface in surfaces), air, solids.points])
+    ends = np.cumsum([len(surface.fine) for surface in surfaces], dtype=np.int64)
+    *direct_maps, elsewhere = np.split(_direct(tracer, everywhere, scene, settings.lamp_samples), ends)
     for surface in surfaces:
         surface.hide(buried_by, _BURIED_M)
     gathering = Points.joined([*(surface.coarse for surface in surfaces), air, solids.points])
     direct = np.concatenate(
-        [surface.coarsened(light) for surface, light in zip(surfaces, direct_maps, strict=True)]
-        + [_direct(tracer, points, scene, settings.lamp_samples) for points in (air, solids.points)]
+        [surface.coarsened(light) for surface, light in zip(surfaces, direct_maps, strict=True)] + [elsewhere]
     )
     outside = len(gathering) - len(solids.points) // 2
     sources = (
