@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 SURE_SPAN = 0.2  # of scores over which a sighting comes to count fully
+NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
+PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, when objects are made
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 
 
@@ -129,10 +131,18 @@ def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> ND
     """Which boxes stand on the floor, (N,): lower edge below the horizon row h_t, not cut by the lower border,
     a label that is mapped, and no tabletop object that is seen standing on furniture (paper, section 3.5)."""
     feet = feet_px(detections)
-    below = camera.below_horizon(feet)
-    whole = detections.boxes[:, 3] < camera.intrinsics.height - 1 - rule.border_px
-    allowed = np.array([rule.mapped is None or label in rule.mapped for label in detections.labels], dtype=bool)
-    return below & whole & allowed & ~carried(detections)
+    return camera.below_horizon(feet) & ~_feet_cut(detections.boxes, camera, rule) & _allowed(detections, rule)
+
+
+def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
+    """Which boxes may be mapped at all, (N,)."""
+    mapped = np.array([rule.mapped is None or label in rule.mapped for label in detections.labels], dtype=bool)
+    return mapped & ~carried(detections)
+
+
+def _feet_cut(boxes: Array, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
+    """Which boxes the picture's lower border cuts, (N,)."""
+    return boxes[:, 3] >= camera.intrinsics.height - 1 - rule.border_px
 
 
 def feet_px(detections: Detections) -> Array:
@@ -147,12 +157,14 @@ def sightings_of(
     """Every box that stands on the floor, projected there: footprint centre, covariance and size.
 
     Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
-    lower edge, that width says how far it is, as well as it can.
+    lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
+    stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
     """
-    rows = np.flatnonzero(on_floor(detections, camera, rule))
+    low = _feet_cut(detections.boxes, camera, rule)
+    rows = np.flatnonzero(camera.below_horizon(feet_px(detections)) & _allowed(detections, rule))
     if len(rows) == 0:
         return []
-    boxes, feet = detections.boxes[rows], feet_px(detections)[rows]
+    boxes, feet, low = detections.boxes[rows], feet_px(detections)[rows], low[rows]
     px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
     widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
     labels = detections.labels
@@ -176,19 +188,25 @@ def sightings_of(
         if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
             continue
         direction = bearing / max(reach_m, 1e-9)
-        foot_m, foot_m2 = near[at], own[at]
-        if cover[at] > HIDDEN and not cut[at]:
+        foot_m, foot_m2, range_m = near[at], own[at], reach_m
+        if low[at]:
+            foot_m, foot_m2, range_m = _before(foot_m, foot_m2, direction, reach_m)
+        if (cover[at] > HIDDEN or low[at]) and not cut[at]:
             usual_m = reach_m * shape.width / max(width_m, 1e-9)
             sigma_m = usual_m * shape.width_sigma / shape.width
-            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - reach_m, sigma_m)
+            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - range_m, sigma_m)
+        if low[at]:
+            nearer = float(direction @ (foot_m - lens)) / reach_m
+            width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
         along = np.outer(direction, direction)
         guessed = along * shape.along**2 + (np.eye(2) - along) * shape.across**2  # the footprint is not seen
         score = float(detections.scores[row])
+        part = low[at] or cut[at] or cover[at] > HIDDEN
         sightings.append(
             Sighting(
                 labels[row], score, foot_m + direction * shape.reach_m(width_m),
                 foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
-                int(row), frame, stamp_s, rule.sure(score),
+                int(row), frame, stamp_s, rule.sure(score) * (PART_COUNTS if part else 1.0),
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)
@@ -211,6 +229,16 @@ def _edges(
     sigmas_px = np.hypot(rule.box.picture_share * longer, shares * sizes)
     sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, 0.5 * unsure_px + 0.25 * missing_px, 0.0))
     return left | right, across_px, sigmas_px
+
+
+def _before(foot_m: Array, foot_m2: Array, direction: Array, reach_m: float) -> tuple[Array, Array, float]:
+    """A place (2,) with covariance (2, 2), and its range, of what stands anywhere before the nearest floor seen."""
+    nearest_m = min(NEAREST_M, 0.5 * reach_m)
+    range_m, sigma_m = (reach_m + nearest_m) / 2.0, (reach_m - nearest_m) / math.sqrt(12.0)
+    share = range_m / reach_m
+    along = np.outer(direction, direction)
+    across = np.eye(2) - along
+    return foot_m + direction * (range_m - reach_m), across @ foot_m2 @ across * share**2 + along * sigma_m**2, range_m
 
 
 def _ranged(foot_m: Array, foot_m2: Array, direction: Array, error_m: float, sigma_m: float) -> tuple[Array, Array]:

@@ -129,6 +129,32 @@ def test_a_box_cut_by_the_pictures_side_has_its_middle_where_the_class_is_usuall
     assert chair.covariance_m2[1, 1] > 2.0 * whole.covariance_m2[1, 1]
 
 
+def test_feet_below_the_picture_are_between_the_robot_and_the_nearest_floor_seen():
+    """The last row shows the floor 500 / 240 = 2.083 m ahead: the lower edge is 1.142 +- 0.544 m away, anywhere between
+    that and 0.2 m. 290 px would be 1.208 m there, a chair looks 0.58 +- 0.14 m wide: 1.0 +- 0.241 m. Together 1.0233 m,
+    where it is 0.5935 m wide, its middle 0.13 + 0.23 * 0.5935 m farther, and the ray of its upper edge, 100 px
+    below the horizon, 1 - 0.2 * 1.0233 m high."""
+    (chair,) = sightings_of(seen(("chair", 175, 340, 465, 480)), CAMERA, FloorRule(sure_score=0.8))
+    assert chair.position_base_m == pytest.approx([0.2 + 1.0233 + 0.2665, 0.0], abs=1e-3)
+    assert chair.width_m == pytest.approx(0.5935, abs=1e-3)
+    assert chair.height_m == pytest.approx(1.0 - 0.2 * 1.0233, abs=1e-3)
+    assert chair.covariance_m2[0, 0] == pytest.approx(
+        0.5437**2 * 0.2414**2 / (0.5437**2 + 0.2414**2) + 0.07**2, rel=0.01
+    )
+    assert chair.sure == pytest.approx(0.5)  # a part of it is seen, which counts half
+    (whole,) = sightings_of(seen(("chair", 175, 340, 465, 470)), CAMERA, FloorRule(sure_score=0.8))
+    assert whole.sure == pytest.approx(1.0)
+
+
+@given(st.floats(0, 600), st.floats(20, 600), st.floats(0.3, 1.3), st.floats(-0.1, 0.5))
+def test_feet_below_the_picture_are_never_behind_the_lens(left, width, height_m, pitch_rad):
+    camera = FloorCamera(CAMERA.intrinsics, Mount(height_m, pitch_rad, 0.0, 0.0, 0.0))
+    box = ("chair", left, 200, min(left + width, 640.0), 480)
+    for chair in sightings_of(seen(box), camera, FloorRule()):
+        assert 0.0 < np.linalg.norm(chair.position_base_m) < chair.distance_m + 1.5
+        assert np.linalg.eigvalsh(chair.covariance_m2)[0] > 0.0
+
+
 def test_a_hidden_lower_edge_is_doubted_and_the_usual_width_says_how_far_it_is():
     """A chair that would be twice as wide as chairs look: with nearer furniture before its feet it is believed to stand
     nearer, and doubted."""
