@@ -40,5 +40,6 @@ def sensed(
 def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes, str]:
     """The picture as a file's bytes, and the file's suffix: PNG where no quality is given."""
     if jpeg_quality is None:
-        return cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 2])[1].tobytes(), ".png"
+        # OpenCV's own choice of filter and runs: smaller files of noisy pictures than a stated level, in half the time.
+        return cv2.imencode(".png", picture)[1].tobytes(), ".png"
     return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes(), ".jpg"
