@@ -1,4 +1,4 @@
-"""Two things never stand in the same place: of objects that overlap too much, what is seen far less is not real."""
+"""Two things never stand in the same place: of objects that overlap too much, what is seen less is not real."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ FAR_LESS = 0.5
 
 
 def without_overlaps(objects: Sequence[MapObject]) -> list[MapObject]:
-    """Drop every object whose middle lies too near that of one with over twice its evidence (count times confidence).
+    """Drop every object whose middle lies too near that of one with more evidence (count times confidence): of the same
+    label over twice as much, of another one any more.
 
     A detector now and then calls one thing by two names, or boxes a part of it beside the whole. Order is kept.
     """
@@ -32,8 +33,8 @@ def without_overlaps(objects: Sequence[MapObject]) -> list[MapObject]:
     pairs = np.where((seen[pairs[:, :1]] >= seen[pairs[:, 1:]]), pairs, pairs[:, ::-1])  # the better seen one first
     same = np.array([objects[a].label == objects[b].label for a, b in pairs])
     spacing_m = np.where(same, SAME_LABEL, OTHER_LABEL) * np.minimum(extents_m[pairs[:, 0]], extents_m[pairs[:, 1]])
-    far_less = seen[pairs[:, 1]] < FAR_LESS * seen[pairs[:, 0]]
-    close = pairs[(np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1) < spacing_m) & far_less]
+    less = seen[pairs[:, 1]] < np.where(same, FAR_LESS, 1.0) * seen[pairs[:, 0]]
+    close = pairs[(np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1) < spacing_m) & less]
     dropped: set[int] = set()
     for better, worse in sorted(close.tolist(), key=lambda pair: (-seen[pair[0]], pair)):
         if better not in dropped:
