@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from edgemap.export.detector.blocks import convolutions, fold_norms  # noqa: E402
+from edgemap.export.detector.blocks import Refinement, convolutions, fold_norms  # noqa: E402
 from edgemap.export.detector.boxes import cells_of, decode, flatten  # noqa: E402
 from edgemap.export.detector.checkpoint import DetectorCheckpoint, load_detector, save_detector  # noqa: E402
 from edgemap.export.detector.classes import NAMES  # noqa: E402
@@ -113,8 +113,11 @@ def test_a_refinement_begins_idle_and_learns():
     maps = network.trunk(picture)
     for head, refined, x in zip(network.heads, network.look(maps), maps, strict=True):
         assert torch.equal(head(x), refined)
-    sum(head.square().mean() for head in network.look(maps)).backward()
-    assert all(float(part.spread.weight.grad.abs().max()) > 0.0 for part in network.refinements)
+    torch.stack([head.square().mean() for head in network.look(maps)]).sum().backward()
+    for part in network.refinements:
+        assert isinstance(part, Refinement)
+        assert part.spread.weight.grad is not None
+        assert float(part.spread.weight.grad.abs().max()) > 0.0
 
 
 def test_weights_of_before_the_refinements_compute_what_they_did(tmp_path):
