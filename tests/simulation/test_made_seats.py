@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edgemap.simulation.apartment.made import bent, made
-from edgemap.simulation.render.mesh import Material, Mesh
+from edgemap.simulation.apartment.made import made
+from edgemap.simulation.render.mesh import Mesh
 
 # Least and most depth, width and height, metres.
 SIZES = {
@@ -68,23 +68,3 @@ def test_a_person_sits_looking_along_x():
     for number in range(1, 13):
         points = made(f"chair-{number}").triangles().reshape(-1, 3)
         assert points[points[:, 2] > 0.9 * points[:, 2].max(), 0].max() < 0.05, number
-
-
-def test_a_padded_block_is_as_large_as_asked_and_closed():
-    plain = bent.padded((1.0, 2.0, 3.0), (0.8, 0.6, 0.2), Material(), 0.03, 0.0)
-    points = plain.triangles().reshape(-1, 3)
-    assert np.allclose([points.min(axis=0), points.max(axis=0)], [[0.6, 1.7, 2.9], [1.4, 2.3, 3.1]])
-    assert 0.94 * 0.096 < _volume(plain) < 0.096
-    assert _volume(bent.padded((1.0, 2.0, 3.0), (0.8, 0.6, 0.2), Material(), 0.03, 0.1)) > _volume(plain)
-
-
-def test_bars_boards_sheets_and_rods_hold_what_their_measures_say():
-    wood = Material()
-    assert _volume(bent.beam((0, 0, 0), (0.3, 0, 0.4), (0.02, 0.04), wood)) == pytest.approx(0.5 * 0.02 * 0.04)
-    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) / 2.0
-    assert _volume(bent.board(square, 0.4, 0.43, wood)) == pytest.approx(0.03)
-    y, z = np.meshgrid(np.linspace(0.0, 0.5, 4), np.linspace(0.0, 0.3, 3))
-    assert _volume(bent.sheet(np.stack([0.0 * y, y, z], axis=2), 0.02, wood)) == pytest.approx(0.5 * 0.3 * 0.02)
-    turn = np.linspace(0.0, 2.0 * np.pi, 65)
-    ring = bent.rod(np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1), 0.02, wood, sides=32, closed=True)
-    assert _volume(ring) == pytest.approx(2.0 * np.pi**2 * 0.02**2, rel=0.02)

@@ -10,21 +10,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-from edgemap.simulation.apartment.made.backpacks import backpack
-from edgemap.simulation.apartment.made.basins import basin
-from edgemap.simulation.apartment.made.beds import bed
-from edgemap.simulation.apartment.made.cases import other_luggage
-from edgemap.simulation.apartment.made.couches import armchair, corner_couch, couch
-from edgemap.simulation.apartment.made.luggage import suitcase
-from edgemap.simulation.apartment.made.microwaves import microwave
-from edgemap.simulation.apartment.made.ovens import oven
-from edgemap.simulation.apartment.made.plants import potted_plant, small_plant
-from edgemap.simulation.apartment.made.refrigerators import refrigerator
+from edgemap.simulation.apartment.made.bags.backpacks import backpack
+from edgemap.simulation.apartment.made.bags.cases import other_luggage
+from edgemap.simulation.apartment.made.bags.trolleys import suitcase
+from edgemap.simulation.apartment.made.bathroom.basins import basin
+from edgemap.simulation.apartment.made.bathroom.toilets import toilet
+from edgemap.simulation.apartment.made.beds.beds import bed
+from edgemap.simulation.apartment.made.kitchen.microwaves import microwave
+from edgemap.simulation.apartment.made.kitchen.ovens import oven
+from edgemap.simulation.apartment.made.kitchen.refrigerators import refrigerator
+from edgemap.simulation.apartment.made.plants.plants import potted_plant, small_plant
 from edgemap.simulation.apartment.made.screens import tv
-from edgemap.simulation.apartment.made.seats import chair, office_chair, stool
-from edgemap.simulation.apartment.made.shapes import centred
-from edgemap.simulation.apartment.made.tables import dining_table
-from edgemap.simulation.apartment.made.toilets import toilet
+from edgemap.simulation.apartment.made.seats.chairs import chair
+from edgemap.simulation.apartment.made.seats.couches import armchair, corner_couch, couch
+from edgemap.simulation.apartment.made.seats.office_chairs import office_chair
+from edgemap.simulation.apartment.made.seats.stools import stool
+from edgemap.simulation.apartment.made.shapes.placing import centred
+from edgemap.simulation.apartment.made.tables.dining_tables import dining_table
 from edgemap.simulation.apartment.made.vases import vase
 from edgemap.simulation.render.mesh import Mesh
 

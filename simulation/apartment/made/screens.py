@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from edgemap.simulation.apartment.made.shapes import BLACK, drawn_colour, joined
+from edgemap.simulation.apartment.made.materials.plain import BLACK, drawn_colour
+from edgemap.simulation.apartment.made.shapes.placing import joined
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from edgemap.simulation.apartment.made.shapes import drawn_colour, lathe
+from edgemap.simulation.apartment.made.materials.plain import drawn_colour
+from edgemap.simulation.apartment.made.shapes.lofts import lathe
 from edgemap.simulation.render.mesh import Material, Mesh
 
 
