@@ -9,9 +9,10 @@ import numpy as np
 from edgemap.simulation.apartment.made.materials.cloths import leather, upholstery, woven
 from edgemap.simulation.apartment.made.materials.plain import metal, wood
 from edgemap.simulation.apartment.made.seats import legs
+from edgemap.simulation.apartment.made.seats.plans import plan
 from edgemap.simulation.apartment.made.seats.seat import Seat
 from edgemap.simulation.apartment.made.seats.shells import shell
-from edgemap.simulation.apartment.made.seats.upholstery import plan, row, throw_pillows
+from edgemap.simulation.apartment.made.seats.upholstery import row, throw_pillows
 from edgemap.simulation.apartment.made.shapes.bars import rod
 from edgemap.simulation.apartment.made.shapes.lofts import pad, sheet
 from edgemap.simulation.apartment.made.shapes.outlines import oval
