@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 SURE_SPAN = 0.2  # of scores over which a sighting comes to count fully
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
+CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
 PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, when objects are made
 HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 
@@ -200,11 +201,14 @@ def sightings_of(
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
         along = np.outer(direction, direction)
         guessed = along * shape.along**2 + (np.eye(2) - along) * shape.across**2  # the footprint is not seen
+        middle_m = shape.reach_m(width_m)
+        if cut[at]:  # and with it, often, its nearest corner
+            middle_m = max(middle_m - CUT_SHARE * extent_m(labels[row], width_m), 0.0)
         score = float(detections.scores[row])
         part = low[at] or cut[at] or cover[at] > HIDDEN
         sightings.append(
             Sighting(
-                labels[row], score, foot_m + direction * shape.reach_m(width_m),
+                labels[row], score, foot_m + direction * middle_m,
                 foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
                 int(row), frame, stamp_s, rule.sure(score) * (PART_COUNTS if part else 1.0),
             )
