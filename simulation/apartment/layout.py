@@ -27,7 +27,8 @@ class Layout:
     nowhere; drawn from one generator, so that a seed always furnishes alike."""
 
     def __init__(self, plan: FloorPlan, purpose: Purpose, rng: np.random.Generator) -> None:
-        self.plan, self.purpose, self.rng = plan, purpose, rng
+        self.plan, self.rng = plan, rng
+        self.purpose: Purpose = purpose
         self.placed: list[Placed] = []
         self.boxes, self.floor = Boxes(), Floor(plan)
         self._usual: dict[str, Model] = {}
