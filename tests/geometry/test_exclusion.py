@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.exclusion import OTHER_LABEL, SAME_LABEL, without_overlaps
 from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.shapes import extent_m
+from edgemap.geometry.shapes import extent_m, footprint_m
 
 
 def thing(identity, x_m, y_m=0.0, count=10, confidence=0.9):
@@ -33,8 +33,15 @@ def test_one_thing_called_by_two_names_keeps_the_better_one():
 
 
 def test_a_vase_close_to_a_chair_stays():
-    """A vase takes 0.2 m, half of that is what it needs beside another thing."""
-    assert len(without_overlaps([thing("chair-1", 0.0, count=50), thing("vase-1", 0.11)])) == 2
+    """0.2 and 0.5 m wide, side by side they are 0.35 m apart; less than 0.21 m, and they stand in one another."""
+    assert len(without_overlaps([thing("chair-1", 0.0, count=50), thing("vase-1", 0.22)])) == 2
+    assert len(without_overlaps([thing("chair-1", 0.0, count=50), thing("vase-1", 0.20)])) == 1
+
+
+def test_an_armchair_called_a_couch_too_is_one_thing():
+    """A couch is 0.9 m deep: 0.42 m from its middle is no room for a chair."""
+    kept = without_overlaps([thing("chair-1", 0.0, count=50), thing("couch-1", 0.4, count=30)])
+    assert [item.id for item in kept] == ["chair-1"]
 
 
 def test_what_goes_does_not_take_others_with_it():
@@ -59,8 +66,9 @@ def test_nothing_overlaps_and_everything_dropped_has_a_better_neighbour(rows):
     kept = without_overlaps(objects)
 
     def apart(a, b):
-        extent = min(extent_m(item.label, item.width_m) for item in (a, b))
-        least = (SAME_LABEL if a.label == b.label else OTHER_LABEL) * extent
+        extents = [extent_m(item.label, item.width_m) for item in (a, b)]
+        sides = [min(footprint_m(item.label, item.width_m)) for item in (a, b)]
+        least = SAME_LABEL * min(extents) if a.label == b.label else OTHER_LABEL * sum(sides) / 2
         return np.linalg.norm(a.position_m - b.position_m) >= least - 1e-9
 
     def clear(a, b):
