@@ -20,7 +20,7 @@ from edgemap.runtime.session import Tensors
 
 NAME = "edgemap-nano"
 # The best maps of homes 8101-8106 and, with furniture unseen in training, 9110-9113.
-CONFIDENCE, SURE_CONFIDENCE = 0.6, 0.8
+CONFIDENCE, SURE_CONFIDENCE = 0.6, 0.75
 FEATURES = {"head": 32, "stride32": 32, "stride8": 8, "stride4": 4}  # export's words for a feature, and its stride
 
 
