@@ -89,7 +89,7 @@ def command(
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")
-    from edgemap.export.detector.begin import SCRATCH, begin
+    from edgemap.export.detector.begin import SCRATCH, begin, earlier
     from edgemap.export.detector.blend import choose_blend
     from edgemap.export.detector.checkpoint import load_detector, save_detector
     from edgemap.export.detector.classes import NAMES
@@ -112,7 +112,7 @@ def command(
         threads=threads,
     )
     network = begin(start, NAMES, input, seed)
-    begun = None if weights is None else begin(str(weights), NAMES, input, seed).network
+    begun = None if weights is None else earlier(weights, NAMES).network
     print(f"reading {', '.join(data)} …", flush=True)
     examples = load_examples(data, NAMES, input)
     held_back = load_examples(validation, NAMES, input, validate_pictures)

@@ -131,8 +131,8 @@ class FloorRule:
 def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
     """Which boxes stand on the floor, (N,): lower edge below the horizon row h_t, not cut by the lower border,
     a label that is mapped, and no tabletop object that is seen standing on furniture (paper, section 3.5)."""
-    feet = feet_px(detections)
-    return camera.below_horizon(feet) & ~_feet_cut(detections.boxes, camera, rule) & _allowed(detections, rule)
+    whole = ~_feet_cut(detections.boxes, camera, rule)
+    return camera.below_horizon(feet_px(detections)) & whole & _allowed(detections, rule)
 
 
 def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
@@ -161,11 +161,12 @@ def sightings_of(
     lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
     stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
     """
-    low = _feet_cut(detections.boxes, camera, rule)
-    rows = np.flatnonzero(camera.below_horizon(feet_px(detections)) & _allowed(detections, rule))
+    feet = feet_px(detections)
+    rows = np.flatnonzero(camera.below_horizon(feet) & _allowed(detections, rule))
     if len(rows) == 0:
         return []
-    boxes, feet, low = detections.boxes[rows], feet_px(detections)[rows], low[rows]
+    boxes, feet = detections.boxes[rows], feet[rows]
+    low = _feet_cut(boxes, camera, rule)
     px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
     widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
     labels = detections.labels

@@ -19,7 +19,7 @@ from edgemap.runtime.bundle import sha256_file
 from edgemap.runtime.session import Tensors
 
 NAME = "edgemap-nano"
-# The best maps of homes 8101-8106 and, with furniture unseen in training, 9110-9113.
+# The best maps of homes 8101-8106 and, with furniture unseen in training, 9110-9113, 9120-9122 and the demo.
 CONFIDENCE, SURE_CONFIDENCE = 0.6, 0.75
 FEATURES = {"head": 32, "stride32": 32, "stride8": 8, "stride4": 4}  # export's words for a feature, and its stride
 

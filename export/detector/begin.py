@@ -28,10 +28,8 @@ def begin(start: str, names: tuple[str, ...], size: int, seed: int) -> DetectorC
     if start == SCRATCH:
         return DetectorCheckpoint(Nano(len(names)), names, size, SCRATCH, LICENCE, ("trained from random weights",))
     if start.endswith(".pt"):
-        earlier = load_detector(Path(start))
-        if earlier.names != names:
-            raise ExportError(f"{start}: knows {len(earlier.names)} classes ({', '.join(earlier.names)}), not these")
-        return DetectorCheckpoint(earlier.network, names, size, start, earlier.licence, earlier.sources)
+        begun = earlier(Path(start), names)
+        return DetectorCheckpoint(begun.network, names, size, start, begun.licence, begun.sources)
     if start == KNOWN_START:
         path, sources = obtain(KNOWN[KNOWN_START])
     elif start.endswith(".onnx"):
@@ -43,3 +41,11 @@ def begin(start: str, names: tuple[str, ...], size: int, seed: int) -> DetectorC
     network = Nano(len(names), norm=False)
     load_yolox(network, path, names)
     return DetectorCheckpoint(network, names, size, KNOWN_START, START_LICENCE, sources)
+
+
+def earlier(path: Path, names: tuple[str, ...]) -> DetectorCheckpoint:
+    """A checkpoint to go on from. Raises ExportError where it is none, or knows other classes."""
+    checkpoint = load_detector(path)
+    if checkpoint.names != names:
+        raise ExportError(f"{path}: knows {len(checkpoint.names)} classes ({', '.join(checkpoint.names)}), not these")
+    return checkpoint

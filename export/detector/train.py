@@ -79,8 +79,10 @@ class Trainer(Training):
         super().__init__(folder, settings.validate_minutes, settings.threads)
         self.start, self.settings = start, settings
         self.train, self.validation = train, validation
-        network = copy.deepcopy(begun or start.network)
-        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        for network in (start.network, begun):
+            if network is not None:
+                network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = copy.deepcopy(begun or start.network)
         for part in settings.frozen:
             self.network.get_submodule(part).requires_grad_(False)
         self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]

@@ -147,18 +147,18 @@ def catalogue() -> dict[str, Model]:
 
 def model_of(key: str) -> Model:
     """A model of the libraries or of our own. Raises SimulationError for an unknown key."""
-    library, _, name = key.partition("/")
-    if library == LIBRARY:
-        return _made_model(name)
+    if key.startswith(f"{LIBRARY}/"):
+        return _made_model(key)
     if key not in catalogue():
         raise SimulationError(f"no furniture model {key!r} in {LIBRARIES}")
     return catalogue()[key]
 
 
 @lru_cache(maxsize=4096)
-def _made_model(name: str) -> Model:
+def _made_model(key: str) -> Model:
+    depth, width, height = (float(side) for side in np.ptp(load(key).triangles().reshape(-1, 3), axis=0))
+    name = key.partition("/")[2]
     kind, _, number = name.rpartition("-")
-    depth, width, height = (float(side) for side in np.ptp(made(name).triangles().reshape(-1, 3), axis=0))
     top = height if kind in FLAT_TOPS else 0.0
     return Model(LIBRARY, f"{kind} {number}", "edgemap", name, width, depth, height, top_m=top)
 
@@ -185,9 +185,9 @@ def load(key: str) -> Mesh:
     Metres, REP-103 (x out of its front, y left, z up), origin on the floor at the box's centre.
     Raises SimulationError for an unknown key.
     """
+    if key.startswith(f"{LIBRARY}/"):
+        return made(key.partition("/")[2])
     model = model_of(key)
-    if model.library == LIBRARY:
-        return made(model.path)
     size = (model.width_m, model.height_m, model.depth_m)
 
     def read() -> Mesh:

@@ -62,6 +62,7 @@ def test_train_export_and_eval(edgemap, squares, tmp_path):
         (("--minutes", "0"), "--minutes 0.0: must be above 0"),
         (("--start", "resnet"), "--start resnet: expected yolox-nano"),
         (("--start", "none", "--resume"), "last.pt: no such checkpoint"),
+        (("--start", "none", "--weights", "none.pt"), "none.pt: no such checkpoint"),
     ],
 )
 def test_mistakes_are_one_line(edgemap_here, squares, tmp_path, flags, message):

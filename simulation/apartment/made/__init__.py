@@ -28,6 +28,7 @@ from edgemap.simulation.apartment.made.seats.stools import stool
 from edgemap.simulation.apartment.made.shapes.placing import centred
 from edgemap.simulation.apartment.made.tables.dining_tables import dining_table
 from edgemap.simulation.apartment.made.vases import vase
+from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Mesh
 
 LIBRARY = "edgemap"
@@ -54,8 +55,8 @@ MAKERS: dict[str, Callable[[np.random.Generator], Mesh]] = {
     "vase": vase,
 }
 
-# Kinds of which another maker draws the numbers above one: those that homes already show stay as they are.
-_LATER: dict[str, tuple[int, Callable[[np.random.Generator], Mesh]]] = {"suitcase": (18, other_luggage)}
+# Suitcases above this number are other luggage than trolleys, of which validation and test homes show the first ten.
+_TROLLEYS = 18
 
 # Kinds whose top other things stand on.
 FLAT_TOPS = {"dining table"}
@@ -64,9 +65,11 @@ FLAT_TOPS = {"dining table"}
 def made(name: str) -> Mesh:
     """`KIND-NUMBER` in metres, x out of its front, y left, z up, origin on the floor at its box's centre.
 
-    The number draws proportions, build and colours.
+    The number draws proportions, build and colours. Raises SimulationError for a name of no such kind or number.
     """
-    kind, _, number = name.rpartition("-")
-    last, later = _LATER.get(kind, (int(number), MAKERS[kind]))
-    maker = MAKERS[kind] if int(number) <= last else later
-    return centred(maker(np.random.default_rng([sum(map(ord, kind)), int(number)])))
+    kind, _, digits = name.rpartition("-")
+    if kind not in MAKERS or not digits.isdecimal():
+        raise SimulationError(f"no furniture model {LIBRARY}/{name}: expected KIND-NUMBER, of {', '.join(MAKERS)}")
+    number = int(digits)
+    maker = other_luggage if kind == "suitcase" and number > _TROLLEYS else MAKERS[kind]
+    return centred(maker(np.random.default_rng([sum(map(ord, kind)), number])))

@@ -46,15 +46,7 @@ def _soft_trolley(rng: np.random.Generator) -> Mesh:
         for at_y in (-y + 0.045, y - 0.045):
             meshes.append(tube((at_x, at_y - 0.014, 0.024), (at_x, at_y + 0.014, 0.024), 0.024, BLACK))
             meshes.append(block(at_x, at_y, 0.024, 0.035, 0.034, max(foot - 0.01, 0.01), BLACK))
-    meshes.append(
-        rod(
-            arc((0.0, -0.08, top - 0.006), (0.0, 0.08, top - 0.006), (0, 0, 0.035)),
-            0.014,
-            trim,
-            0.006 / 0.014,
-            across=(1.0, 0.0, 0.0),
-        )
-    )
+    meshes.append(_grip(top - 0.006, 0.08, 0.035, (0.014, 0.006), trim))
     if rng.random() < 0.45:
         up, back = top + float(rng.uniform(0.2, 0.4)), -x + 0.03
         meshes += [tube((back, s, top - 0.03), (back, s, up), 0.008, STEEL) for s in (-0.1, 0.1)]
@@ -140,18 +132,17 @@ def _case(rng: np.random.Generator, size: tuple[float, float, float], shell: Mat
     meshes = [rounded((-x, -y, 0.0), (x, y, height), shell, radius, float(rng.uniform(0.006, 0.02)), axis=0)]
     meshes.append(rounded((-0.006, -y - 0.003, 0.0), (0.006, y + 0.003, height + 0.003), metal, radius, 0.002, axis=0))
     grip = BLACK if rng.random() < 0.5 else shell
-    meshes.append(
-        rod(
-            arc((0, -0.07, height - 0.004), (0, 0.07, height - 0.004), (0, 0, 0.05)),
-            0.012,
-            grip,
-            0.008 / 0.012,
-            across=(1.0, 0.0, 0.0),
-        )
-    )
+    meshes.append(_grip(height - 0.004, 0.07, 0.05, (0.012, 0.008), grip))
     for at_y in (-width * 0.3, width * 0.3):
         meshes.append(block(0.0, at_y, height - 0.001, 0.05, 0.045, 0.009, metal))
     return meshes
+
+
+def _grip(z: float, half: float, rise: float, size: tuple[float, float], material: Material) -> Mesh:
+    """A bow on top, along y from -half to half, as high as it rises; size: half its width and half its thickness."""
+    wide, thin = size
+    bow = arc((0.0, -half, z), (0.0, half, z), (0.0, 0.0, rise))
+    return rod(bow, wide, material, thin / wide, across=(1.0, 0.0, 0.0))
 
 
 def _briefcase(rng: np.random.Generator) -> Mesh:
