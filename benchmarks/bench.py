@@ -63,7 +63,7 @@ def measure(pipeline: Pipeline, ring: Ring, seconds: float) -> dict[str, Any]:
         before = time.perf_counter()
         result = pipeline.step(next(frames))
         totals.append((time.perf_counter() - before) * 1e3)
-        for stage, lap_ms in result.laps_ms.items():
+        for stage, lap_ms in result.stages_ms.items():
             stages.setdefault(stage, []).append(lap_ms)
     wall = time.perf_counter() - start
     return {

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.forgetting import Forgetter
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.forgetting import Forgetter
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.session import Bundle
+from edgemap.runtime.bundle import Bundle
 
 NEAR_M = 0.5  # a mapped object within this of a true one of its label is that one
 LOOKS = 10  # clear looks after which what is gone must have left the map
@@ -96,7 +96,7 @@ def _map_of(
     folder: Path, bundle: Bundle, saved: Sequence[MapObject], start: SE2
 ) -> tuple[list[MapObject], dict[str, int], dict[str, int]]:
     """The map after a drive with true poses; clear looks until each object left, and of each object."""
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.drive_camera import drive_camera
     from edgemap.runtime.drives import open_drive
     from edgemap.runtime.odometry import open_odometry
@@ -130,7 +130,7 @@ def _render(seed: int, moved: int, frames: int, folder: Path) -> None:
 
 def main() -> None:
     """Command line of the measurement."""
-    from edgemap.runtime.session import load_bundle
+    from edgemap.runtime.bundle import load_bundle
 
     parser = argparse.ArgumentParser(prog="python -m edgemap.benchmarks.forgetting", description="How maps forget.")
     parser.add_argument("--seeds", required=True, metavar="A:B", help="from A up to, not including, B")

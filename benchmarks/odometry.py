@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
 from edgemap.evaluation.planar_fit import planar_fit
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives import READERS, open_drive
 from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.follow import FeatureSource, Followed, follow
 from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.session import Bundle
+from edgemap.runtime.odometry_replay import FeatureSource, Followed, follow
 
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 

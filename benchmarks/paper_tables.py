@@ -22,13 +22,13 @@ from edgemap.benchmarks.paper_page import page
 from edgemap.evaluation.counts import Counts, count_detections
 from edgemap.evaluation.detection import ScoredPicture
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.bundle import Bundle, default_threads, load_bundle
 from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.detector import Detector
 from edgemap.runtime.drives import READERS, open_drive
 from edgemap.runtime.drives.labelled import LabelledPictures
 from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.session import Bundle, default_threads, load_bundle
 from edgemap.runtime.store import bundle_folder
 
 COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper

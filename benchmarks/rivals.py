@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.bundle import Detector
+from edgemap.runtime.bundle import Bundle, Tensors
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import MissingExtraError
+from edgemap.runtime.manifest import Detector
 from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.session import Bundle, Tensors
 
 Infer = Callable[[NDArray[np.float32]], Tensors]
 

@@ -76,7 +76,7 @@ def view_cost(pipeline: Pipeline, ring: Ring, rounds: int, rate_hz: float | None
 
 def _block(pipeline: Pipeline, frames: Iterator[Frame], page: LivePage | None, rate_hz: float | None) -> float:
     """Mean milliseconds of a step and its `write`, waiting for the next frame's time not counted."""
-    laps_ms, next_s = [], time.perf_counter()
+    stages_ms, next_s = [], time.perf_counter()
     for step in range(SETTLE + STEPS):
         if rate_hz is not None:
             time.sleep(max(0.0, next_s - time.perf_counter()))
@@ -87,8 +87,8 @@ def _block(pipeline: Pipeline, frames: Iterator[Frame], page: LivePage | None, r
         if page is not None:
             page.write(result, objects)
         if step >= SETTLE:
-            laps_ms.append(1e3 * (time.perf_counter() - began_s))
-    return float(np.mean(laps_ms))
+            stages_ms.append(1e3 * (time.perf_counter() - began_s))
+    return float(np.mean(stages_ms))
 
 
 def look(port: int) -> None:
@@ -129,11 +129,11 @@ def main() -> None:
     if given.look_at is not None:
         look(given.look_at)
         return
-    from edgemap.geometry.default_map import FloorMap
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.objects.floor_map import FloorMap
+    from edgemap.runtime.bundle import default_threads, load_bundle
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.odometry.planar import PlanarOdometry
-    from edgemap.runtime.session import default_threads, load_bundle
     from edgemap.runtime.store import bundle_folder
 
     bundle = load_bundle(bundle_folder(given.bundle), default_threads())

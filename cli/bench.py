@@ -48,8 +48,8 @@ def command(
     import psutil
 
     from edgemap.benchmarks.bench import compare, measure, read_ring
-    from edgemap.geometry.default_map import FloorMap
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.objects.floor_map import FloorMap
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.odometry import open_odometry

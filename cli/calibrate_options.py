@@ -11,8 +11,8 @@ import tyro
 from edgemap.cli.options import OptionError, read_intrinsics
 
 if TYPE_CHECKING:
-    from edgemap.geometry.intrinsics import Intrinsics
-    from edgemap.geometry.mount import Mount
+    from edgemap.geometry.camera.intrinsics import Intrinsics
+    from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.calibration.board import Board, View
     from edgemap.runtime.cameras.protocol import Camera
 

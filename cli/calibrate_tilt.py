@@ -31,7 +31,7 @@ def command(
     """
     from dataclasses import replace
 
-    from edgemap.geometry.mount import Mount
+    from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.calibration.board import frames_of
     from edgemap.runtime.calibration.segments import find_segments
     from edgemap.runtime.calibration.tilt import fit_tilt

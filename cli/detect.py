@@ -25,9 +25,9 @@ from edgemap.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from edgemap.geometry.detections import Detections
-    from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.sighting import FloorRule, Sighting
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.observations.detections import Detections
+    from edgemap.geometry.observations.sighting import FloorRule, Sighting
 
 
 def command(
@@ -55,7 +55,7 @@ def command(
     --intrinsics or a camera file the lens is taken for one of 60 degrees across, and the output says so.
     """
     from edgemap.cli.options import OptionError
-    from edgemap.geometry.sighting import sightings_of
+    from edgemap.geometry.observations.sighting import sightings_of
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.drives.pictures import read_picture
@@ -92,7 +92,7 @@ def command(
 
 def _every_floor_box() -> FloorRule:
     """People and pets too, and however far: only maps are choosy."""
-    from edgemap.geometry.sighting import FloorRule
+    from edgemap.geometry.observations.sighting import FloorRule
 
     return FloorRule(max_sigma_m=inf, max_distance_m=inf)
 
@@ -101,7 +101,7 @@ def _found(
     detections: Detections, sightings: list[Sighting], camera: FloorCamera | None, guessed: bool
 ) -> dict[str, Any]:
     """The boxes of one picture as JSON, with places where a mount is known. sigma_m: one standard deviation."""
-    from edgemap.geometry.sighting import on_floor
+    from edgemap.geometry.observations.sighting import on_floor
 
     document: dict[str, Any] = {"detections": []}
     standing = on_floor(detections, camera, _every_floor_box()) if camera else []
@@ -129,8 +129,8 @@ def _found(
 
 def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | None, camera_file: Path | None):
     """The picture's FloorCamera where a mount is known, and whether its lens is a guess."""
-    from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.intrinsics import Intrinsics
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
 
     lens, seat = None, None

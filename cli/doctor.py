@@ -143,7 +143,7 @@ def _realsense() -> Iterator[Finding]:
 
 def _bundle(name: str) -> Finding:
     from edgemap.cli.export import variant_line
-    from edgemap.runtime.session import load_bundle
+    from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.store import bundle_folder
 
     try:
@@ -180,7 +180,7 @@ def _camera(
     from math import degrees
 
     from edgemap.cli.options import lens_and_mount, open_described
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
 
     try:
         with open_described(spec, camera_file) as source:

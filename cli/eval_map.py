@@ -26,9 +26,9 @@ from edgemap.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor_map import MapObject
+    from edgemap.geometry.objects.map_object import MapObject
+    from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.drives import Drive
-    from edgemap.runtime.session import Bundle
 
 
 def command(
@@ -120,7 +120,7 @@ def _map_of(
     drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float | None, frames: int, correct: bool
 ) -> list[MapObject]:
     """The map that a pipeline makes of the drive's first frames, without a run folder."""
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.drive_camera import drive_camera
     from edgemap.runtime.loop import run
     from edgemap.runtime.odometry import open_odometry
@@ -129,8 +129,8 @@ def _map_of(
     with drive_camera(drive, str(drive.folder)) as source:
         floor = FloorCamera(*lens_and_mount(source, None, None))
         motion = open_odometry(odometry, loaded, source, floor)
-        corrector = new_corrector(correct, odometry, clustering)
-        pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence, corrector=corrector)
+        loop_closer = new_corrector(correct, odometry, clustering)
+        pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence, loop_closer=loop_closer)
         run(source, pipeline, [], frames)
     return pipeline.objects()
 

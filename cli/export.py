@@ -79,7 +79,7 @@ def command(
     from edgemap.export.detector.checkpoint import is_detector
     from edgemap.export.exporter import export_backbone
     from edgemap.export.odometry.checkpoint import load_head
-    from edgemap.runtime.bundle import read_manifest
+    from edgemap.runtime.manifest import read_manifest
 
     if int8 and calibrate is None:
         raise UsageError("--int8 needs pictures: --calibrate DIR")
@@ -110,7 +110,7 @@ def command(
 
 def describe(folder: Path, manifest: object) -> None:
     """Say what a bundle holds and how near its source it is."""
-    from edgemap.runtime.bundle import Manifest
+    from edgemap.runtime.manifest import Manifest
 
     assert isinstance(manifest, Manifest)
     size = manifest.detector.input

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from edgemap.runtime.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.session import Bundle
     from edgemap.runtime.sinks.protocol import Sink
     from edgemap.view.pause import Pause
 
@@ -90,7 +90,7 @@ def live_page(
 
 def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
     """What the page says of the run, and needs to know of the camera to draw."""
-    from edgemap.geometry.floor_map import CHI2_95
+    from edgemap.geometry.objects.map_object import CHI2_95
     from edgemap.runtime.colours import label_colour
 
     lens, seat = floor.intrinsics, floor.mount

@@ -12,7 +12,7 @@ import tyro
 from edgemap.cli.options import Json, OptionError, numbers
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor_map import MapObject
+    from edgemap.geometry.objects.map_object import MapObject
     from edgemap.plots.floor_map import SeenAt
     from edgemap.runtime.trajectory import Trajectory
 
@@ -46,7 +46,7 @@ def command(
     With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
     given: the centres of the objects asked for.
     """
-    from edgemap.geometry.floor_map import load_map
+    from edgemap.geometry.objects.map_object import load_map
 
     if not maps:
         raise OptionError("no map given")
@@ -101,7 +101,7 @@ class _Question:
 
     def answer(self, objects: list[MapObject]) -> Answers:
         """The objects asked for, with their distance in metres where a point is given."""
-        from edgemap.geometry import queries
+        from edgemap.geometry.objects import queries
 
         if self.labels is not None:
             objects = queries.labelled(objects, *self.labels)
@@ -126,7 +126,7 @@ def _print_json(path: Path, answers: Answers) -> None:
     """One document like map.json, with `distance_m` where a point was given."""
     import json
 
-    from edgemap.geometry.floor_map import map_document
+    from edgemap.geometry.objects.map_object import map_document
 
     document = map_document([item for item, _ in answers])
     for record, (_, distance_m) in zip(document["objects"], answers, strict=True):

@@ -11,13 +11,13 @@ import tyro
 from edgemap.geometry.errors import EdgemapError
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor_map import ObjectMap
-    from edgemap.geometry.intrinsics import Intrinsics
-    from edgemap.geometry.mount import Mount
+    from edgemap.geometry.camera.intrinsics import Intrinsics
+    from edgemap.geometry.camera.mount import Mount
+    from edgemap.geometry.objects.map_object import ObjectMap
+    from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.correction import NeverCorrects
+    from edgemap.runtime.loop_closing import NoLoopClosure
     from edgemap.runtime.precision import Precision
-    from edgemap.runtime.session import Bundle
 
 DEFAULT_BUNDLE = "edgemap-nano"
 HIGHEST_M = 100.0
@@ -134,7 +134,7 @@ def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
     """`--mount HEIGHT_M,PITCH_DEG` over what is known already: roll and lever arm stay as they are."""
     from dataclasses import replace
 
-    from edgemap.geometry.mount import Mount
+    from edgemap.geometry.camera.mount import Mount
 
     if text is None:
         return known
@@ -148,7 +148,7 @@ def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
 
 def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | None:
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
-    from edgemap.geometry.intrinsics import Intrinsics
+    from edgemap.geometry.camera.intrinsics import Intrinsics
 
     if text is None:
         return None
@@ -161,7 +161,7 @@ def find_bundle(name: str, threads: int | None, precision: Precision = "float32"
     at_least(1, threads=threads)
     if threads is not None and threads > MOST_THREADS:
         raise OptionError(f"--threads {threads}: at most {MOST_THREADS}")
-    from edgemap.runtime.session import default_threads, load_bundle
+    from edgemap.runtime.bundle import default_threads, load_bundle
     from edgemap.runtime.store import bundle_folder
 
     folder = bundle_folder(name)
@@ -174,18 +174,18 @@ def find_bundle(name: str, threads: int | None, precision: Precision = "float32"
 
 def new_map(clustering: str) -> ObjectMap:
     """An empty map of the kind that `--clustering` names."""
-    from edgemap.geometry.default_map import FloorMap
-    from edgemap.geometry.paper_map import PaperMap
+    from edgemap.geometry.objects.floor_map import FloorMap
+    from edgemap.geometry.paper.paper_map import PaperMap
 
     return PaperMap() if clustering == "paper" else FloorMap()
 
 
-def new_corrector(wanted: bool, odometry: str, clustering: str) -> NeverCorrects:
+def new_corrector(wanted: bool, odometry: str, clustering: str) -> NoLoopClosure:
     """What puts the pose right: nothing where it is given, or where the map cannot move."""
-    from edgemap.runtime.correction import Corrector, NeverCorrects
+    from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
 
     given = odometry == "truth" or odometry.endswith(".tum")
-    return Corrector() if wanted and not given and clustering != "paper" else NeverCorrects()
+    return LoopCloser() if wanted and not given and clustering != "paper" else NoLoopClosure()
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:

@@ -55,8 +55,8 @@ def pull_known(name: str, given: str | None = None) -> Path:
     """
     from edgemap.cli.extras import need_export
     from edgemap.export.sources import KNOWN
-    from edgemap.runtime.bundle import read_manifest, verified_file
     from edgemap.runtime.errors import BundleError
+    from edgemap.runtime.manifest import read_manifest, verified_file
     from edgemap.runtime.store import cache_folder, shipped_heads
 
     if name not in KNOWN:

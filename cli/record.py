@@ -19,7 +19,7 @@ from edgemap.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.sinks.recording import RecordingSink
     from edgemap.runtime.trajectory import Trajectory

@@ -32,8 +32,8 @@ from edgemap.cli.options import (
 from edgemap.cli.saved_map import Forget, SavedMap, StartText, forgetter_of, in_saved_map, where_it_was
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor_map import MapObject
-    from edgemap.geometry.verdict import Verdict
+    from edgemap.geometry.objects.evaluation_row import EvaluationRow
+    from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.pipeline import StepResult
 
@@ -98,9 +98,9 @@ def command(
     from edgemap.cli.live_page import live_page
     from edgemap.cli.record import check_name, recording_sinks
     from edgemap.cli.truth import judge_of
+    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.sighting import FloorRule
+    from edgemap.geometry.observations.sighting import FloorRule
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.odometry import open_odometry
@@ -118,17 +118,17 @@ def command(
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
-        rule = FloorRule(mapped=mapped, sure_score=loaded.sure_score(confidence))
+        rule = FloorRule(mapped=mapped, full_weight_score=loaded.full_weight_score(confidence))
         forgetter = forgetter_of(forget, saved, clustering, floor)
-        corrector = new_corrector(correct, odometry, clustering)
+        loop_closer = new_corrector(correct, odometry, clustering)
         pipeline = Pipeline(
             loaded, floor, motion, new_map(clustering), rule=rule, confidence=least, forgetter=forgetter,
-            corrector=corrector,
+            loop_closer=loop_closer,
         )  # fmt: skip
         steps = in_saved_map(pipeline, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
-        record |= {"correct": corrector.corrects, "trajectory": "as known at the end"}
+        record |= {"correct": loop_closer.corrects, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
@@ -146,7 +146,7 @@ def command(
                     so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
                     raise type(error)(f"{error}; {so_far}") from None
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
-            _summary(done, latest, stop.is_set(), report.verdicts)
+            _summary(done, latest, stop.is_set(), report.evaluation_rows)
             if line := where_it_was(steps, saved):
                 print(line)
             print(report.failure or f"see it:  {report.path}")
@@ -177,12 +177,12 @@ class _Latest:
         """Nothing to close."""
 
 
-def _summary(done: int, latest: _Latest, stopped: bool, verdicts: list[Verdict]) -> None:
+def _summary(done: int, latest: _Latest, stopped: bool, evaluation_rows: list[EvaluationRow]) -> None:
     from edgemap.cli.truth import object_lines
 
     end = "stopped" if stopped else "done"
     way = f"{end} after {done} frames, {latest.way_m:.1f} m of way"
-    print("\n".join([way, *object_lines(latest.objects, verdicts)]))
+    print("\n".join([way, *object_lines(latest.objects, evaluation_rows)]))
 
 
 def _record(

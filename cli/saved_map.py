@@ -10,8 +10,8 @@ import tyro
 from edgemap.cli.options import OptionError, numbers
 
 if TYPE_CHECKING:
-    from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.forgetting import Forgetter, NeverForgets
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
     from edgemap.runtime.loop import Steps
     from edgemap.runtime.pipeline import Pipeline
 
@@ -41,22 +41,22 @@ Forget = Annotated[
 ]
 
 
-def forgetter_of(forget: str, saved: Path | None, clustering: str, floor: FloorCamera) -> Forgetter | NeverForgets:
+def forgetter_of(forget: str, saved: Path | None, clustering: str, floor: FloorCamera) -> Forgetter | NoForgetting:
     """What the run weighs negative evidence with. Raises OptionError for a map that cannot forget."""
-    from edgemap.geometry.forgetting import Forgetter, NeverForgets
+    from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
 
     if forget == "on" and clustering == "paper":
         raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
-    return Forgetter(floor) if forget == "on" or (forget == "auto" and saved is not None) else NeverForgets()
+    return Forgetter(floor) if forget == "on" or (forget == "auto" and saved is not None) else NoForgetting()
 
 
 def in_saved_map(pipeline: Pipeline, saved: Path | None, start: str | None, clustering: str) -> Steps:
     """The pipeline as it is without a saved map; else one that goes on with it. Raises OptionError or MapError."""
     from math import radians
 
-    from edgemap.geometry.floor_map import load_map
+    from edgemap.geometry.objects.map_object import load_map
     from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.relocation import Relocator, start_in
+    from edgemap.runtime.relocalisation import Relocaliser, start_in
 
     if saved is None:
         if start is not None:
@@ -66,7 +66,7 @@ def in_saved_map(pipeline: Pipeline, saved: Path | None, start: str | None, clus
         raise OptionError("--map goes on by association: the paper's clustering needs every sighting, not their map")
     objects = load_map(saved)
     if start is None:
-        return Relocator(pipeline, objects)
+        return Relocaliser(pipeline, objects)
     x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
     return start_in(pipeline, objects, SE2(x_m, y_m, radians(yaw_deg)))
 
@@ -75,9 +75,9 @@ def where_it_was(steps: Steps, saved: Path | None) -> str | None:
     """How the search for the robot's place in the saved map ended, in one line; None where there was none."""
     from math import degrees
 
-    from edgemap.runtime.relocation import Relocator
+    from edgemap.runtime.relocalisation import Relocaliser
 
-    if not isinstance(steps, Relocator):
+    if not isinstance(steps, Relocaliser):
         return None
     if steps.alignment is None:
         return f"not found in {saved}, so this map stands alone in its own frame: {steps.reason}"

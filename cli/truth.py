@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from edgemap.evaluation.objects import TrueObject
-    from edgemap.geometry.floor_map import MapObject
-    from edgemap.geometry.verdict import Verdict
+    from edgemap.geometry.objects.evaluation_row import EvaluationRow
+    from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.drives import Drive
 
@@ -42,12 +42,12 @@ def _true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = Non
 
 def judge_of(
     spec: str, camera: Camera, labels: Collection[str] | None
-) -> Callable[[list[MapObject], int], list[Verdict]] | None:
+) -> Callable[[list[MapObject], int], list[EvaluationRow]] | None:
     """A function from a map and the number of frames driven to verdicts; None where the source knows no objects.
 
     labels: those that were to be mapped, None for all; others are not asked for.
     """
-    from edgemap.evaluation.verdicts import verdicts
+    from edgemap.evaluation.rows import evaluation_rows
     from edgemap.runtime.cameras.open import DEMO
     from edgemap.runtime.drives import open_drive
 
@@ -56,20 +56,20 @@ def judge_of(
     if camera.object_records() is None and (drive is None or not drive.objects or camera.truth is None):
         return None
 
-    def judge(objects: list[MapObject], frames: int) -> list[Verdict]:
+    def judge(objects: list[MapObject], frames: int) -> list[EvaluationRow]:
         truth = true_objects(drive, frames) if drive else _shown(camera)
-        return verdicts(objects, [item for item in truth if labels is None or item.label in labels])
+        return evaluation_rows(objects, [item for item in truth if labels is None or item.label in labels])
 
     return judge
 
 
-def object_lines(objects: Sequence[MapObject], verdicts: Sequence[Verdict]) -> list[str]:
+def object_lines(objects: Sequence[MapObject], evaluation_rows: Sequence[EvaluationRow]) -> list[str]:
     """The map for a terminal, an object a line; where the truth is known also what it says, and what is missing."""
     import numpy as np
 
-    from edgemap.geometry.verdict import tally
+    from edgemap.geometry.objects.evaluation_row import tally
 
-    verdict_of = {row.object_id: row for row in verdicts if row.object_id}
+    verdict_of = {row.object_id: row for row in evaluation_rows if row.object_id}
     lines = []
     for item in objects:
         x_m, y_m = item.position_m
@@ -78,11 +78,11 @@ def object_lines(objects: Sequence[MapObject], verdicts: Sequence[Verdict]) -> l
         told += f", {row.error_m:.2f} m off" if row and row.error_m is not None else ""
         seen = f"seen {item.count:4d} times  conf {item.confidence:.2f}"
         lines.append(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  {seen}{told}")
-    for row in verdicts:
+    for row in evaluation_rows:
         if row.state == "missed" and row.true_m:
             lines.append(f"  {row.label:<20} x {row.true_m[0]:6.2f} m  y {row.true_m[1]:6.2f} m  {'':<26}missed")
-    if verdicts:
-        errors = [row.error_m for row in verdicts if row.state == "found" and row.error_m is not None]
+    if evaluation_rows:
+        errors = [row.error_m for row in evaluation_rows if row.state == "found" and row.error_m is not None]
         median = f"; median error {np.median(errors):.2f} m" if errors else ""
-        lines.append(f"against the truth: {tally(list(verdicts))}{median}")
+        lines.append(f"against the truth: {tally(list(evaluation_rows))}{median}")
     return lines

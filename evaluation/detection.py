@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.detections import Detections
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.observations.detections import Detections
 
 
 class EvaluationError(EdgemapError):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 
 LEAST_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 

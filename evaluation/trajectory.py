@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.planar import fit_se2
+from edgemap.geometry.odometry.planar import fit_se2
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 Array = NDArray[np.float64]

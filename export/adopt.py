@@ -12,7 +12,7 @@ from onnx import ModelProto, version_converter
 from edgemap.export.coco import class_entries
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
-from edgemap.runtime.bundle import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.manifest import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
 
 YOLOX_STRIDES = (8, 16, 32)
 # Nodes that only rearrange, or that stand inside a convolution-activation pair: no features of their own.

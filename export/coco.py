@@ -1,7 +1,7 @@
 """COCO's 80 classes as a bundle lists them: which of them can stand on a map of the floor."""
 
-from edgemap.runtime.bundle import ClassEntry
 from edgemap.runtime.drives.coco import COCO_NAMES
+from edgemap.runtime.manifest import ClassEntry
 
 # They walk away.
 LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})

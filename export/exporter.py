@@ -17,9 +17,9 @@ from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import head_to_onnx, seal
-from edgemap.geometry.flow_cells import CHANNELS
-from edgemap.runtime.bundle import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
-from edgemap.runtime.session import Bundle
+from edgemap.geometry.odometry.flow_cells import CHANNELS
+from edgemap.runtime.bundle import Bundle
+from edgemap.runtime.manifest import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
 from edgemap.runtime.store import bundle_folder
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from edgemap.export.package_index import fetch_member
 from edgemap.export.sources import KnownModel, Web
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.bundle import sha256_file
 from edgemap.runtime.download import DownloadError, download, is_url
+from edgemap.runtime.manifest import sha256_file
 from edgemap.runtime.store import downloads_folder
 
 

@@ -13,12 +13,12 @@ from torch import Tensor
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.flow_cells import Grid, flow_cells
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
-from edgemap.runtime.bundle import OdometryHead, Parity
-from edgemap.runtime.session import Bundle, Network, Tensors, session_options
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.odometry.flow_cells import Grid, flow_cells
+from edgemap.runtime.bundle import Bundle, Network, Tensors, session_options
+from edgemap.runtime.manifest import OdometryHead, Parity
 
 STEPS = 8
 CASES = 2

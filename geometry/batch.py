@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from edgemap.geometry.association import AssociationRule, Estimate, Places, agglomerated
-from edgemap.geometry.evidence import Evidence, Key, keys_of
-from edgemap.geometry.exclusion import without_overlaps
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.sighting import PlacedSighting
+from edgemap.geometry.objects.association import AssociationRule, Estimate, Positions, agglomerated
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.observation_pool import Key, ObservationPool, keys_of
+from edgemap.geometry.objects.overlap_suppression import without_overlaps
+from edgemap.geometry.observations.sighting import PlacedSighting
 
 
 def batch_objects(frames: Iterable[Sequence[PlacedSighting]], rule: AssociationRule | None = None) -> list[MapObject]:
@@ -20,13 +20,13 @@ def batch_objects(frames: Iterable[Sequence[PlacedSighting]], rule: AssociationR
     Ids count the objects of each label by first sighting.
     """
     rule = rule or AssociationRule()
-    pools: dict[str, dict[Key, Evidence]] = {}
+    pools: dict[str, dict[Key, ObservationPool]] = {}
     for number, frame in enumerate(frames, start=1):
         for label in {placed.label for placed in frame}:
             of_label = [placed for placed in frame if placed.label == label]
             known, keys = pools.setdefault(label, {}), keys_of(of_label)
             for key, placed in zip(keys, of_label, strict=True):
-                pool = known.setdefault(key, Evidence(key, placed.sighting.extent_m))
+                pool = known.setdefault(key, ObservationPool(key, placed.sighting.extent_m))
                 pool.add(placed, number)
                 pool.beside.update(other for other in keys if other != key)
     found: list[MapObject] = []
@@ -37,9 +37,9 @@ def batch_objects(frames: Iterable[Sequence[PlacedSighting]], rule: AssociationR
     return without_overlaps(found)
 
 
-def _estimates(pools: list[Evidence], rule: AssociationRule) -> list[Estimate]:
+def _estimates(pools: list[ObservationPool], rule: AssociationRule) -> list[Estimate]:
     """Objects of one label's pools: those that do not hang together, directly or through others, never meet."""
-    places = Places(rule)
+    places = Positions(rule)
     row_of = {pool.key: places.append(pool) for pool in pools}
     links = places.distances(slice(None)) < np.inf
     for row, pool in enumerate(pools):

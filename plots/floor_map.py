@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 from edgemap.plots.style import INK, Axes, floor_axes, label_colours, plt, save
 from edgemap.runtime.trajectory import Trajectory
 

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.sighting import Sighting
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import Sighting
 from edgemap.plots.style import INK, Axes, floor_axes, label_colours, plt, save
 from edgemap.runtime.overlay import draw_detections, draw_floor_grid
 

@@ -4,27 +4,27 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from edgemap.geometry.default_map import FloorMap
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.objects.floor_map import FloorMap
+    from edgemap.runtime.bundle import Bundle, load_bundle
     from edgemap.runtime.cameras import Camera, open_camera
-    from edgemap.runtime.correction import Corrector
     from edgemap.runtime.frame import Frame
+    from edgemap.runtime.loop_closing import LoopCloser
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline, StepResult
-    from edgemap.runtime.session import Bundle, load_bundle
     from edgemap.runtime.store import bundle_folder
 
 _HOME = {
-    "Bundle": "edgemap.runtime.session",
+    "Bundle": "edgemap.runtime.bundle",
     "Camera": "edgemap.runtime.cameras",
-    "Corrector": "edgemap.runtime.correction",
-    "FloorCamera": "edgemap.geometry.floor",
-    "FloorMap": "edgemap.geometry.default_map",
+    "LoopCloser": "edgemap.runtime.loop_closing",
+    "FloorCamera": "edgemap.geometry.camera.floor",
+    "FloorMap": "edgemap.geometry.objects.floor_map",
     "Frame": "edgemap.runtime.frame",
     "Pipeline": "edgemap.runtime.pipeline",
     "StepResult": "edgemap.runtime.pipeline",
     "bundle_folder": "edgemap.runtime.store",
-    "load_bundle": "edgemap.runtime.session",
+    "load_bundle": "edgemap.runtime.bundle",
     "open_camera": "edgemap.runtime.cameras",
     "open_odometry": "edgemap.runtime.odometry",
 }
@@ -32,10 +32,10 @@ _HOME = {
 __all__ = [
     "Bundle",
     "Camera",
-    "Corrector",
     "FloorCamera",
     "FloorMap",
     "Frame",
+    "LoopCloser",
     "Pipeline",
     "StepResult",
     "bundle_folder",

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.detections import Detections
-from edgemap.runtime.bundle import Detector, HeadSpec
+from edgemap.geometry.observations.detections import Detections
+from edgemap.runtime.bundle import Tensors
+from edgemap.runtime.manifest import Detector, HeadSpec
 from edgemap.runtime.preprocess import Placement
-from edgemap.runtime.session import Tensors
 
 Array = NDArray[np.float64]
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay

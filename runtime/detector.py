@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.detections import Detections
+from edgemap.geometry.observations.detections import Detections
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.session import Bundle
 
 
 class Detector:

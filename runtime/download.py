@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from tqdm import tqdm
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.bundle import sha256_file
+from edgemap.runtime.manifest import sha256_file
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
 PIECE = 1 << 16  # bytes

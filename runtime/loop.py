@@ -10,7 +10,7 @@ from types import FrameType
 from typing import Protocol
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.pipeline import StepResult

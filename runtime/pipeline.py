@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.floor_map import MapObject, ObjectMap
-from edgemap.geometry.forgetting import Forgetter, NeverForgets
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.objects.map_object import MapObject, ObjectMap
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import FloorRule, PlacedSighting, Sighting, sightings_of
 from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.geometry.sighting import FloorRule, PlacedSighting, Sighting, sightings_of
-from edgemap.runtime.correction import Correction, NeverCorrects
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.loop_closing import LoopCorrection, NoLoopClosure
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.session import Bundle
 from edgemap.runtime.timing import Stopwatch
 
 Array = NDArray[np.float64]
@@ -44,9 +44,9 @@ class StepResult:
     motion: Motion
     pose_map_base: SE2
     pose_covariance: Array
-    laps_ms: dict[str, float]
+    stages_ms: dict[str, float]
     relocated: SE2 | None = None
-    corrected: Correction | None = None
+    corrected: LoopCorrection | None = None
 
 
 class Pipeline:
@@ -61,14 +61,14 @@ class Pipeline:
         *,
         rule: FloorRule | None = None,
         confidence: float | None = None,
-        forgetter: Forgetter | NeverForgets | None = None,
-        corrector: NeverCorrects | None = None,
+        forgetter: Forgetter | NoForgetting | None = None,
+        loop_closer: NoLoopClosure | None = None,
     ) -> None:
         self.camera, self.odometry, self.map = camera, odometry, object_map
-        self.rule = rule or FloorRule(mapped=bundle.mapped, sure_score=bundle.sure_score(confidence))
-        self.forgetter = forgetter or NeverForgets()
+        self.rule = rule or FloorRule(mapped=bundle.mapped, full_weight_score=bundle.full_weight_score(confidence))
+        self.forgetter = forgetter or NoForgetting()
         # Only the default map can move with a corrected way.
-        self.corrector = corrector if corrector and isinstance(object_map, FloorMap) else NeverCorrects()
+        self.loop_closer = loop_closer if loop_closer and isinstance(object_map, FloorMap) else NoLoopClosure()
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
@@ -80,24 +80,24 @@ class Pipeline:
 
     def step(self, frame: Frame) -> StepResult:
         """One frame in: boxes, floor positions, own motion, map. Raises CameraError for a frame of another size."""
-        lap = self._begin(frame)
+        stage = self._begin(frame)
         tensor, placement = self._preprocess(frame.image)
-        lap("preprocess")
+        stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
-        lap("backbone")
+        stage("backbone")
         detections = self._decode(outputs, placement)
-        lap("decode")
+        stage("decode")
         sightings = sightings_of(detections, self.camera, self.rule, frame.index, frame.stamp_s)
-        lap("floor")
+        stage("floor")
         motion = self.odometry.step(frame, outputs)
         self._advance(motion)
-        lap("odometry")
+        stage("odometry")
         corrected = self._correct(motion, sightings, frame.stamp_s)
-        lap("correct")
+        stage("correct")
         placed = self._placed(sightings)
         object_ids = self.map.update(placed)
         self.forgetter.look(self.map, detections, self.pose_map_base, object_ids)
-        lap("map")
+        stage("map")
         return StepResult(
             frame=frame,
             detections=detections,
@@ -107,7 +107,7 @@ class Pipeline:
             motion=motion,
             pose_map_base=self.pose_map_base,
             pose_covariance=self.pose_covariance,
-            laps_ms=self._watch.laps_ms,
+            stages_ms=self._watch.stages_ms,
             corrected=corrected,
         )
 
@@ -124,7 +124,7 @@ class Pipeline:
                 f"the intrinsics are for {expected.width}x{expected.height}"
             )
         self._watch.start()
-        return self._watch.lap
+        return self._watch.stage
 
     def _advance(self, motion: Motion) -> None:
         """Carry the pose on; the first frame's pose is the map's origin, known exactly."""
@@ -135,15 +135,15 @@ class Pipeline:
             self.pose_map_base = self.pose_map_base @ motion.motion
         self._started = True
 
-    def _correct(self, motion: Motion, sightings: list[Sighting], stamp_s: float) -> Correction | None:
+    def _correct(self, motion: Motion, sightings: list[Sighting], stamp_s: float) -> LoopCorrection | None:
         """Where things seen again tell how far the pose has drifted, pose and map move."""
         pose, covariance = self.pose_map_base, self.pose_covariance
-        corrected = self.corrector.look(pose, covariance, motion, sightings, stamp_s)
+        corrected = self.loop_closer.look(pose, covariance, motion, sightings, stamp_s)
         if corrected is not None and isinstance(self.map, FloorMap):
             self.pose_map_base, self.pose_covariance = corrected.pose_map_base, corrected.pose_covariance
             self.map.moved(corrected.things)
         return corrected
 
     def _placed(self, sightings: list[Sighting]) -> list[PlacedSighting]:
-        pose, covariance, things = self.pose_map_base, self.pose_covariance, self.corrector.things
+        pose, covariance, things = self.pose_map_base, self.pose_covariance, self.loop_closer.things
         return [sighting.placed(pose, covariance, thing) for sighting, thing in zip(sightings, things, strict=True)]

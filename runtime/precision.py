@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from edgemap.runtime.bundle import Manifest
+from edgemap.runtime.manifest import Manifest
 
 Precision = Literal["float32", "int8", "auto"]
 

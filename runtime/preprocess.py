@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.flow_cells import Grid
-from edgemap.runtime.bundle import InputSpec
+from edgemap.geometry.odometry.flow_cells import Grid
+from edgemap.runtime.manifest import InputSpec
 
 
 @dataclass(frozen=True, slots=True)

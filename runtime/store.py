@@ -14,9 +14,9 @@ from urllib.parse import quote
 
 import platformdirs
 
-from edgemap.runtime.bundle import MANIFEST_NAME, read_manifest, verified_file
 from edgemap.runtime.download import download
 from edgemap.runtime.errors import BundleError
+from edgemap.runtime.manifest import MANIFEST_NAME, read_manifest, verified_file
 
 MANIFEST_BYTES = 4 << 20
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.simulation.camera.setup import CameraSetup, Effects
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.robot.motion import Limits

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.geometry.floor_map import MapObject, map_text, save_map
-from edgemap.geometry.keyframes import Rebase
+from edgemap.geometry.objects.map_object import MapObject, map_text, save_map
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.correction import Correction
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.runtime.loop_closing import LoopCorrection
 from edgemap.runtime.pipeline import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
@@ -58,7 +58,7 @@ class LivePage:
         self.faults: Tail[Fault] = Tail(100)
         self._trail_s: deque[float] = deque(maxlen=20_000)
         self._sightings_s: deque[float] = deque(maxlen=20_000)
-        self._past: Rebase | None = None  # how both moved since they were last told
+        self._past: TrajectoryCorrection | None = None  # how both moved since they were last told
         self._moved_m = 0.0
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
@@ -146,7 +146,7 @@ class LivePage:
         self.sightings.replace(lambda seen: (*seen[:2], *moved(*seen[2:])))
         self.epoch += 1
 
-    def _correct(self, corrected: Correction) -> None:
+    def _correct(self, corrected: LoopCorrection) -> None:
         """Way and sightings so far are elsewhere than told; they are told anew once that can be seen."""
         self._past = corrected.past if self._past is None else self._past.then(corrected.past)
         self._moved_m += corrected.moved_m

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import psutil
 
-from edgemap.geometry.floor_map import MapObject, map_document
+from edgemap.geometry.objects.map_object import MapObject, map_document
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.pipeline import StepResult
 from edgemap.view.page import LivePage
@@ -125,7 +125,7 @@ def _step(result: StepResult) -> dict[str, Any]:
         "pose_sigma": [way_m, turn_rad],
         "motion_fault": result.motion.fault,
         "boxes": _boxes(result),
-        "laps_ms": result.laps_ms,
+        "stages_ms": result.stages_ms,
     }
 
 

@@ -12,7 +12,7 @@ from edgemap.export.detector.start import load_yolox
 from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.sources import KNOWN
-from edgemap.runtime.bundle import sha256_file
+from edgemap.runtime.manifest import sha256_file
 
 SCRATCH, KNOWN_START = "none", "yolox-nano"
 LICENCE = "Apache-2.0"

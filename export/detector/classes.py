@@ -1,7 +1,7 @@
 """What `edgemap-nano` knows: the household classes of COCO that the simulated world can show."""
 
 from edgemap.export.coco import CLASSES as COCO_CLASSES
-from edgemap.runtime.bundle import ClassEntry
+from edgemap.runtime.manifest import ClassEntry
 
 NAMES = (
     "person", "cat", "dog", "backpack", "suitcase", "chair", "couch", "potted plant", "bed", "dining table", "toilet",

@@ -14,8 +14,8 @@ from edgemap.export.detector.augment import plain
 from edgemap.export.detector.classes import nano_classes
 from edgemap.export.detector.network import ANCHORS, EARLY_WIDTH, SCALE_XY, STRIDES, WIDTHS, Nano
 from edgemap.export.detector.store import Example
-from edgemap.runtime.bundle import Detector, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.decode import Decoder
+from edgemap.runtime.manifest import Detector, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.preprocess import place
 
 BATCH = 16

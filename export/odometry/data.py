@@ -18,13 +18,13 @@ from tqdm import tqdm
 from edgemap.export.backbones import Backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import GRID_STRIDE
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.flow_cells import flow_cells
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import session_options
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.drives import Drive, open_drive
 from edgemap.runtime.preprocess import Preprocessor, cell_grid
-from edgemap.runtime.session import session_options
 
 FORMAT = "edgemap.features/1"
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
 from edgemap.runtime.calibration.board import Board, View
 from edgemap.runtime.calibration.level import pitch_roll
 from edgemap.runtime.errors import CalibrationError

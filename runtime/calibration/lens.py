@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.runtime.calibration.board import Board, View
 from edgemap.runtime.errors import CalibrationError
 

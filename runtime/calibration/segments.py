@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.pictures import PicturesCamera
 from edgemap.runtime.cameras.video import VideoCamera
 from edgemap.runtime.drives.drive import Drive

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ, read_setup
 from edgemap.runtime.drives.pictures import list_pictures, read_picture

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.latest import LatestFrameCamera, Picture
 from edgemap.runtime.cameras.realsense_picture import to_bgr

@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame

@@ -10,8 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.latest import LatestFrameCamera, Picture
 from edgemap.runtime.errors import CameraError
 

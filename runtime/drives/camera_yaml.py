@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 import yaml
 
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
 from edgemap.runtime.errors import CameraError
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.drives.camera_yaml import write_camera_yaml
 from edgemap.runtime.drives.wheel_csv import write_wheel_csv
 from edgemap.runtime.trajectory import Trajectory, tum_line

@@ -6,8 +6,8 @@ import json
 import math
 from collections.abc import Sequence
 
-from edgemap.geometry.floor_map import MapObject, map_document
-from edgemap.geometry.footprints import radius_m
+from edgemap.geometry.objects.footprints import radius_m
+from edgemap.geometry.objects.map_object import MapObject, map_document
 from edgemap.runtime.mapfiles.identity import DEFAULT_MAP_ID, object_uuid
 from edgemap.runtime.trajectory import Trajectory
 

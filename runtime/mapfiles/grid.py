@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.footprints import radius_m
+from edgemap.geometry.objects.footprints import radius_m
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.trajectory import Trajectory
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 
-from edgemap.geometry.floor_map import FORMAT
+from edgemap.geometry.objects.map_object import FORMAT
 
 DEFAULT_MAP_ID = "map"
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.footprints import radius_m
+from edgemap.geometry.objects.footprints import radius_m
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.mapfiles.identity import DEFAULT_MAP_ID, object_uuid
 
 FRAME_ID = "map"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from edgemap.geometry.floor import FloorCamera
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
@@ -15,7 +16,6 @@ from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.odometry.resting import RestingOdometry
 from edgemap.runtime.recordings.wheel import is_recording, read_wheel
-from edgemap.runtime.session import Bundle
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
 __all__ = ["Motion", "Odometry", "open_odometry"]

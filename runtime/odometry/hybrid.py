@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edgemap.geometry.fusion import Measured, believed
+from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, consensus
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion, Odometry
-from edgemap.runtime.session import Tensors
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ class HybridOdometry:
         motions = [member.odometry.step(frame, features) for member in self._members]
         first, self._first = self._first, False
         alive = [
-            Measured(motion.motion.vector(), member.doubt * motion.covariance, member.source)
+            MotionEstimate(motion.motion.vector(), member.doubt * motion.covariance, member.source)
             for member, motion in zip(self._members, motions, strict=True)
             if not motion.fault
         ]
         if first or not alive:
             return motions[0]
-        found = believed(alive)
+        found = consensus(alive)
         return Motion(SE2(*found.motion), np.asarray(found.covariance))
 
     def reset(self, reason: str) -> None:

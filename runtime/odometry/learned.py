@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.flow_cells import flow_cells
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Manifest, OdometryHead
+from edgemap.runtime.bundle import Bundle, Tensors
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.manifest import Manifest, OdometryHead
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.preprocess import cell_grid
-from edgemap.runtime.session import Bundle, Tensors
 
 LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # between frames; after a longer gap the head starts again
 NOMINAL_DT_S = 0.1  # what a first frame is told

@@ -7,13 +7,23 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.landmarks import Landmarks, Located, Noise, View, levelled, locate, look, new_landmarks, refined
-from edgemap.geometry.planar import planar_motion
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.odometry.landmarks import (
+    Landmarks,
+    Located,
+    Noise,
+    View,
+    levelled,
+    locate,
+    look,
+    new_landmarks,
+    refined,
+)
+from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion, unknown_covariance
-from edgemap.runtime.session import Tensors
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]

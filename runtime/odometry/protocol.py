@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.session import Tensors
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.session import Tensors
 from edgemap.runtime.trajectory import Trajectory
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.recordings.reader import McapReading
 

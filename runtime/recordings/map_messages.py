@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 from edgemap.runtime.recordings.messages import MAP, Message, header
 
 CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action

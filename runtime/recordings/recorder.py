@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import RecordingError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.pipeline import StepResult

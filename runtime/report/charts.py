@@ -10,7 +10,7 @@ from itertools import accumulate
 import numpy as np
 
 from edgemap.runtime.colours import label_colour
-from edgemap.runtime.report.history import Stop, Stretch
+from edgemap.runtime.report.history import PoseSample, Window
 from edgemap.runtime.report.markup import Markup, el, polyline
 
 MOST_ROWS = 14
@@ -19,10 +19,10 @@ STAGE_COLOURS = ("#7f93ad", "#3f5f86", "#a9bcd3", "#6b8f8a", "#c98f57", "#8d6a97
 _W, _H = 1000.0, 100.0
 
 
-def latency_chart(stretches: Sequence[Stretch], stages: Sequence[str]) -> Markup:
+def latency_chart(stretches: Sequence[Window], stages: Sequence[str]) -> Markup:
     """Mean milliseconds of each stage stacked over time, with the slowest step of each stretch as a thin line."""
     middle = _middles(stretches)
-    means = np.array([[one.laps_ms[stage] / one.frames for stage in stages] for one in stretches])
+    means = np.array([[one.stages_ms[stage] / one.frames for stage in stages] for one in stretches])
     worst = np.array([one.worst_ms for one in stretches])
     totals = means.sum(axis=1)
     top = nice_top(min(float(worst.max()), 2.5 * float(np.percentile(totals, 95))))
@@ -40,7 +40,7 @@ def latency_chart(stretches: Sequence[Stretch], stages: Sequence[str]) -> Markup
     return chart([*areas, line], top, "ms", stretches[-1].end_s - stretches[0].start_s, "latency over time")
 
 
-def bound_chart(way: Sequence[Stop], errors_m: Sequence[float] | None) -> Markup:
+def bound_chart(way: Sequence[PoseSample], errors_m: Sequence[float] | None) -> Markup:
     """The position's error over time, where known, before the shade of what the pipeline says of it (95 %)."""
     stamps, bounds = [stop.stamp_s for stop in way], [stop.bound_m for stop in way]
     chosen = np.unique(np.linspace(0, len(way) - 1, min(len(way), 600)).astype(int))
@@ -64,7 +64,7 @@ def bound_chart(way: Sequence[Stop], errors_m: Sequence[float] | None) -> Markup
     return chart(marks, top, "m", stamps[-1] - stamps[0], "position error over time")
 
 
-def timeline(stretches: Sequence[Stretch], mapped: Sequence[str]) -> Markup:
+def timeline(stretches: Sequence[Window], mapped: Sequence[str]) -> Markup:
     """One strip per label, the most seen first; the darker, the more boxes per frame. Labels never mapped are grey."""
     seen: Counter[str] = Counter()
     for one in stretches:
@@ -88,7 +88,7 @@ def timeline(stretches: Sequence[Stretch], mapped: Sequence[str]) -> Markup:
     return el("div", rows, axis, class_="timeline")
 
 
-def _bars(stretches: Sequence[Stretch], label: str, peak: float) -> list[Markup]:
+def _bars(stretches: Sequence[Window], label: str, peak: float) -> list[Markup]:
     start_s, span_s = stretches[0].start_s, max(stretches[-1].end_s - stretches[0].start_s, 1e-9)
     starts = [(one.start_s - start_s) / span_s * _W for one in stretches]
     ends = [*starts[1:], _W]
@@ -148,7 +148,7 @@ def nice_top(value: float) -> float:
     return next(step * power for step in (1.0, 2.0, 2.5, 5.0, 10.0) if step * power >= value * (1 - 1e-9))
 
 
-def _middles(stretches: Sequence[Stretch]) -> np.ndarray:
+def _middles(stretches: Sequence[Window]) -> np.ndarray:
     return np.array([(one.start_s + one.end_s) / 2.0 for one in stretches])
 
 

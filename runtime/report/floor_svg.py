@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edgemap.geometry.floor_map import CHI2_95, MapObject
-from edgemap.geometry.footprints import radius_m
+from edgemap.geometry.objects.evaluation_row import EvaluationRow
+from edgemap.geometry.objects.footprints import radius_m
+from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.verdict import Verdict
 from edgemap.runtime.colours import label_colour
 from edgemap.runtime.report.labels import place_labels
 from edgemap.runtime.report.markup import Markup, el, joined, polyline
@@ -41,10 +41,13 @@ class Sheet:
 
 
 def floor_svg(
-    objects: Sequence[MapObject], way: Sequence[SE2], true_way: Sequence[SE2] = (), verdicts: Sequence[Verdict] = ()
+    objects: Sequence[MapObject],
+    way: Sequence[SE2],
+    true_way: Sequence[SE2] = (),
+    evaluation_rows: Sequence[EvaluationRow] = (),
 ) -> Markup:
     """Objects with size, 95 % ellipse and id; the way with start and end; what really stands there; grid and scale."""
-    sheet = _sheet(objects, way, true_way, verdicts)
+    sheet = _sheet(objects, way, true_way, evaluation_rows)
     marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top
     spots = [sheet.at(item.position_m) for item in objects]
     marked = [(item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
@@ -53,7 +56,7 @@ def floor_svg(
     return el(
         "svg",
         _grid(sheet),
-        [_truth(sheet, verdict, objects) for verdict in verdicts],
+        [_truth(sheet, evaluation_row, objects) for evaluation_row in evaluation_rows],
         _line(sheet, true_way, "true-way", "true way"),
         _line(sheet, way, "way", "way driven"),
         marks,
@@ -69,15 +72,19 @@ def floor_svg(
 
 
 def _sheet(
-    objects: Sequence[MapObject], way: Sequence[SE2], true_way: Sequence[SE2], verdicts: Sequence[Verdict]
+    objects: Sequence[MapObject], way: Sequence[SE2], true_way: Sequence[SE2], evaluation_rows: Sequence[EvaluationRow]
 ) -> Sheet:
     points = [np.zeros((1, 2))]
     points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (way, true_way) if poses]
     for item in objects:
         reach = max(radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
-    for verdict in verdicts:
-        points.append(np.array(verdict.footprint_m or ([verdict.true_m] if verdict.true_m else [])).reshape(-1, 2))
+    for evaluation_row in evaluation_rows:
+        points.append(
+            np.array(evaluation_row.footprint_m or ([evaluation_row.true_m] if evaluation_row.true_m else [])).reshape(
+                -1, 2
+            )
+        )
     every = np.concatenate(points)
     low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
     deep_m, wide_m = np.maximum(high - low, 3.0)
@@ -128,30 +135,30 @@ def _name(item: MapObject, spot: tuple[float, float, str]) -> Markup:
     return el("text", el("tspan", word + dash, class_="word"), number, x=x, y=y, text_anchor=anchor, class_="name")
 
 
-def _truth(sheet: Sheet, verdict: Verdict, objects: Sequence[MapObject]) -> Markup | None:
-    if verdict.true_m is None:
+def _truth(sheet: Sheet, evaluation_row: EvaluationRow, objects: Sequence[MapObject]) -> Markup | None:
+    if evaluation_row.true_m is None:
         return None
-    x, y = sheet.at(verdict.true_m)
-    mapped = next((item for item in objects if item.id == verdict.object_id), None)
-    error = "" if verdict.error_m is None else f", {verdict.error_m:.2f} m off"
+    x, y = sheet.at(evaluation_row.true_m)
+    mapped = next((item for item in objects if item.id == evaluation_row.object_id), None)
+    error = "" if evaluation_row.error_m is None else f", {evaluation_row.error_m:.2f} m off"
     shape = (
-        el("polygon", points=polyline(sheet.at(verdict.footprint_m)), class_="footprint")
-        if len(verdict.footprint_m) >= 3
+        el("polygon", points=polyline(sheet.at(evaluation_row.footprint_m)), class_="footprint")
+        if len(evaluation_row.footprint_m) >= 3
         else el("rect", x=x - 7, y=y - 7, width=14.0, height=14.0, class_="footprint")
     )
     tie = None
     if mapped is not None:
         end_x, end_y = sheet.at(mapped.position_m)
         tie = el("line", x1=x, y1=y, x2=end_x, y2=end_y, class_="tie")
-    cross = f"M{x - 5:.1f} {y - 5:.1f}l10 10m0 -10l-10 10" if verdict.state == "missed" else None
+    cross = f"M{x - 5:.1f} {y - 5:.1f}l10 10m0 -10l-10 10" if evaluation_row.state == "missed" else None
     return el(
         "g",
-        el("title", f"true {verdict.label}: {verdict.state}{error}"),
+        el("title", f"true {evaluation_row.label}: {evaluation_row.state}{error}"),
         shape,
         tie,
         el("path", d=cross, class_="cross") if cross else None,
-        class_=f"truth {verdict.state}",
-        style=f"color:{label_colour(verdict.label)}",
+        class_=f"truth {evaluation_row.state}",
+        style=f"color:{label_colour(evaluation_row.label)}",
     )
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.floor_map import CHI2_95
-from edgemap.geometry.keyframes import Rebase
+from edgemap.geometry.objects.map_object import CHI2_95
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 from edgemap.runtime.pipeline import StepResult
 
 MOST_POSES = 4000
@@ -17,26 +17,26 @@ MOST_STRETCHES = 240
 
 
 @dataclass(slots=True)
-class Stretch:
-    """Some frames in a row. laps_ms: sums by stage. worst_ms: the slowest step. seen: detections by label."""
+class Window:
+    """Some frames in a row. stages_ms: sums by stage. worst_ms: the slowest step. seen: detections by label."""
 
     start_s: float
     end_s: float
     frames: int = 0
     worst_ms: float = 0.0
-    laps_ms: Counter[str] = field(default_factory=Counter)
+    stages_ms: Counter[str] = field(default_factory=Counter)
     seen: Counter[str] = field(default_factory=Counter)
 
-    def join(self, other: Stretch) -> None:
+    def join(self, other: Window) -> None:
         """Take in the stretch that follows."""
         self.end_s, self.frames = other.end_s, self.frames + other.frames
         self.worst_ms = max(self.worst_ms, other.worst_ms)
-        self.laps_ms.update(other.laps_ms)
+        self.stages_ms.update(other.stages_ms)
         self.seen.update(other.seen)
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class PoseSample:
     """One pose on the way. bound_m: radius that holds 95 % of its position by the pipeline's own covariance."""
 
     stamp_s: float
@@ -48,14 +48,14 @@ class History:
     """Fed every step; at most `2 * MOST_POSES` poses and `2 * MOST_STRETCHES` stretches, however long it goes on."""
 
     def __init__(self) -> None:
-        self.stops: list[Stop] = []
-        self.stretches: list[Stretch] = []
+        self.stops: list[PoseSample] = []
+        self.stretches: list[Window] = []
         self.totals_ms: deque[float] = deque(maxlen=10_000)
         self.frames, self.way_m = 0, 0.0
-        self.last: Stop | None = None
+        self.last: PoseSample | None = None
         self.start_s = 0.0
         self._every = self._length = 1
-        self._past: Rebase | None = None  # how the stops moved since they were taken
+        self._past: TrajectoryCorrection | None = None  # how the stops moved since they were taken
 
     def add(self, result: StepResult) -> None:
         """Take in one step."""
@@ -73,7 +73,7 @@ class History:
                 self.stops = [replace(stop, pose_map_base=result.relocated @ stop.pose_map_base) for stop in self.stops]
             else:
                 self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))
-        self.last = Stop(stamp_s, pose, _bound_m(result.pose_covariance))
+        self.last = PoseSample(stamp_s, pose, _bound_m(result.pose_covariance))
         if self.frames % self._every == 0:
             self.stops.append(self.last)
             if len(self.stops) >= 2 * MOST_POSES:
@@ -93,11 +93,11 @@ class History:
         self.stops = moved
 
     def _time(self, result: StepResult) -> None:
-        total_ms = sum(result.laps_ms.values())
+        total_ms = sum(result.stages_ms.values())
         self.totals_ms.append(total_ms)
         stamp_s = result.frame.stamp_s
         seen = Counter(result.detections.labels)
-        step = Stretch(stamp_s, stamp_s, 1, total_ms, Counter(result.laps_ms), seen)
+        step = Window(stamp_s, stamp_s, 1, total_ms, Counter(result.stages_ms), seen)
         if self.stretches and self.stretches[-1].frames < self._length:
             self.stretches[-1].join(step)
             return
@@ -107,7 +107,7 @@ class History:
                 first.join(second)
             self.stretches, self._length = self.stretches[::2], self._length * 2
 
-    def way(self) -> list[Stop]:
+    def way(self) -> list[PoseSample]:
         """The thinned way as it is known now, the last pose always in it."""
         self._settle_past()
         if self.last is not None and self.stops[-1] is not self.last:

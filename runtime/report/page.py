@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.verdict import Verdict, tally
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.report import charts, tables
 from edgemap.runtime.report.crops import Crop
 from edgemap.runtime.report.floor_svg import floor_svg
-from edgemap.runtime.report.history import History, Stop
+from edgemap.runtime.report.history import History, PoseSample
 from edgemap.runtime.report.markup import Markup, data_uri, el, joined
 from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import Trajectory
@@ -35,7 +35,7 @@ class Findings:
     history: History
     crops: dict[str, Crop] = field(default_factory=dict)
     truth: Trajectory | None = None
-    verdicts: list[Verdict] | None = None
+    evaluation_rows: list[EvaluationRow] | None = None
     mount_jpeg: bytes | None = None
 
 
@@ -85,7 +85,7 @@ def _true_way(found: Findings) -> list[SE2 | None]:
     return poses
 
 
-def _errors(way: Sequence[Stop], true_way: Sequence[SE2 | None]) -> list[float]:
+def _errors(way: Sequence[PoseSample], true_way: Sequence[SE2 | None]) -> list[float]:
     """Position errors in metres; empty unless the truth is known all the way."""
     found = []
     for stop, true in zip(way, true_way, strict=True):
@@ -127,48 +127,50 @@ def _tiles(found: Findings, errors_m: list[float]) -> Markup:
     tiles += [("frames", f"{frames}"), ("frames/s", f"{frames / seconds:.0f}" if seconds else "–")]
     if history.totals_ms:
         tiles.append(("step, p95", f"{percentiles(list(history.totals_ms))['p95']:.1f} ms"))
-    if found.verdicts:
-        wanted = [row for row in found.verdicts if row.state in ("found", "misplaced", "missed")]
+    if found.evaluation_rows:
+        wanted = [row for row in found.evaluation_rows if row.state in ("found", "misplaced", "missed")]
         tiles.append(("found", f"{sum(row.state == 'found' for row in wanted)} of {len(wanted)}"))
     if errors_m:
         tiles.append(("off at the end", f"{errors_m[-1]:.2f} m"))
     return el("dl", [el("div", el("dt", name), el("dd", value)) for name, value in tiles], class_="tiles")
 
 
-def _floor(found: Findings, way: list[Stop], true_way: list[SE2 | None]) -> Markup:
-    labels = sorted({item.label for item in found.objects} | {row.label for row in found.verdicts or [] if row.true_m})
+def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -> Markup:
+    labels = sorted(
+        {item.label for item in found.objects} | {row.label for row in found.evaluation_rows or [] if row.true_m}
+    )
     legend = [el("li", tables.swatch(label), label) for label in labels]
     keys = [el("li", el("i", class_="key ellipse"), "95 % ellipse"), el("li", el("i", class_="key way"), "way driven")]
     known = [pose for pose in true_way if pose is not None]
     if known:
         keys.append(el("li", el("i", class_="key true-way"), "true way"))
-    if any(row.true_m for row in found.verdicts or []):
+    if any(row.true_m for row in found.evaluation_rows or []):
         keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
-    if any(row.state == "missed" for row in found.verdicts or []):
+    if any(row.state == "missed" for row in found.evaluation_rows or []):
         keys.append(el("li", el("b", "×", class_="key-missed"), "missed"))
-    drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, found.verdicts or ())
+    drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, found.evaluation_rows or ())
     return _section("From above", el("figure", drawing, el("ul", legend, keys, class_="legend")), name="wide")
 
 
 def _verdicts(found: Findings) -> Markup | None:
-    if not found.verdicts:
+    if not found.evaluation_rows:
         return None
-    errors = [row.error_m for row in found.verdicts if row.state == "found" and row.error_m is not None]
+    errors = [row.error_m for row in found.evaluation_rows if row.state == "found" and row.error_m is not None]
     median = f"; median error of those found {np.median(errors):.2f} m" if errors else ""
-    text = f"{tally(found.verdicts)}{median}. Found: same class within 0.5 m; misplaced: within 1.5 m."
+    text = f"{tally(found.evaluation_rows)}{median}. Found: same class within 0.5 m; misplaced: within 1.5 m."
     return _section(
-        "Against the truth", el("p", text, class_="note"), tables.verdict_table(found.verdicts), name="wide"
+        "Against the truth", el("p", text, class_="note"), tables.verdict_table(found.evaluation_rows), name="wide"
     )
 
 
 def _objects(found: Findings) -> Markup:
     if not found.objects:
         return _section("Objects", el("p", "Nothing was mapped.", class_="note"))
-    table = tables.objects_table(found.objects, found.crops, found.verdicts or (), found.history.start_s)
+    table = tables.objects_table(found.objects, found.crops, found.evaluation_rows or (), found.history.start_s)
     return _section("Objects", table, name="wide")
 
 
-def _trajectory(way: list[Stop], errors_m: list[float]) -> Markup | None:
+def _trajectory(way: list[PoseSample], errors_m: list[float]) -> Markup | None:
     if len(way) < 2 or not (errors_m or any(stop.bound_m for stop in way)):
         return None
     if errors_m:

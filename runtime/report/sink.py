@@ -8,8 +8,8 @@ from pathlib import Path
 
 import cv2
 
-from edgemap.geometry.floor_map import MapObject, load_map, write_atomically
-from edgemap.geometry.verdict import Verdict
+from edgemap.geometry.objects.evaluation_row import EvaluationRow
+from edgemap.geometry.objects.map_object import MapObject, load_map, write_atomically
 from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.report.crops import BestCrops
 from edgemap.runtime.report.history import History
@@ -19,7 +19,7 @@ from edgemap.runtime.trajectory import Trajectory
 _TIDY_EVERY = 50  # frames between two looks at which pictures are still wanted
 _MOUNT_WIDTH_PX = 640
 
-Judge = Callable[[list[MapObject], int], list[Verdict]]
+Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 
 
 class ReportFile:
@@ -27,13 +27,13 @@ class ReportFile:
 
     truth: the drive's own poses from its start, None where unknown. judge: given the map and the number of frames,
     what the truth says of it; None where no truth is known. A report that fails never costs the run: `failure` tells
-    why in one line, and `verdicts` are there all the same.
+    why in one line, and `evaluation_rows` are there all the same.
     """
 
     def __init__(self, folder: Path, truth: Trajectory | None = None, judge: Judge | None = None) -> None:
         self.path = folder / "report.html"
         self.failure = ""
-        self.verdicts: list[Verdict] = []
+        self.evaluation_rows: list[EvaluationRow] = []
         self._folder, self._truth, self._judge = folder, truth, judge
         self._crops, self._history = BestCrops(), History()
         self._closed = False
@@ -73,10 +73,10 @@ class ReportFile:
         objects = load_map(self._folder)
         record = json.loads((self._folder / "run.json").read_text())
         if self._judge:
-            self.verdicts = self._judge(objects, self._history.frames)
+            self.evaluation_rows = self._judge(objects, self._history.frames)
         self._crops.keep({item.id for item in objects}, record.get("merged", {}))
         crops = self._crops.of([item.id for item in objects])
-        return Findings(record, objects, self._history, crops, self._truth, self.verdicts, self._mount())
+        return Findings(record, objects, self._history, crops, self._truth, self.evaluation_rows, self._mount())
 
     def _mount(self) -> bytes | None:
         """mount.jpg, small."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.verdict import Verdict
+from edgemap.geometry.objects.evaluation_row import EvaluationRow
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.colours import label_colour
 from edgemap.runtime.report.charts import STAGE_COLOURS, duration
 from edgemap.runtime.report.crops import Crop
@@ -28,16 +28,18 @@ def pill(state: str) -> Markup:
 
 
 def objects_table(
-    objects: Sequence[MapObject], crops: Mapping[str, Crop], verdicts: Sequence[Verdict], start_s: float
+    objects: Sequence[MapObject], crops: Mapping[str, Crop], evaluation_rows: Sequence[EvaluationRow], start_s: float
 ) -> Markup:
     """A row per object; cards on a narrow screen."""
-    verdict_of = {verdict.object_id: verdict for verdict in verdicts if verdict.object_id}
+    verdict_of = {
+        evaluation_row.object_id: evaluation_row for evaluation_row in evaluation_rows if evaluation_row.object_id
+    }
     rows = [_object_row(item, crops.get(item.id), verdict_of.get(item.id), start_s) for item in objects]
     heads = ("", "object", "x, y", "±", "size", "seen", "confidence", "first – last")
     return el("table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="objects")
 
 
-def _object_row(item: MapObject, crop: Crop | None, verdict: Verdict | None, start_s: float) -> Markup:
+def _object_row(item: MapObject, crop: Crop | None, evaluation_row: EvaluationRow | None, start_s: float) -> Markup:
     sigma_m = float(np.sqrt(max(np.trace(item.covariance_m2) / 2.0, 0.0)))
     shown = (
         el("img", src=data_uri(crop.jpeg), alt=f"{item.id} in frame {crop.frame}", loading="lazy")
@@ -48,8 +50,8 @@ def _object_row(item: MapObject, crop: Crop | None, verdict: Verdict | None, sta
     return el(
         "tr",
         el("td", shown, class_="crop"),
-        el("td", swatch(item.label), el("b", item.id), " " if verdict else None,
-           pill(verdict.state) if verdict else None, class_="who"),
+        el("td", swatch(item.label), el("b", item.id), " " if evaluation_row else None,
+           pill(evaluation_row.state) if evaluation_row else None, class_="who"),
         _cell("x, y", f"{item.position_m[0]:.2f}, {item.position_m[1]:.2f} m"),
         _cell("±", f"{sigma_m:.2f} m"),
         _cell("size", f"{item.width_m:.2f} × {item.height_m:.2f} m"),
@@ -59,20 +61,25 @@ def _object_row(item: MapObject, crop: Crop | None, verdict: Verdict | None, sta
     )  # fmt: skip
 
 
-def verdict_table(verdicts: Sequence[Verdict]) -> Markup:
+def verdict_table(evaluation_rows: Sequence[EvaluationRow]) -> Markup:
     """Found, misplaced, missed and extra objects."""
     rows = [
         el(
             "tr",
-            el("td", pill(verdict.state)),
-            el("td", swatch(verdict.label), verdict.object_id or verdict.label, class_="who"),
-            _cell("error", "–" if verdict.error_m is None else f"{verdict.error_m:.2f} m"),
-            _cell("in its ellipse", "–" if verdict.covered is None else ("yes" if verdict.covered else "no")),
+            el("td", pill(evaluation_row.state)),
+            el("td", swatch(evaluation_row.label), evaluation_row.object_id or evaluation_row.label, class_="who"),
+            _cell("error", "–" if evaluation_row.error_m is None else f"{evaluation_row.error_m:.2f} m"),
             _cell(
-                "true x, y", "–" if verdict.true_m is None else f"{verdict.true_m[0]:.2f}, {verdict.true_m[1]:.2f} m"
+                "in its ellipse", "–" if evaluation_row.covered is None else ("yes" if evaluation_row.covered else "no")
+            ),
+            _cell(
+                "true x, y",
+                "–"
+                if evaluation_row.true_m is None
+                else f"{evaluation_row.true_m[0]:.2f}, {evaluation_row.true_m[1]:.2f} m",
             ),
         )
-        for verdict in verdicts
+        for evaluation_row in evaluation_rows
     ]
     heads = ("", "object", "error", "in its 95 % ellipse", "true x, y")
     return el(

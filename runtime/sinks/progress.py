@@ -6,7 +6,7 @@ import sys
 
 from tqdm import tqdm
 
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.pipeline import StepResult
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.pipeline import StepResult
 
 

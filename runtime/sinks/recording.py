@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.recordings.recorder import Recorder
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from edgemap.geometry.keyframes import Rebase
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 from edgemap.runtime.trajectory import parse_tum, tum_line
 
 
@@ -28,7 +28,7 @@ def move_sightings(text: str, pose_map_start: SE2) -> str:
     return "".join(lines)
 
 
-def corrected_trajectory(text: str, past: Rebase) -> str:
+def corrected_trajectory(text: str, past: TrajectoryCorrection) -> str:
     """TUM text of poses as they were known then to the same as they are known now."""
     if not text.strip():
         return text
@@ -37,7 +37,7 @@ def corrected_trajectory(text: str, past: Rebase) -> str:
     return "".join(tum_line(stamp_s, SE2(*pose)) for stamp_s, pose in zip(way.stamps_s, poses, strict=True))
 
 
-def corrected_sightings(text: str, past: Rebase) -> str:
+def corrected_sightings(text: str, past: TrajectoryCorrection) -> str:
     """Lines of sightings.jsonl with `map_m` as it was known then to the same as it is known now."""
     records = [json.loads(line) for line in text.splitlines()]
     places = past.points([record["stamp_s"] for record in records], [record["map_m"] for record in records])

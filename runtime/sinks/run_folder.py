@@ -12,12 +12,12 @@ from typing import Any, TextIO
 
 import cv2
 
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.floor_map import MapObject, save_map, write_atomically
-from edgemap.geometry.keyframes import Rebase
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.map_object import MapObject, save_map, write_atomically
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.correction import Correction
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 from edgemap.runtime.errors import RunFolderError
+from edgemap.runtime.loop_closing import LoopCorrection
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.sinks.relocated_files import (
@@ -58,7 +58,7 @@ class RunFolder:
         self._merged: dict[str, str] = {}
         self._laps: dict[str, deque[float]] = {}
         self._faults: list[str] = []
-        self._past: Rebase | None = None
+        self._past: TrajectoryCorrection | None = None
         self._fault_count = self._frames = 0
         self._started = perf_counter()
         self._closed = False
@@ -79,7 +79,7 @@ class RunFolder:
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
             self._append(self._sightings, json.dumps(record, allow_nan=False) + "\n")
-        for stage, lap_ms in result.laps_ms.items():
+        for stage, lap_ms in result.stages_ms.items():
             self._laps.setdefault(stage, deque(maxlen=10_000)).append(lap_ms)
         if result.motion.fault:
             self.fault(result.motion.fault)
@@ -117,7 +117,7 @@ class RunFolder:
             lambda text: move_trajectory(text, pose_map_start), lambda text: move_sightings(text, pose_map_start)
         )
 
-    def _correct(self, corrected: Correction) -> None:
+    def _correct(self, corrected: LoopCorrection) -> None:
         """Take note of how what has been written so far has moved."""
         self._past = corrected.past if self._past is None else self._past.then(corrected.past)
         before = self._record.get("corrections", {"count": 0, "largest_m": 0.0})

@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.detector import Detector
-from edgemap.runtime.session import load_bundle
 from edgemap.simulation.apartment import furniture, textures
 from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.render.light import BakeSettings, bake

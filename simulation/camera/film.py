@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.simulation.camera.noise import noisy
 from edgemap.simulation.camera.setup import Effects
 from edgemap.simulation.camera.shutter import exposed, optical_twist

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 
 _INTRINSICS = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
 _MOUNT = Mount.from_degrees(0.60, 11.5, forward_m=0.15)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.mount import Mount
 
 # Speeds at which a robot shakes as much as `shake_rad` says; standing still it does not.
 _SPEED_M_S, _YAW_RATE_RAD_S = 0.4, 0.8

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.simulation.render import shaders
 from edgemap.simulation.render.canvas import Canvas, depth_of, release
 from edgemap.simulation.render.draw import Draw, Slots

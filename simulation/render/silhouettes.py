@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.view import NEAR_M
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.drives.drive import SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.placed import ALIVE

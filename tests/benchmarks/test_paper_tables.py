@@ -10,11 +10,11 @@ from support.painted import write_painted
 
 from edgemap.benchmarks.paper_page import page, table
 from edgemap.benchmarks.paper_tables import Options, main, measure
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.drives import write_drive
-from edgemap.runtime.session import load_bundle
 from edgemap.runtime.trajectory import Trajectory
 
 COUNT = 121

@@ -8,9 +8,9 @@ import pytest
 import yaml
 from support.scenes import floor_board, held_board
 
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 
 LENS = Intrinsics(640, 480, 520.0, 523.0, 315.0, 243.0)

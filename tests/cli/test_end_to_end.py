@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.floor_map import load_map
+from edgemap.geometry.objects.map_object import load_map
 from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.trajectory import read_tum
 
@@ -83,12 +83,12 @@ def test_the_online_map_of_the_demo_is_that_of_its_batch_version(real_bundles):
     from scipy.optimize import linear_sum_assignment
 
     from edgemap.geometry.batch import batch_objects
-    from edgemap.geometry.default_map import FloorMap
-    from edgemap.geometry.floor import FloorCamera
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.objects.floor_map import FloorMap
+    from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
-    from edgemap.runtime.session import load_bundle
 
     bundle = load_bundle(real_bundles / "yolox-nano")
     with open_camera("demo") as camera:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.floor_map import MapObject, save_map
+from edgemap.geometry.objects.map_object import MapObject, save_map
 
 
 @pytest.fixture

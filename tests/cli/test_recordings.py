@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edgemap.geometry.floor_map import load_map
+from edgemap.geometry.objects.map_object import load_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.recordings.wheel import read_wheel

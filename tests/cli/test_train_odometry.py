@@ -11,9 +11,9 @@ pytest.importorskip("torch")
 from edgemap.export.detector.checkpoint import DetectorCheckpoint, save_detector
 from edgemap.export.detector.classes import NAMES
 from edgemap.export.detector.network import Nano
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory

@@ -3,7 +3,7 @@
 import numpy as np
 
 from edgemap.cli.truth import judge_of, object_lines
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.paced import PacedCamera
 

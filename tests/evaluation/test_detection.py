@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.detection import EvaluationError, ScoredPicture, average_precision
-from edgemap.geometry.detections import Detections
+from edgemap.geometry.observations.detections import Detections
 
 NAMES = ("chair", "couch")
 TRUE = np.array([[10.0, 10.0, 50.0, 50.0], [60.0, 60.0, 90.0, 90.0]])

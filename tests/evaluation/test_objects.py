@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.objects import TrueObject, score_map
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.map_object import MapObject
 
 
 def mapped(label, x, y, sigma=0.1):

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.objects import TrueObject, score_map
-from edgemap.evaluation.verdicts import verdicts
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.verdict import tally
+from edgemap.evaluation.rows import evaluation_rows
+from edgemap.geometry.objects.evaluation_row import tally
+from edgemap.geometry.objects.map_object import MapObject
 
 
 def mapped(identity, x, y, sigma=0.1):
@@ -19,7 +19,7 @@ def true(label, x, y, frames=50, on_floor=True):
 def test_every_state_by_hand():
     objects = [mapped("chair-1", 1.2, 0), mapped("chair-2", 4, 1.2), mapped("chair-3", 9, 9), mapped("couch-1", 1, 0)]
     truth = [true("chair", 1, 0), true("chair", 4, 0), true("bed", -3, 0), true("couch", 1, 0.1, frames=3)]
-    rows = verdicts(objects, truth)
+    rows = evaluation_rows(objects, truth)
     assert [(row.state, row.label, row.object_id) for row in rows] == [
         ("found", "chair", "chair-1"),
         ("misplaced", "chair", "chair-2"),
@@ -34,16 +34,18 @@ def test_every_state_by_hand():
 
 
 def test_too_far_for_misplaced_is_one_missed_and_one_extra():
-    rows = verdicts([mapped("chair-1", 1.6, 0)], [true("chair", 0, 0)])
+    rows = evaluation_rows([mapped("chair-1", 1.6, 0)], [true("chair", 0, 0)])
     assert [row.state for row in rows] == ["missed", "extra"]
 
 
 def test_what_is_not_on_the_floor_is_neither_wanted_nor_excused():
-    assert [row.state for row in verdicts([mapped("tv-1", 0, 0)], [true("tv", 0, 0, on_floor=False)])] == ["extra"]
+    assert [row.state for row in evaluation_rows([mapped("tv-1", 0, 0)], [true("tv", 0, 0, on_floor=False)])] == [
+        "extra"
+    ]
 
 
 def test_nothing_is_nothing():
-    assert verdicts([], []) == []
+    assert evaluation_rows([], []) == []
     assert tally([]) == "nothing to compare"
 
 
@@ -52,7 +54,7 @@ def test_the_table_agrees_with_the_score():
     for _ in range(30):
         objects = [mapped(f"chair-{i}", *random.uniform(0, 3, 2)) for i in range(random.integers(0, 7))]
         truth = [true("chair", *random.uniform(0, 3, 2), frames=int(random.integers(5, 20))) for _ in range(5)]
-        rows, figures = verdicts(objects, truth), score_map(objects, truth)
+        rows, figures = evaluation_rows(objects, truth), score_map(objects, truth)
         states = [row.state for row in rows]
         assert states.count("found") == figures["objects_found"]
         assert len(states) - states.count("missed") == len(objects)

@@ -15,10 +15,10 @@ from edgemap.export import package_index
 from edgemap.export.obtain import obtain
 from edgemap.export.sources import KNOWN, KnownModel, SourceArchive, Web
 from edgemap.runtime import store
-from edgemap.runtime.bundle import read_manifest, write_manifest
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.download import DownloadError, download
 from edgemap.runtime.errors import BundleError
-from edgemap.runtime.session import load_bundle
+from edgemap.runtime.manifest import read_manifest, write_manifest
 
 DATA = bytes(range(256)) * 1000
 SUM = sha256(DATA).hexdigest()

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import PlacedSighting, Sighting
 
 
 def _placed(label, x_m, y_m, frame, sigma_m=0.08, score=0.8, shared_m=0.03, thing=-1):

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.alignment import AlignmentError, align
+from edgemap.geometry.registration.alignment import AlignmentError, align
 from edgemap.geometry.se2 import SE2
 
 MOTIONS = st.builds(SE2, st.floats(-6, 6), st.floats(-6, 6), st.floats(-3.1, 3.1))

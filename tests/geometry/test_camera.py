@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
-from edgemap.geometry.floor import FloorCamera, FloorNoise, floor_covariances
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
 
 PLAIN = Intrinsics(640, 480, 587.0, 585.0, 319.5, 239.5)
 LENS = (-0.28, 0.09, 0.0012, -0.0008, -0.011)

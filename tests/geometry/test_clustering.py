@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from edgemap.geometry.association import AssociationRule
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.paper_map import PaperMap
-from edgemap.geometry.single_linkage import SingleLinkage, single_linkage
+from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.paper.paper_map import PaperMap
+from edgemap.geometry.paper.single_linkage import SingleLinkage, single_linkage
 
 
 def partition(labels):

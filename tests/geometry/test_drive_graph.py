@@ -6,9 +6,9 @@ from support.drifting import drifting, integrated, sighted, worst_m
 from support.drives import round_trip
 from support.rooms import furnished, mapped
 
-from edgemap.geometry.drive_graph import DriveGraph, GraphRule
-from edgemap.geometry.keyframes import WayRule
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import KeyframeRule
+from edgemap.geometry.slam.pose_graph import DriveGraph, GraphRule
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 TWO_ROUNDS = round_trip(240, turns=2.2)
@@ -83,7 +83,7 @@ def test_the_same_frames_give_the_same_way_to_the_bit():
 
 
 def test_a_long_drive_stays_small_and_right():
-    rule = GraphRule(way=WayRule(most=40), most=25)
+    rule = GraphRule(way=KeyframeRule(most=40), most=25)
     way = round_trip(500, turns=5.0)
     graph, poses = driven(ROOM, way, rule)
     assert len(graph.way) <= 41
@@ -94,10 +94,10 @@ def test_a_long_drive_stays_small_and_right():
 def test_a_saved_maps_things_say_where_the_robot_is():
     # It starts where a person says, 0.2 m and 4 degrees off; the saved map is in the room's own frame.
     way = round_trip(120)
-    believed = SE2(way[0].x_m + 0.2, way[0].y_m - 0.1, way[0].yaw_rad + math.radians(4))
+    consensus = SE2(way[0].x_m + 0.2, way[0].y_m - 0.1, way[0].yaw_rad + math.radians(4))
     graph = DriveGraph()
     graph.remember(mapped(ROOM, told_sigma_m=0.08))
-    graph.way.begin(believed, np.diag([0.03, 0.03, 0.005]), 0.0)
+    graph.way.begin(consensus, np.diag([0.03, 0.03, 0.005]), 0.0)
     random = np.random.default_rng(1)
     for index, motion in enumerate(drifting(way, yaw_share=0.02)):
         if index and graph.advance(motion.motion, motion.covariance, index / 10):

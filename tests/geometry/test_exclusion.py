@@ -2,9 +2,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.exclusion import OTHER_LABEL, SAME_LABEL, without_overlaps
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.shapes import extent_m, footprint_m
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.overlap_suppression import OTHER_LABEL, SAME_LABEL, without_overlaps
+from edgemap.geometry.observations.class_extents import extent_m, footprint_m
 
 
 def thing(identity, x_m, y_m=0.0, count=10, confidence=0.9):

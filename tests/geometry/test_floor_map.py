@@ -3,9 +3,9 @@ import json
 import numpy as np
 import pytest
 
-from edgemap.geometry.default_map import FloorMap
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.floor_map import load_map, map_document, save_map
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import load_map, map_document, save_map
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from support.drives import round_trip
 from support.rooms import furnished
 from support.seen import CAMERA, box_of, look
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.forgetting import Forgetter, NeverForgets
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.observations.visibility import ViewRule, covered_share, expected_boxes, in_plain_view, iou
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import FloorRule, sightings_of
-from edgemap.geometry.visibility import ViewRule, covered_share, expected_boxes, in_plain_view, iou
 
 NOTHING = Detections.none(("chair",))
 
@@ -20,7 +20,7 @@ NOTHING = Detections.none(("chair",))
 def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
     """The map after a drive with true poses, in the frame of its first one; saved objects are gone on with."""
     floor_map = FloorMap() if saved is None else FloorMap.continued(saved)
-    forgetter = forgetter or NeverForgets()
+    forgetter = forgetter or NoForgetting()
     left = {}
     for number, pose in enumerate(way):
         detections, _ = look(room, pose, random, rate)

@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.fusion import Measured, believed, distance, fused, intersected
+from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, consensus, distance, fused, intersected
 
 
 def measured(x_m, sigma_m=0.01, yaw_rad=0.0, source="camera"):
-    return Measured(np.array([x_m, 0.0, yaw_rad]), np.diag([sigma_m**2, sigma_m**2, 0.01**2]), source)
+    return MotionEstimate(np.array([x_m, 0.0, yaw_rad]), np.diag([sigma_m**2, sigma_m**2, 0.01**2]), source)
 
 
 def test_independent_ones_are_weighted_by_what_they_know():
@@ -32,7 +32,7 @@ spd = st.builds(
 @given(spd, spd, st.floats(-1.0, 1.0))
 def test_intersection_claims_nothing_that_correlated_errors_could_belie(p, q, correlation):
     """Whatever the correlation of two errors, the mixture's true covariance is within what intersection claims."""
-    a, b = Measured(np.zeros(3), p, "camera"), Measured(np.array([0.1, 0.0, 0.0]), q, "camera")
+    a, b = MotionEstimate(np.zeros(3), p, "camera"), MotionEstimate(np.array([0.1, 0.0, 0.0]), q, "camera")
     found = intersected(a, b)
     share = float(np.linalg.norm(found.motion) / 0.1) if np.linalg.norm(found.motion) else 0.0
     assert np.linalg.det(found.covariance) <= min(np.linalg.det(p), np.linalg.det(q)) * (1 + 1e-9)
@@ -52,21 +52,21 @@ def test_intersection_claims_nothing_that_correlated_errors_could_belie(p, q, co
 
 def test_two_of_three_outvote_the_third():
     wheels = measured(0.30, 0.001, source="wheels")
-    found = believed([measured(0.10, 0.001), measured(0.1005, 0.001), wheels])
+    found = consensus([measured(0.10, 0.001), measured(0.1005, 0.001), wheels])
     assert found.motion[0] == pytest.approx(0.1, abs=1e-3)
-    agreed = believed([measured(0.10, 0.001), measured(0.3, 0.001), wheels])
+    agreed = consensus([measured(0.10, 0.001), measured(0.3, 0.001), wheels])
     assert agreed.motion[0] == pytest.approx(0.30)
     assert agreed.covariance[0, 0] == pytest.approx(0.5e-6), "wheels and camera are independent"
 
 
 def test_of_two_that_disagree_the_first_is_believed_and_doubted():
-    found = believed([measured(0.10, 0.001), measured(0.30, 0.001, source="wheels")])
+    found = consensus([measured(0.10, 0.001), measured(0.30, 0.001, source="wheels")])
     assert found.motion[0] == 0.10
     assert found.covariance[0, 0] == pytest.approx(0.001**2 + 0.2**2 / 4)
 
 
 def test_one_alone_is_believed_and_none_is_an_error():
     alone = measured(0.1)
-    assert believed([alone]) is alone
+    assert consensus([alone]) is alone
     with pytest.raises(ValueError, match="no measurement"):
-        believed([])
+        consensus([])

@@ -3,15 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.keyframes import Rebase, Way, WayRule
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, TrajectoryCorrection
 
 STEP, SPREAD = SE2(0.1, 0.0, 0.02), np.diag([1e-5, 1e-5, 1e-5])
 poses = st.builds(SE2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 
 
 def driven(frames, rule=None):
-    way = Way(rule)
+    way = KeyframeTrajectory(rule)
     way.begin(SE2(), np.zeros((3, 3)), 0.0)
     for frame in range(1, frames):
         if way.is_due(STEP, SPREAD):
@@ -30,7 +30,7 @@ def test_a_keyframe_every_quarter_metre_and_the_pose_between_them():
 
 
 def test_turning_on_the_spot_makes_keyframes_too():
-    way = Way()
+    way = KeyframeTrajectory()
     way.begin(SE2(), np.zeros((3, 3)), 0.0)
     due = [way.is_due(SE2(0, 0, 0.1), SPREAD) for _ in range(3)]
     assert due == [False, False, True]
@@ -38,8 +38,8 @@ def test_turning_on_the_spot_makes_keyframes_too():
 
 @given(poses, poses, poses, poses)
 def test_moving_twice_is_moving_once(first, second, third, there):
-    early = Rebase(np.array([0.0, 2.0]), np.array([first.vector(), second.vector()]))
-    late = Rebase(np.array([0.0, 1.0, 3.0]), np.array([second.vector(), third.vector(), first.vector()]))
+    early = TrajectoryCorrection(np.array([0.0, 2.0]), np.array([first.vector(), second.vector()]))
+    late = TrajectoryCorrection(np.array([0.0, 1.0, 3.0]), np.array([second.vector(), third.vector(), first.vector()]))
     for stamp, expected in ((0.5, second @ first), (1.5, third @ first), (2.5, third @ second), (9.0, first @ second)):
         (found,) = early.then(late).poses([stamp], [there.vector()])
         assert SE2(*found).matrix() == pytest.approx((expected @ there).matrix(), abs=1e-9)
@@ -70,13 +70,13 @@ def test_thinning_out_keeps_ends_and_places():
 
 
 def test_odometry_that_says_it_is_certain_is_not_believed():
-    way = driven(40, WayRule(per_metre=0.03, still_m=0.0))
+    way = driven(40, KeyframeRule(per_metre=0.03, still_m=0.0))
     sigma_m = 1.0 / np.sqrt(np.linalg.inv(np.linalg.inv(way.chain().information[0]))[0, 0])
     assert sigma_m >= 0.03 * 0.3
 
 
 def test_a_start_that_is_not_certain_is_known_as_well_as_it_is():
-    way = Way()
+    way = KeyframeTrajectory()
     way.begin(SE2(3.0, -1.0, 2.0), np.diag([0.01, 0.02, 0.001]), 0.0)
     chain = way.chain()
     assert chain.first == pytest.approx([3.0, -1.0, 2.0])

@@ -5,10 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.landmarks import Landmarks, Noise, Tilt, View, levelled, locate, look, new_landmarks, refined
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.odometry.landmarks import (
+    AttitudeError,
+    Landmarks,
+    Noise,
+    View,
+    levelled,
+    locate,
+    look,
+    new_landmarks,
+    refined,
+)
 from edgemap.geometry.se2 import SE2
 
 CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12, 0.05))
@@ -16,7 +26,7 @@ NOISE = Noise(track_rad=0.001, drift_rad=0.0003)
 REACH_M = 4.0
 
 motions = st.builds(SE2, st.floats(-0.15, 0.15), st.floats(-0.03, 0.03), st.floats(-0.15, 0.15))
-tilts = st.builds(Tilt, st.floats(-0.004, 0.004), st.floats(-0.004, 0.004))
+tilts = st.builds(AttitudeError, st.floats(-0.004, 0.004), st.floats(-0.004, 0.004))
 
 
 def scene(seed: int, floor: int = 80, walls: int = 40):
@@ -56,12 +66,12 @@ def test_the_view_is_found(motion, tilt, seed):
 
 def test_jacobians_are_the_slopes_of_what_is_seen():
     known = landmarks_of(scene(0))
-    pose, tilt = SE2(0.1, 0.03, 0.06), Tilt(0.004, 0.0)
+    pose, tilt = SE2(0.1, 0.03, 0.06), AttitudeError(0.004, 0.0)
     sight, step = look(known, CAMERA, View(pose, tilt)), 1e-6
     for column, change in enumerate([SE2(step, 0, 0), SE2(0, step, 0), SE2(0, 0, step)]):
         moved = look(known, CAMERA, View(pose @ change, tilt)).seen
         np.testing.assert_allclose((moved - sight.seen) / step, sight.by_view[:, :, column], atol=1e-4)
-    pitched = look(known, CAMERA, View(pose, Tilt(tilt.pitch_rad + step, 0.0))).seen
+    pitched = look(known, CAMERA, View(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).seen
     np.testing.assert_allclose((pitched - sight.seen) / step, sight.by_view[:, :, 3], atol=1e-4)
     nearer = Landmarks(known.anchor_m, known.ray, known.inverse_m + step, known.variance, known.floor, known.age)
     np.testing.assert_allclose(
@@ -111,7 +121,7 @@ def test_fewer_tracks_mean_a_larger_covariance():
 
 
 def test_levelling_keeps_the_floor_on_the_floor_and_takes_a_share_of_the_tilt():
-    view = View(SE2(0.1, 0.0, 0.1), Tilt(0.01, -0.004))
+    view = View(SE2(0.1, 0.0, 0.1), AttitudeError(0.01, -0.004))
     known = landmarks_of(scene(5), view)
     after, level = levelled(known, CAMERA, view, 0.25)
     assert level.pose == view.pose

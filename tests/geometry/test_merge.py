@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.alignment import Alignment, align
-from edgemap.geometry.association import AssociationRule
-from edgemap.geometry.merge import fused, merge_maps, moved
+from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.objects.merge import fused, merge_maps, moved
+from edgemap.geometry.registration.alignment import Alignment, align
 from edgemap.geometry.se2 import SE2
 
 SURE = AssociationRule(systematic_m=0.0, systematic_extent_share=0.0)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from edgemap.geometry.batch import batch_objects
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.evidence import Move
-from edgemap.geometry.floor_map import id_order
-from edgemap.geometry.sighting import FloorRule
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import id_order
+from edgemap.geometry.objects.observation_pool import ObjectShift
+from edgemap.geometry.observations.sighting import FloorRule
 
 
 def agree(online, batch):
@@ -128,7 +128,7 @@ def test_things_put_elsewhere_keep_their_ids_and_what_comes_to_one_place_merges(
     for frame in range(5, 8):
         chairs.update([placed("chair", 3.1, 0.9, frame, thing=2)])
     way_m2 = np.diag([0.01, 0.04])
-    chairs.moved({0: Move(np.array([0.5, 0.5]), way_m2, 0), 2: Move(np.array([-0.6, -0.4]), way_m2, 0)})
+    chairs.moved({0: ObjectShift(np.array([0.5, 0.5]), way_m2, 0), 2: ObjectShift(np.array([-0.6, -0.4]), way_m2, 0)})
     first, second = chairs.objects()
     assert (first.id, second.id, chairs.merged) == ("chair-1", "chair-2", {"chair-3": "chair-1"})
     assert first.position_m == pytest.approx([2.5, 0.5])
@@ -146,7 +146,7 @@ def test_two_things_taken_for_one_part_when_they_turn_out_to_stand_apart(placed)
     for frame in range(6, 10):  # its twin, seen from a pose that had drifted
         chairs.update([placed("chair", 2.05, 0.1, frame, thing=1)])
     assert [item.count for item in chairs.objects()] == [10]
-    chairs.moved({1: Move(np.array([0.9, 0.0]), np.zeros((2, 2)), 1)})
+    chairs.moved({1: ObjectShift(np.array([0.9, 0.0]), np.zeros((2, 2)), 1)})
     first, second = chairs.objects()
     assert (first.id, first.count, second.count) == ("chair-1", 6, 4)
     assert second.position_m == pytest.approx([2.95, 0.1])
@@ -156,7 +156,7 @@ def test_what_no_graph_follows_stays(placed):
     chairs = FloorMap()
     for frame in range(5):
         chairs.update([placed("chair", 2.0, 0.0, frame)])
-    chairs.moved({0: Move(np.array([5.0, 0.0]), np.zeros((2, 2)), 0)})
+    chairs.moved({0: ObjectShift(np.array([5.0, 0.0]), np.zeros((2, 2)), 0)})
     assert chairs.objects()[0].position_m == pytest.approx([2.0, 0.0])
 
 
@@ -183,5 +183,5 @@ def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
 
 @pytest.mark.parametrize(("score", "sure"), [(0.65, 0.0), (0.75, 0.25), (0.8, 0.5), (0.85, 0.75), (0.95, 1.0)])
 def test_how_much_a_score_counts(score, sure):
-    assert FloorRule(sure_score=0.8).sure(score) == pytest.approx(sure)
+    assert FloorRule(full_weight_score=0.8).sure(score) == pytest.approx(sure)
     assert FloorRule().sure(score) == 1.0

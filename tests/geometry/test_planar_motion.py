@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edgemap.geometry.planar import fit_se2, planar_motion
+from edgemap.geometry.odometry.planar import fit_se2, planar_motion
 from edgemap.geometry.se2 import SE2
 
 motions = st.builds(SE2, st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from edgemap.geometry.pose_graph import Chain, Known, Looks, inverse, solve
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.least_squares import LandmarkPriors, ObservationFactors, OdometryFactors, inverse, solve
 
 FIXED = np.eye(3) * 1e8
-NOTHING = Known(np.zeros((3, 2)), np.zeros((3, 2, 2)))
+NOTHING = LandmarkPriors(np.zeros((3, 2)), np.zeros((3, 2, 2)))
 
 
 def drive(seed=0, count=9):
@@ -22,7 +22,7 @@ def drive(seed=0, count=9):
         motions.append(motion.vector() + random.normal(0.0, 0.03, 3))
     landmarks = random.uniform(-3.0, 3.0, (3, 2))
     rows = [(k, j) for k in range(count) for j in range(3) if (k + j) % 2]
-    looks = Looks(
+    looks = ObservationFactors(
         np.array([k for k, _ in rows]), np.array([j for _, j in rows]),
         np.array([poses[k].inverse().apply(landmarks[j]) + random.normal(0.0, 0.1, 2) for k, j in rows]),
         inverse(np.array([np.diag([0.01, 0.02]) + 0.003 for _ in rows])),
@@ -30,7 +30,7 @@ def drive(seed=0, count=9):
     information = inverse(np.array([np.diag([9e-4, 9e-4, 9e-4]) + 1e-4 for _ in motions]))
     start = np.array([p.vector() for p in poses]) + random.normal(0.0, 0.05, (count, 3))
     start[0] = poses[0].vector()
-    chain = Chain(np.array(motions), information, start[0], FIXED)
+    chain = OdometryFactors(np.array(motions), information, start[0], FIXED)
     return start, landmarks + random.normal(0.0, 0.2, (3, 2)), chain, looks
 
 
@@ -65,9 +65,9 @@ def test_the_least_squares_are_scipys(seed):
 
 def test_one_look_at_a_known_landmark_is_a_kalman_update():
     # The pose may be 0.2 m off along x and y, the landmark 0.1 m, the look 0.1 m: it says 0.3 m less in x.
-    chain = Chain(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), np.diag([25.0, 25.0, 1e12]))
-    looks = Looks(np.array([0]), np.array([0]), np.array([[1.7, 0.0]]), np.eye(2)[None] * 100.0)
-    known = Known(np.array([[2.0, 0.0]]), np.eye(2)[None] * 100.0)
+    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), np.diag([25.0, 25.0, 1e12]))
+    looks = ObservationFactors(np.array([0]), np.array([0]), np.array([[1.7, 0.0]]), np.eye(2)[None] * 100.0)
+    known = LandmarkPriors(np.array([[2.0, 0.0]]), np.eye(2)[None] * 100.0)
     found = solve(np.zeros((1, 3)), known.place_m, chain, looks, known, kernel=1e9)
     assert found.poses[0] == pytest.approx([0.3 * 0.04 / 0.06, 0.0, 0.0], abs=1e-6)
     assert found.landmarks[0] == pytest.approx([2.0 - 0.3 * 0.01 / 0.06, 0.0], abs=1e-6)
@@ -79,7 +79,7 @@ def test_an_outlier_weighs_little():
     clean = solve(start, landmarks, chain, looks, NOTHING)
     places = looks.place_m.copy()
     places[4] += [2.0, -1.0]
-    wrong = Looks(looks.pose, looks.landmark, places, looks.information)
+    wrong = ObservationFactors(looks.pose, looks.landmark, places, looks.information)
     robust = solve(start, landmarks, chain, wrong, NOTHING)
     trusting = solve(start, landmarks, chain, wrong, NOTHING, kernel=1e12)
     off, far = (np.abs(found.poses - clean.poses).max() for found in (robust, trusting))
@@ -89,8 +89,8 @@ def test_an_outlier_weighs_little():
 
 def test_a_way_without_landmarks_stays_as_it_was_driven():
     start, _, chain, _ = drive(4)
-    nothing = Looks(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    found = solve(start, np.zeros((0, 2)), chain, nothing, Known(np.zeros((0, 2)), np.zeros((0, 2, 2))))
+    nothing = ObservationFactors(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    found = solve(start, np.zeros((0, 2)), chain, nothing, LandmarkPriors(np.zeros((0, 2)), np.zeros((0, 2, 2))))
     pose = SE2(*chain.first)
     for motion, where in zip(chain.motions, found.poses[1:], strict=True):
         pose = pose @ SE2(*motion)

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.queries import inside_polygon, labelled, nearest, since
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.queries import inside_polygon, labelled, nearest, since
 
 
 def item(identity, x, y, last_s=1.0):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 
 rs: Any = pytest.importorskip("pyrealsense2")
 

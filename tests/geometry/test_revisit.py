@@ -1,8 +1,8 @@
 import numpy as np
 
-from edgemap.geometry.revisit import Pairing, RevisitRule, certain_pairings
+from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing, certain_pairings
 
-RULE = RevisitRule()
+RULE = LoopHypothesisRule()
 OWN = 0.02**2  # m^2, of each thing's place by itself
 
 

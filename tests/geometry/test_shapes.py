@@ -2,7 +2,7 @@
 
 import pytest
 
-from edgemap.geometry.shapes import FOOTPRINT_M, MEASURED, extent_m, footprint_m, shape_of
+from edgemap.geometry.observations.class_extents import FOOTPRINT_M, MEASURED, extent_m, footprint_m, shape_of
 
 
 def test_a_known_class_takes_its_usual_floor_whatever_it_looks_like():

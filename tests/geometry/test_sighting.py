@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.occlusion import covered
+from edgemap.geometry.observations.sighting import FloorRule, on_floor, sightings_of
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import FloorRule, on_floor, sightings_of
-from edgemap.geometry.standing import covered
 
 NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator")
 CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
@@ -137,7 +137,7 @@ def test_feet_below_the_picture_are_between_the_robot_and_the_nearest_floor_seen
     that and 0.2 m. 290 px would be 1.208 m there, a chair looks 0.58 +- 0.14 m wide: 1.0 +- 0.241 m. Together 1.0233 m,
     where it is 0.5935 m wide, its middle 0.13 + 0.23 * 0.5935 m farther, and the ray of its upper edge, 100 px
     below the horizon, 1 - 0.2 * 1.0233 m high."""
-    (chair,) = sightings_of(seen(("chair", 175, 340, 465, 480)), CAMERA, FloorRule(sure_score=0.8))
+    (chair,) = sightings_of(seen(("chair", 175, 340, 465, 480)), CAMERA, FloorRule(full_weight_score=0.8))
     assert chair.position_base_m == pytest.approx([0.2 + 1.0233 + 0.2665, 0.0], abs=1e-3)
     assert chair.width_m == pytest.approx(0.5935, abs=1e-3)
     assert chair.height_m == pytest.approx(1.0 - 0.2 * 1.0233, abs=1e-3)
@@ -145,7 +145,7 @@ def test_feet_below_the_picture_are_between_the_robot_and_the_nearest_floor_seen
         0.5437**2 * 0.2414**2 / (0.5437**2 + 0.2414**2) + 0.07**2, rel=0.01
     )
     assert chair.sure == pytest.approx(0.5)  # a part of it is seen, which counts half
-    (whole,) = sightings_of(seen(("chair", 175, 340, 465, 470)), CAMERA, FloorRule(sure_score=0.8))
+    (whole,) = sightings_of(seen(("chair", 175, 340, 465, 470)), CAMERA, FloorRule(full_weight_score=0.8))
     assert whole.sure == pytest.approx(1.0)
 
 

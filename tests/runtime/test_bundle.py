@@ -6,9 +6,9 @@ import onnx
 import pytest
 from support import painted
 
-from edgemap.runtime.bundle import read_manifest, write_manifest
+from edgemap.runtime.bundle import load_bundle, onnx_opset
 from edgemap.runtime.errors import BundleError, OdometryError
-from edgemap.runtime.session import load_bundle, onnx_opset
+from edgemap.runtime.manifest import read_manifest, write_manifest
 
 CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
 

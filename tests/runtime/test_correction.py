@@ -8,13 +8,13 @@ from support.drifting import drifting, integrated, sighted, worst_m
 from support.drives import round_trip
 from support.rooms import furnished
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.detections import Detections
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.runtime.correction import Corrector, NeverCorrects
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
 from edgemap.runtime.pipeline import StepResult
-from edgemap.runtime.relocation import START_SIGMAS
+from edgemap.runtime.relocalisation import START_SIGMAS
 from edgemap.runtime.report.history import History
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import read_tum
@@ -24,7 +24,7 @@ ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 WAY = round_trip(260, turns=2.4)
 
 
-def steps(corrector, way=WAY, room=ROOM, seed=0, **drift):
+def steps(loop_closer, way=WAY, room=ROOM, seed=0, **drift):
     """Results and maps of a drive, made as the pipeline makes them, without pictures."""
     random, floor_map = np.random.default_rng(seed), FloorMap()
     pose, covariance = SE2(), np.zeros((3, 3))
@@ -33,13 +33,13 @@ def steps(corrector, way=WAY, room=ROOM, seed=0, **drift):
             covariance = compose_covariance(pose, covariance, motion.motion, motion.covariance)
             pose = pose @ motion.motion
         sightings = sighted(room, way[index], index, random)
-        corrected = corrector.look(pose, covariance, motion, sightings, index / 10)
+        corrected = loop_closer.look(pose, covariance, motion, sightings, index / 10)
         if corrected is not None:
             pose, covariance = corrected.pose_map_base, corrected.pose_covariance
             floor_map.moved(corrected.things)
         placed = [
             sighting.placed(pose, covariance, thing)
-            for sighting, thing in zip(sightings, corrector.things, strict=True)
+            for sighting, thing in zip(sightings, loop_closer.things, strict=True)
         ]
         ids = floor_map.update(placed)
         frame = Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8))
@@ -64,13 +64,13 @@ def errors_m(objects):
 
 @pytest.fixture(scope="module")
 def corrected():
-    return list(steps(Corrector()))
+    return list(steps(LoopCloser()))
 
 
 def test_a_loop_leaves_no_double_and_everything_in_its_place(corrected):
-    drifted, doubles = errors_m(list(steps(NeverCorrects()))[-1][1])
+    drifted, doubles = errors_m(list(steps(NoLoopClosure()))[-1][1])
     assert doubles > 3  # or this drive shows nothing
-    true_map = list(steps(NeverCorrects(), yaw_share=0.0, way_share=0.0))[-1][1]
+    true_map = list(steps(NoLoopClosure(), yaw_share=0.0, way_share=0.0))[-1][1]
     right, left = errors_m(corrected[-1][1])
     assert left == 0
     assert len(right) == len(true_map)
@@ -93,9 +93,9 @@ def test_the_covariance_is_honest_after_a_loop(corrected):
 
 
 def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path):
-    from edgemap.geometry.floor import FloorCamera
-    from edgemap.geometry.intrinsics import Intrinsics
-    from edgemap.geometry.mount import Mount
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.geometry.camera.intrinsics import Intrinsics
+    from edgemap.geometry.camera.mount import Mount
 
     floor = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
     folder = RunFolder(tmp_path / "run", floor, {})
@@ -142,15 +142,15 @@ def test_report_and_page_tell_the_way_as_it_is_known_now(corrected, tmp_path):
 
 
 def test_a_start_told_roughly_is_put_right_by_the_saved_maps_things():
-    saved = list(steps(NeverCorrects(), yaw_share=0.0, way_share=0.0))[-1][1]
+    saved = list(steps(NoLoopClosure(), yaw_share=0.0, way_share=0.0))[-1][1]
     told = SE2(0.15, -0.1, 0.06)  # the robot stands at the origin
-    corrector, random, pose = Corrector(), np.random.default_rng(5), told
-    corrector.begin_in(saved)
+    loop_closer, random, pose = LoopCloser(), np.random.default_rng(5), told
+    loop_closer.begin_in(saved)
     covariance = np.diag(np.square(START_SIGMAS))
     for index, motion in enumerate(drifting(WAY[:120], 5, yaw_share=0.01)):
         pose = pose @ motion.motion if index else pose
         sightings = sighted(ROOM, WAY[index], index, random)
-        corrected = corrector.look(pose, covariance, motion, sightings, index / 10)
+        corrected = loop_closer.look(pose, covariance, motion, sightings, index / 10)
         pose = corrected.pose_map_base if corrected else pose
     truth = WAY[0].inverse() @ WAY[119]
     off = truth.inverse() @ pose

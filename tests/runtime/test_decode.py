@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import painted
 
-from edgemap.runtime.bundle import Detector, HeadSpec, InputSpec
 from edgemap.runtime.decode import Decoder, suppress
+from edgemap.runtime.manifest import Detector, HeadSpec, InputSpec
 from edgemap.runtime.preprocess import Preprocessor, place
 
 

@@ -5,21 +5,21 @@ import numpy as np
 import pytest
 from support import painted
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.floor_map import load_map
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
-from edgemap.geometry.paper_map import PaperMap
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import load_map
+from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.correction import Corrector
 from edgemap.runtime.errors import CameraError, RunFolderError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop import run
+from edgemap.runtime.loop_closing import LoopCloser
 from edgemap.runtime.odometry.recorded import RecordedOdometry
 from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.session import load_bundle
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
@@ -71,15 +71,15 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind
 
 def test_stages_stand_in_the_order_of_the_step(bundle):
     result = pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
-    assert list(result.laps_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "correct", "map"]
+    assert list(result.stages_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "correct", "map"]
 
 
 @pytest.mark.parametrize(("kind", "corrects"), [(FloorMap, True), (PaperMap, False)])
 def test_only_a_map_that_can_move_is_corrected(bundle, kind, corrects):
     still = RecordedOdometry(Trajectory(np.arange(2.0), (SE2(), SE2())), "test")
-    pipe = Pipeline(bundle, FLOOR, still, kind(), corrector=Corrector())
+    pipe = Pipeline(bundle, FLOOR, still, kind(), loop_closer=LoopCloser())
     result = pipe.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
-    assert pipe.corrector.corrects is corrects
+    assert pipe.loop_closer.corrects is corrects
     assert [placed.thing for placed in result.sightings] == [0 if corrects else -1]
 
 

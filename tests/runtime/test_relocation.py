@@ -5,14 +5,14 @@ import pytest
 from support.drives import Drive, frames, round_trip
 from support.rooms import furnished, mapped
 
-from edgemap.geometry.default_map import FloorMap
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.floor_map import load_map, map_document
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import load_map, map_document
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.relocation import Relocator, start_in
+from edgemap.runtime.relocalisation import Relocaliser, start_in
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import read_tum
 
@@ -69,7 +69,7 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
     saved, start = first_drive(), round_trip(80)[0]
     known = in_room(saved, start)
     way = round_trip(80, start_rad=2.0)
-    steps = Relocator(drive(start_rad=2.0), saved)
+    steps = Relocaliser(drive(start_rad=2.0), saved)
     folder = RunFolder(tmp_path / "run", FLOOR, {})
     moved = []
     for frame in frames(80):
@@ -106,7 +106,7 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
 
 def test_an_id_means_one_thing_before_and_after():
     saved = first_drive()
-    steps = Relocator(drive(start_rad=2.0), saved)
+    steps = Relocaliser(drive(start_rad=2.0), saved)
     taken, own = {item.id for item in saved}, set()
     for frame in frames(80):
         result = steps.step(frame)
@@ -118,7 +118,7 @@ def test_an_id_means_one_thing_before_and_after():
 
 def test_another_room_is_not_taken_for_the_saved_one():
     other = furnished(np.random.default_rng(12), 16, apart_m=0.8)
-    steps = Relocator(drive(room=other), first_drive())
+    steps = Relocaliser(drive(room=other), first_drive())
     for frame in frames(80):
         assert steps.step(frame).relocated is None
     assert steps.alignment is None

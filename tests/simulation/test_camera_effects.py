@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.camera.exposure import gains, light_levels, settled_gain
 from edgemap.simulation.camera.noise import noisy

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.hand_made_home import home
 
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.camera.setup import CameraSetup
 from edgemap.simulation.robot import motion

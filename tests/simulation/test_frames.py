@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
 from edgemap.simulation.render.scene import LightMix, LitPart, LitScene, LitSurface, Surface

@@ -5,8 +5,8 @@ import hashlib
 import numpy as np
 import pytest
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Material, box
 from edgemap.simulation.render.scene import LitPart, LitScene

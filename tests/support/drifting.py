@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import Sighting
 from edgemap.runtime.odometry.protocol import Motion
 
 SIGMAS = (0.004, 0.004, 0.004)  # m, m, rad, of one frame's motion

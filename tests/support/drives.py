@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor_map import ObjectMap
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import ObjectMap
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import Sighting
-from edgemap.runtime.correction import NeverCorrects
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.loop_closing import NoLoopClosure
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.pipeline import StepResult
 
@@ -26,7 +26,7 @@ class Drive:
         self.random = np.random.default_rng(seed)
         self.map: ObjectMap = FloorMap()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
-        self.corrector = NeverCorrects()
+        self.loop_closer = NoLoopClosure()
         self.frame = 0
 
     def step(self, frame: Frame) -> StepResult:

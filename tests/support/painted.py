@@ -10,7 +10,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from edgemap.runtime.bundle import (
+from edgemap.runtime.manifest import (
     FORMAT,
     METADATA_KEY,
     ClassEntry,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras import Camera
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.recordings.facts import Facts

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.detections import Detections
 
 CAMERA = FloorCamera(Intrinsics(640, 480, 400.0, 400.0, 319.5, 239.5), Mount.from_degrees(0.6, 12.0))
 HEIGHT_M = 0.7

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor_map import MapObject
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import Sighting
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.pipeline import StepResult
@@ -41,10 +41,10 @@ class Steps:
             placed.append(sighting.placed(pose, np.diag([1e-4, 1e-4, 1e-5])))
         frame = Frame(index, 0.1 * index, self._picture.copy(), f"made#{index}")
         ids = self.map.update(placed)
-        laps_ms = {"preprocess": 1.0, "backbone": 10.0, "map": 0.5}
+        stages_ms = {"preprocess": 1.0, "backbone": 10.0, "map": 0.5}
         motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-4, fault)
         self.index += 1
-        result = StepResult(frame, detections, placed, ids, {}, motion, pose, np.diag([1e-4, 1e-4, 1e-5]), laps_ms)
+        result = StepResult(frame, detections, placed, ids, {}, motion, pose, np.diag([1e-4, 1e-4, 1e-5]), stages_ms)
         return result, self.map.objects()
 
     def into(self, sink: Sink, count: int = 1) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.steps import Steps
 
-from edgemap.geometry.floor_map import load_map, save_map
+from edgemap.geometry.objects.map_object import load_map, save_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.cameras.base import CameraBase

@@ -42,13 +42,13 @@ export class Panels {
   update(news, objects, seen) {
     this.faults(news.faults);
     if (news.frame === undefined) return;
-    this.stages(news.laps_ms);
+    this.stages(news.stages_ms);
     this.health(news);
     this.things(objects, seen, news.pose);
   }
 
-  stages(laps_ms) {
-    for (const [stage, ms] of Object.entries(laps_ms)) {
+  stages(stages_ms) {
+    for (const [stage, ms] of Object.entries(stages_ms)) {
       let row = this.laps.get(stage);
       if (!row) {
         row = { ms, bar: element("div", "", "bar"), text: element("td") };

@@ -10,8 +10,8 @@ from edgemap.export.detector.classes import NAMES, nano_classes  # noqa: E402
 from edgemap.export.detector.network import Nano  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.exporter import export_backbone  # noqa: E402
-from edgemap.runtime.bundle import read_manifest  # noqa: E402
-from edgemap.runtime.session import load_bundle  # noqa: E402
+from edgemap.runtime.bundle import load_bundle  # noqa: E402
+from edgemap.runtime.manifest import read_manifest  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,12 @@ from edgemap.export.odometry.flow import FlowHead  # noqa: E402
 from edgemap.export.odometry.flow_loss import flow_loss, run_clip  # noqa: E402
 from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
 from edgemap.export.odometry.validate import estimate, validate  # noqa: E402
-from edgemap.geometry.floor import FloorCamera  # noqa: E402
-from edgemap.geometry.flow_cells import flow_cells  # noqa: E402
-from edgemap.geometry.intrinsics import Intrinsics  # noqa: E402
-from edgemap.geometry.mount import Mount  # noqa: E402
+from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
+from edgemap.geometry.camera.intrinsics import Intrinsics  # noqa: E402
+from edgemap.geometry.camera.mount import Mount  # noqa: E402
+from edgemap.geometry.odometry.flow_cells import flow_cells  # noqa: E402
 from edgemap.geometry.se2 import SE2  # noqa: E402
-from edgemap.runtime.bundle import InputSpec  # noqa: E402
+from edgemap.runtime.manifest import InputSpec  # noqa: E402
 from edgemap.runtime.preprocess import cell_grid  # noqa: E402
 
 SIZE = 160

@@ -9,10 +9,10 @@ torch = pytest.importorskip("torch")
 
 from edgemap.export.odometry.correlation import correlate, offsets  # noqa: E402
 from edgemap.export.odometry.rigid import Cells, inverse2, inverse3, seen_before, solve  # noqa: E402
-from edgemap.geometry.floor import FloorCamera  # noqa: E402
-from edgemap.geometry.flow_cells import Grid, flow_cells  # noqa: E402
-from edgemap.geometry.intrinsics import Distortion, Intrinsics  # noqa: E402
-from edgemap.geometry.mount import Mount  # noqa: E402
+from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics  # noqa: E402
+from edgemap.geometry.camera.mount import Mount  # noqa: E402
+from edgemap.geometry.odometry.flow_cells import Grid, flow_cells  # noqa: E402
 from edgemap.geometry.se2 import SE2  # noqa: E402
 
 LENS = Intrinsics(640, 480, 500, 505, 317.0, 243.0, Distortion("brown_conrady", (-0.1, 0.02, 0.001, 0.0)))

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from support.scenes import floor_board, held_board
 
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.calibration.board import Board, View
 from edgemap.runtime.calibration.floor_board import fit_mount
 from edgemap.runtime.calibration.lens import fit_lens

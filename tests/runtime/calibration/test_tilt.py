@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from support.scenes import room
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.calibration.segments import Segments, find_segments
 from edgemap.runtime.calibration.tilt import fit_tilt
 from edgemap.runtime.cameras import open_camera

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.cameras.base import CameraBase

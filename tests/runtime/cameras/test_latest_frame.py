@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from edgemap.geometry.intrinsics import Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.cameras.latest import LatestFrameCamera
 from edgemap.runtime.errors import CameraError
 

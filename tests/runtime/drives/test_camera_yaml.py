@@ -4,8 +4,8 @@
 
 import pytest
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 from edgemap.runtime.errors import CameraError
 

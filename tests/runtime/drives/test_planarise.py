@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.drives.planarise import planarise_base, planarise_camera, up_vector, upright_camera

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from support.recordings import FACTS, LENS, MOUNT, noise
 
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.floor_map import MapObject
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.sighting import FloorRule, sightings_of
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.recordings.facts import Facts

@@ -13,7 +13,7 @@ pytest.importorskip("rosbags")
 from support.recordings import drain
 from support.ros_bag import camera_info, compressed, image, odometry, tf, transform, write_bag
 
-from edgemap.geometry.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.errors import CameraError

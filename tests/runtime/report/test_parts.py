@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.detections import Detections
-from edgemap.geometry.floor_map import CHI2_95, MapObject
+from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.report.charts import duration, nice_top
 from edgemap.runtime.report.crops import MOST, SIDE_PX, BestCrops
@@ -85,7 +85,7 @@ def step(index, labels=("chair",), lap_ms=2.0, x_m=0.0, relocated=None) -> Any:
         frame=SimpleNamespace(stamp_s=index / 10),
         pose_map_base=SE2(x_m, 0, 0),
         pose_covariance=np.diag([0.04, 0.01, 0.0]),
-        laps_ms={"backbone": lap_ms, "map": 1.0},
+        stages_ms={"backbone": lap_ms, "map": 1.0},
         detections=detections,
         relocated=relocated,
         corrected=None,
@@ -100,7 +100,7 @@ def test_a_history_is_bounded_and_loses_no_sum():
     assert len(history.stretches) <= 2 * MOST_STRETCHES
     assert sum(one.frames for one in history.stretches) == count
     assert sum(one.seen["chair"] for one in history.stretches) == count
-    assert sum(one.laps_ms["map"] for one in history.stretches) == pytest.approx(count)
+    assert sum(one.stages_ms["map"] for one in history.stretches) == pytest.approx(count)
     assert max(one.worst_ms for one in history.stretches) == 51.0
     assert history.way_m == pytest.approx(20.0)
     way = history.way()

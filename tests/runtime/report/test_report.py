@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from support import painted
 
-from edgemap.geometry.default_map import FloorMap
-from edgemap.geometry.floor import FloorCamera
-from edgemap.geometry.intrinsics import Intrinsics
-from edgemap.geometry.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.objects.evaluation_row import EvaluationRow
+from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.verdict import Verdict
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
@@ -24,7 +25,6 @@ from edgemap.runtime.odometry.recorded import RecordedOdometry
 from edgemap.runtime.pipeline import Pipeline
 from edgemap.runtime.report import sink as sink_module
 from edgemap.runtime.report.sink import ReportFile
-from edgemap.runtime.session import load_bundle
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import Trajectory
 
@@ -100,13 +100,13 @@ def page_of(folder):
 
 
 def test_it_says_what_map_json_says(bundle, tmp_path):
-    verdicts = [
-        Verdict("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0))),
-        Verdict("missed", "bed", None, (1.0, 2.0)),
+    evaluation_rows = [
+        EvaluationRow("found", "chair", "chair-1", (5.0, -0.9), 0.25, True, ((4, -1), (6, -1), (6, 0))),
+        EvaluationRow("missed", "bed", None, (1.0, 2.0)),
     ]
-    report = drive(bundle, tmp_path / "r", judge=lambda objects, frames: verdicts)
+    report = drive(bundle, tmp_path / "r", judge=lambda objects, frames: evaluation_rows)
     assert report.failure == ""
-    assert report.verdicts == verdicts
+    assert report.evaluation_rows == evaluation_rows
     text = page_of(tmp_path / "r").text
     objects = json.loads((tmp_path / "r" / "map.json").read_text())["objects"]
     assert len(objects) == 1

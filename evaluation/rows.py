@@ -1,0 +1,61 @@
+"""Object by object: what of a map is found, misplaced, missed or extra, by the same rule as `score_map`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from edgemap.evaluation.objects import LEAST_FRAMES, TrueObject, pairs_within, scored
+from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
+from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+
+FOUND_M, MISPLACED_M = 0.5, 1.5
+
+
+def evaluation_rows(
+    objects: Sequence[MapObject],
+    truth: Sequence[TrueObject],
+    found_m: float = FOUND_M,
+    misplaced_m: float = MISPLACED_M,
+    least_frames: int = LEAST_FRAMES,
+) -> list[EvaluationRow]:
+    """A row for each mapped object and for each true one that counts; ordered by state, then label.
+
+    By class, one to one: within `found_m` is found; of what is left, within `misplaced_m` is misplaced. True objects
+    seen in fewer frames are not asked for, but a mapped object that stands within `found_m` of one is no extra.
+    """
+    rows: list[EvaluationRow] = []
+    for label in sorted({item.label for item in objects} | {item.label for item in truth}):
+        mapped = [item for item in objects if item.label == label]
+        standing = [item for item in truth if item.label == label and item.on_floor]
+        wanted = scored(standing, least_frames)
+        seldom = [item for item in standing if item.frames < least_frames]
+        mapped, wanted = _take(rows, "found", mapped, wanted, found_m)
+        mapped, _ = _take(rows, "unscored", mapped, seldom, found_m)
+        mapped, wanted = _take(rows, "misplaced", mapped, wanted, misplaced_m)
+        rows += [EvaluationRow("missed", label, None, _place(item), footprint_m=item.footprint_m) for item in wanted]
+        rows += [EvaluationRow("extra", label, item.id) for item in mapped]
+    return sorted(rows, key=lambda row: (STATES.index(row.state), row.label))
+
+
+def _take(
+    rows: list[EvaluationRow], state: State, mapped: list[MapObject], true: list[TrueObject], radius_m: float
+) -> tuple[list[MapObject], list[TrueObject]]:
+    """Pair what lies within the radius, add the pairs to the rows; what is left of both."""
+    pairs = pairs_within(mapped, true, radius_m)
+    for row, column in pairs:
+        item, real = mapped[row], true[column]
+        off = item.position_m - _place(real)
+        covered = bool(off @ np.linalg.solve(item.covariance_m2, off) <= CHI2_95)
+        error_m = float(np.linalg.norm(off))
+        rows.append(EvaluationRow(state, item.label, item.id, _place(real), error_m, covered, real.footprint_m))
+    used_rows, used_columns = {row for row, _ in pairs}, {column for _, column in pairs}
+    return (
+        [item for index, item in enumerate(mapped) if index not in used_rows],
+        [item for index, item in enumerate(true) if index not in used_columns],
+    )
+
+
+def _place(item: TrueObject) -> tuple[float, float]:
+    return (item.x_m, item.y_m)

@@ -1,0 +1,134 @@
+"""The floor seen by a mounted camera: horizon, ray-floor intersection, and how errors reach the floor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import GeometryError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FloorCamera:
+    """A camera on its mount, looking at the plane z = 0 of the base frame.
+
+    Raises GeometryError where no picture row sees the floor (a mount that looks at the sky).
+    """
+
+    intrinsics: Intrinsics
+    mount: Mount
+
+    def __post_init__(self) -> None:
+        bottom = [(u, self.intrinsics.height - 1.0) for u in (0.0, self.intrinsics.cx, self.intrinsics.width - 1.0)]
+        if self.rays_base(bottom)[:, 2].min() >= 0.0:
+            pitch_deg = math.degrees(self.mount.pitch_rad)
+            half_deg = math.degrees(math.atan2(self.intrinsics.height - 1.0 - self.intrinsics.cy, self.intrinsics.fy))
+            raise GeometryError(
+                f"mount: pitch {pitch_deg:.1f} deg (positive is down) with {half_deg:.1f} deg of view below the "
+                "optical axis sees no floor; the camera looks at the sky"
+            )
+
+    def rays_base(self, pixels: ArrayLike) -> Array:
+        """Viewing rays through pixels (N, 2), as directions (N, 3) of the base frame, not normalised."""
+        return self.intrinsics.rays(pixels) @ self.mount.rotation_base_optical().T
+
+    def below_horizon(self, pixels: ArrayLike) -> NDArray[np.bool_]:
+        """Which pixels (N, 2) look below the horizon, hence at the floor if nothing stands before it; (N,)."""
+        return self.rays_base(pixels)[:, 2] < -1e-9
+
+    def floor_points(self, pixels: ArrayLike) -> Array:
+        """Where rays through pixels (N, 2) meet the floor: (N, 2) base frame, metres; NaN at or above the horizon.
+
+        Ray-plane intersection; at zero roll and on the optical axis' column it is the paper's equation 3.
+        """
+        rays = self.rays_base(pixels)
+        down = np.where(rays[:, 2] < -1e-9, -rays[:, 2], np.nan)
+        lens = self.mount.position_base_m()
+        return lens[:2] + rays[:, :2] * (lens[2] / down)[:, None]
+
+    def project(self, points_base_m: ArrayLike) -> Array:
+        """Points (N, 3), or (N, 2) on the floor, of the base frame to pixels (N, 2); NaN behind the camera."""
+        points = np.asarray(points_base_m, dtype=np.float64)
+        if points.shape[-1] == 2:
+            points = np.column_stack([points, np.zeros(len(points))])
+        optical = (points - self.mount.position_base_m()) @ self.mount.rotation_base_optical()
+        return self.intrinsics.project(optical)
+
+    def horizon_row(self, column_px: float | None = None) -> float:
+        """The paper's h_t: the row, px, where a picture column (default: the principal point's) meets the horizon.
+
+        Found on the viewing rays, so roll and lens distortion count. May lie outside the picture.
+        """
+        column = self.intrinsics.cx if column_px is None else column_px
+        low, high = -4.0 * self.intrinsics.height, 5.0 * self.intrinsics.height
+        if self.intrinsics.distortion.is_identity:  # z of the ray is linear in the row
+            z_low, z_high = self.rays_base([(column, low), (column, high)])[:, 2]
+            return low + (high - low) * z_low / (z_low - z_high)
+        low, high = 0.0, self.intrinsics.height - 1.0
+        rows = np.linspace(low, high, 257)
+        z = self.rays_base(np.column_stack([np.full_like(rows, column), rows]))[:, 2]
+        below = np.flatnonzero(z < 0)
+        if len(below) == 0 or below[0] == 0:
+            undistorted = replace(self, intrinsics=replace(self.intrinsics, distortion=Distortion()))
+            return undistorted.horizon_row(column)
+        first = below[0]
+        return float(rows[first - 1] + (rows[first] - rows[first - 1]) * z[first - 1] / (z[first - 1] - z[first]))
+
+    def optical_depth_m(self, points_base_m: ArrayLike) -> Array:
+        """Depth along the optical axis of floor points (N, 2), metres, shape (N,): what sizes scale with (eq. 4)."""
+        points = np.asarray(points_base_m, dtype=np.float64).reshape(-1, 2)
+        offsets = np.column_stack([points, np.zeros(len(points))]) - self.mount.position_base_m()
+        return offsets @ self.mount.rotation_base_optical()[:, 2]
+
+
+@dataclass(frozen=True, slots=True)
+class FloorNoise:
+    """How well the mount is known, as standard deviations; what they do is shared by all sightings of a drive."""
+
+    pitch_rad: float = math.radians(0.5)
+    roll_rad: float = math.radians(0.3)
+    height_m: float = 0.01
+
+
+def floor_covariances(
+    camera: FloorCamera, pixels: ArrayLike, sigmas_px: ArrayLike, noise: FloorNoise
+) -> tuple[Array, Array]:
+    """First-order covariances of floor points, base frame, m^2: from pixels, and from the mount; each (N, 2, 2).
+
+    pixels, sigmas_px: (N, 2), place and standard deviation across and down. Numeric central differences; NaN at or
+    above the horizon. The second part is common to all sightings of a drive.
+    """
+    pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
+
+    def column(plus: Array, minus: Array, step: float) -> Array:
+        return (plus - minus) / (2.0 * step)
+
+    wrt_u = column(camera.floor_points(pixels + [0.5, 0.0]), camera.floor_points(pixels - [0.5, 0.0]), 0.5)
+    wrt_v = column(camera.floor_points(pixels + [0.0, 0.5]), camera.floor_points(pixels - [0.0, 0.5]), 0.5)
+    from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
+
+    from_mount = np.zeros_like(from_pixels)
+    for name, sigma, step in (
+        ("pitch_rad", noise.pitch_rad, 1e-4),
+        ("roll_rad", noise.roll_rad, 1e-4),
+        ("height_m", noise.height_m, 1e-4),
+    ):
+        plus, minus = (_moved(camera, name, sign * step).floor_points(pixels) for sign in (1.0, -1.0))
+        from_mount += sigma**2 * _outer(column(plus, minus, step))
+    return from_pixels, from_mount
+
+
+def _moved(camera: FloorCamera, name: str, step: float) -> FloorCamera:
+    return replace(camera, mount=replace(camera.mount, **{name: getattr(camera.mount, name) + step}))
+
+
+def _outer(vectors: Array) -> Array:
+    return vectors[:, :, None] * vectors[:, None, :]

@@ -1,0 +1,181 @@
+"""Negative evidence: an object in plain view that is not detected, look after look, is no longer there."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import MapObject, ObjectMap
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.visibility import ViewRule, expected_boxes, in_plain_view, iou
+from edgemap.geometry.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True)
+class ForgetRule:
+    """How soon an object is doubted.
+
+    surest, gone: log-odds that an object has at most, and below which it leaves. look_m, look_rad, look_frames: frames
+    with the robot moved or turned less than this, or fewer, are one look, as they repeat each other's misses; it is a
+    miss where none of them shows the object. weight: of one look's log-odds, as looks are not quite independent either.
+    false_rate: how often something is detected where nothing stands. prior_hits, prior_looks: what is known of a
+    class's detection rate before any look. same_iou: a box of its label that overlaps the expected one this much counts
+    as a look at it, whichever object it went to. trusted_rate: no miss weighs as if the detection rate were higher, as
+    what was always seen may be missed for a while from one side.
+    """
+
+    surest: float = 2.5
+    gone: float = -2.0
+    look_m: float = 0.12
+    look_rad: float = 0.15
+    look_frames: int = 15
+    weight: float = 0.6
+    false_rate: float = 0.05
+    prior_hits: float = 6.4
+    prior_looks: float = 8.0
+    same_iou: float = 0.3
+    trusted_rate: float = 0.8
+    view: ViewRule = field(default_factory=ViewRule)
+
+
+class _Rate:
+    """How often a look at what is in plain view shows it. pending: misses since the last hit, which may mean that it
+    left."""
+
+    def __init__(self) -> None:
+        self.hits = self.looks = self.pending = 0
+
+    def add(self, hits: int, looks: int) -> None:
+        self.hits, self.looks = self.hits + hits, self.looks + looks
+
+
+@dataclass(slots=True)
+class _Observation:
+    """Frames from about one place. seen: whether any of them shows the object, None where something like it was seen
+    in its place."""
+
+    pose_map_base: SE2
+    frame: int
+    seen: bool | None = False
+
+
+class NoForgetting:
+    """For maps that keep whatever they have seen."""
+
+    def look(
+        self,
+        floor_map: ObjectMap,  # noqa: ARG002
+        detections: Detections,  # noqa: ARG002
+        pose_map_base: SE2,  # noqa: ARG002
+        object_ids: Sequence[str],  # noqa: ARG002
+    ) -> list[str]:
+        """Nothing leaves the map."""
+        return []
+
+
+class Forgetter:
+    """Keeps the log-odds that each object of the map is still there. looks: clear looks so far, by id."""
+
+    def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
+        self.camera, self.rule = camera, rule or ForgetRule()
+        self.looks: dict[str, int] = defaultdict(int)
+        self._frame = 0
+        self._open: dict[str, _Observation] = {}
+        self._log_odds: dict[str, float] = {}
+        self._own: dict[str, _Rate] = defaultdict(_Rate)
+        self._class: dict[str, _Rate] = defaultdict(_Rate)
+
+    def look(
+        self, floor_map: ObjectMap, detections: Detections, pose_map_base: SE2, object_ids: Sequence[str]
+    ) -> list[str]:
+        """Weigh one frame, after the map has taken in its sightings; the ids that leave the map by it.
+
+        detections: all boxes of the frame. pose_map_base: where they were seen from. object_ids: objects sighted. Only
+        the default map can forget: the paper's is made of all sightings ever.
+        """
+        if not isinstance(floor_map, FloorMap):
+            return []
+        self._frame += 1
+        sighted, gone = set(object_ids), []
+        objects = self._concerned(floor_map.objects(), pose_map_base, sighted)
+        boxes = expected_boxes(objects, self.camera, pose_map_base)
+        clear = in_plain_view(objects, boxes, self.camera, pose_map_base, detections, self.rule.view)
+        labels = np.array(detections.labels, dtype=object)
+        for row, item in enumerate(objects):
+            if item.id in sighted:
+                self._hit(item, pose_map_base, bool(clear[row]))
+            elif clear[row]:
+                like = detections.boxes[labels == item.label] if len(detections) else np.zeros((0, 4))
+                self._miss(item, pose_map_base, bool((iou(boxes[row], like) >= self.rule.same_iou).any()))
+            else:
+                continue
+            log_odds = self._log_odds.get(item.id, self.rule.surest)
+            if log_odds < self.rule.gone and item.id not in sighted:
+                floor_map.drop(item.id)
+                gone.append(item.id)
+                for known in (self._log_odds, self._open):
+                    known.pop(item.id, None)
+            else:
+                floor_map.doubt(item.id, 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0)
+        return gone
+
+    def _concerned(self, objects: list[MapObject], pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
+        """Those sighted, and those near enough and ahead, for which geometry is worth its time."""
+        if not objects:
+            return []
+        places = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
+        near = (places[:, 0] > 0.0) & (np.linalg.norm(places, axis=1) <= self.rule.view.farthest_m)
+        return [item for item, close in zip(objects, near, strict=True) if close or item.id in sighted]
+
+    def detection_rate(self, item: MapObject) -> float:
+        """How often a clear look shows this object: its own looks over its class's over the prior."""
+        rule, own, kind = self.rule, self._own[item.id], self._class[item.label]
+        usual = (kind.hits + rule.prior_hits) / (kind.looks + rule.prior_looks)
+        rate = (own.hits + usual * rule.prior_looks) / (own.looks + rule.prior_looks)
+        return min(max(rate, 2.0 * rule.false_rate), 0.95)
+
+    def _hit(self, item: MapObject, pose_map_base: SE2, clear: bool) -> None:
+        """It is there: that weighs at once, and whatever is missed in the same look does not."""
+        self._weigh(item, self.detection_rate(item) / self.rule.false_rate)
+        if clear:
+            self._look_at(item, pose_map_base).seen = True
+
+    def _miss(self, item: MapObject, pose_map_base: SE2, like_it: bool) -> None:
+        look = self._look_at(item, pose_map_base)
+        if like_it and not look.seen:
+            look.seen = None
+
+    def _look_at(self, item: MapObject, pose_map_base: SE2) -> _Observation:
+        """The look that this frame belongs to; a look that ends by it is counted and weighed."""
+        rule, look = self.rule, self._open.get(item.id)
+        if look is not None:
+            way = look.pose_map_base.inverse() @ pose_map_base
+            same = math.hypot(way.x_m, way.y_m) < rule.look_m and abs(way.yaw_rad) < rule.look_rad
+            if same and self._frame - look.frame < rule.look_frames:
+                return look
+            if look.seen is not None:
+                self._count(item, look.seen)
+        self._open[item.id] = _Observation(pose_map_base, self._frame)
+        return self._open[item.id]
+
+    def _count(self, item: MapObject, seen: bool) -> None:
+        own = self._own[item.id]
+        self.looks[item.id] += 1
+        own.pending += 1
+        if seen:  # so it was there all the while
+            for rates in (own, self._class[item.label]):
+                rates.add(1, own.pending)
+            own.pending = 0
+        else:
+            missed = 1.0 - min(self.detection_rate(item), self.rule.trusted_rate)
+            self._weigh(item, missed / (1.0 - self.rule.false_rate))
+
+    def _weigh(self, item: MapObject, ratio: float) -> None:
+        now = self._log_odds.get(item.id, self.rule.surest) + self.rule.weight * math.log(ratio)
+        self._log_odds[item.id] = min(now, self.rule.surest)

@@ -1,0 +1,164 @@
+"""What an object's sightings boil down to: pooled by the spot of floor they say and the side they were seen from.
+
+A pool is a sum, so it does not depend on the order of the sightings; how many there are follows the floor and not time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.objects.footprints import footprint_m
+from edgemap.geometry.objects.map_object import MapObject, SightingSums
+from edgemap.geometry.observations.sighting import PlacedSighting
+
+Array = NDArray[np.float64]
+Key = tuple[int, int, int, int, int]  # cell x, cell y, side, thing, rank among the frame's sightings there
+
+CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
+SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
+VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
+SAVED_SIDE = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObjectShift:
+    """How a thing was found to lie elsewhere: by_m (2,); from_way_m2 (2, 2), what its covariance has from the way;
+    part_of: number of the thing that it turned out to be, its own where it is still that."""
+
+    by_m: Array
+    from_way_m2: Array
+    part_of: int
+
+
+def keys_of(sightings: Sequence[PlacedSighting]) -> list[Key]:
+    """The pool of each sighting of one frame and label; two boxes of one frame are never in one pool."""
+    keys: list[Key] = [(0, 0, 0, 0, 0)] * len(sightings)
+    taken: Counter[tuple[int, int, int, int]] = Counter()
+    for row in sorted(range(len(sightings)), key=lambda row: tuple(sightings[row].position_map_m)):
+        x_m, y_m = sightings[row].position_map_m
+        lever_x_m, lever_y_m = sightings[row].lever_m
+        side = int((math.atan2(lever_y_m, lever_x_m) / math.tau + 0.5) * SIDES) % SIDES
+        spot = *_cell(x_m, y_m), side, sightings[row].thing
+        keys[row] = (*spot, taken[spot])
+        taken[spot] += 1
+    return keys
+
+
+class ObservationPool:
+    """Sightings of one pool, summed.
+
+    information (3,): xx, xy, yy of their pixel information, 1/m^2; vector (2,): that times position. shared: (2, 2)
+    m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
+    first_m2: (2, 2), all that it makes of the earliest one. beside: pools seen in one frame with it. views: squares
+    they were seen from. saved: the earlier map's object this is, if it is one. updated: number of the last frame.
+    """
+
+    __slots__ = (
+        "beside", "extent_m", "first_m2", "information", "key", "saved", "shared", "sums", "updated", "variance_m2",
+        "vector", "views", "weight",
+    )  # fmt: skip
+
+    def __init__(self, key: Key, extent_m: float, saved: MapObject | None = None) -> None:
+        self.key, self.extent_m, self.saved = key, extent_m, saved
+        self.information, self.vector = np.zeros(3), np.zeros(2)
+        self.shared, self.weight, self.variance_m2 = np.zeros((2, 2)), 0.0, 0.0
+        self.first_m2 = np.zeros((2, 2))
+        self.sums = SightingSums()
+        self.beside: set[Key] = set()
+        self.views: set[tuple[int, int]] = set()
+        self.updated = 0
+
+    @classmethod
+    def of_saved(cls, number: int, item: MapObject, systematic_m: float, correlated: float) -> ObservationPool:
+        """An object of an earlier map, ready for more sightings.
+
+        A map does not say which part of its uncertainty its objects share: all of it but the systematic one counts as
+        this object's own, and the new drive's pose as independent of it.
+        """
+        known = cls((number, 0, SAVED_SIDE, -1, 0), max(footprint_m(item.label, item.width_m)), item)
+        spread = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
+        (xx, xy), (_, yy) = np.linalg.inv(spread / min(correlated, max(float(item.count), 1.0)))
+        known.information = np.array([xx, xy, yy])
+        known.vector = np.array([[xx, xy], [xy, yy]]) @ item.position_m
+        known.weight = xx + yy
+        known.sums = SightingSums.of_saved(item)
+        known.views = {_square(x_m, y_m) for x_m, y_m in item.seen_from_m}
+        return known
+
+    def add(self, placed: PlacedSighting, frame: int) -> None:
+        """Take in one more sighting."""
+        (a, b), (_, c) = placed.covariance_m2
+        xx, xy, yy = np.array([c, -b, a]) / (a * c - b * b)
+        x_m, y_m = placed.position_map_m
+        self.information += (xx, xy, yy)
+        self.vector += (xx * x_m + xy * y_m, xy * x_m + yy * y_m)
+        self.shared += (xx + yy) * placed.shared_m2
+        self.weight += xx + yy
+        pose_m2 = placed.from_pose(placed.pose_covariance)
+        if placed.sighting.stamp_s < self.sums.first_seen_s:
+            self.first_m2 = pose_m2
+        self.sums.add(placed)
+        self.variance_m2 += (mean_variance(pose_m2) - self.variance_m2) / self.sums.count
+        self.views.add(_square(x_m - placed.lever_m[0], y_m - placed.lever_m[1]))
+        self.updated = frame
+
+    @property
+    def position_m(self) -> Array:
+        """Information-weighted mean of the sightings, (2,)."""
+        (xx, xy, yy), (vx, vy) = self.information, self.vector
+        return np.array([yy * vx - xy * vy, xx * vy - xy * vx]) / (xx * yy - xy * xy)
+
+    def key_here(self, thing: int, rank: int) -> Key:
+        """The key of a pool of a thing that lies where this one does now; that of a saved object stays."""
+        side = self.key[2]
+        return self.key if side == SAVED_SIDE else (*_cell(*self.position_m), side, thing, rank)
+
+    @property
+    def thing(self) -> int:
+        """The thing that all its sightings are of, as far as the drive's graph tells; -1 where it does not."""
+        return self.key[3]
+
+    def move(self, by_m: Array, from_way_m2: Array) -> None:
+        """It lies elsewhere by (2,), and the way that it was seen from adds this (2, 2) to its covariance."""
+        (xx, xy, yy), (dx, dy) = self.information, by_m
+        self.vector += (xx * dx + xy * dy, xy * dx + yy * dy)
+        self.variance_m2, self.first_m2 = mean_variance(from_way_m2), from_way_m2
+        self.views = {_square((i + 0.5) * VIEW_M + dx, (j + 0.5) * VIEW_M + dy) for i, j in self.views}
+
+    def join(self, other: ObservationPool) -> None:
+        """Take in another pool's sightings."""
+        counts = self.sums.count, other.sums.count
+        self.variance_m2 = float(np.average([self.variance_m2, other.variance_m2], weights=counts))
+        if other.sums.first_seen_s < self.sums.first_seen_s:
+            self.first_m2 = other.first_m2
+        self.information, self.vector = self.information + other.information, self.vector + other.vector
+        self.shared, self.weight = self.shared + other.shared, self.weight + other.weight
+        self.sums.join(other.sums)
+        self.views |= other.views
+        self.beside |= other.beside
+        self.updated = max(self.updated, other.updated)
+
+
+def mean_variance(covariance: Array) -> float:
+    """Mean of both axes' variances of a covariance (2, 2)."""
+    return float(covariance[0, 0] + covariance[1, 1]) / 2.0
+
+
+def positive(matrix: Array, least: float = 0.0) -> Array:
+    """The nearest symmetric matrix with no eigenvalue below `least`."""
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+    return (vectors * np.maximum(values, least)) @ vectors.T
+
+
+def _cell(x_m: float, y_m: float) -> tuple[int, int]:
+    return math.floor(x_m / CELL_M), math.floor(y_m / CELL_M)
+
+
+def _square(x_m: float, y_m: float) -> tuple[int, int]:
+    return math.floor(x_m / VIEW_M), math.floor(y_m / VIEW_M)

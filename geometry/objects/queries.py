@@ -1,0 +1,64 @@
+"""Questions to a map: what is nearest, what stands inside this polygon, what was seen since then."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.map_object import MapObject
+
+_EDGE_M = 1e-9  # this near to a polygon's side, a point counts as inside
+
+
+def labelled(objects: Sequence[MapObject], *labels: str) -> list[MapObject]:
+    """The objects of these classes, in the order given."""
+    return [item for item in objects if item.label in labels]
+
+
+def nearest(
+    objects: Sequence[MapObject], point_m: ArrayLike, label: str | None = None, count: int | None = None
+) -> list[tuple[float, MapObject]]:
+    """Objects with their distance in metres from a point (2,) of the map frame, nearest first, at most `count`.
+
+    Equal distances keep the order given. Raises MapError for a point that is not two finite numbers.
+    """
+    point = np.asarray(point_m, dtype=np.float64)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise MapError(f"nearest: the point must be two finite numbers, x and y in metres, not {point_m!r}")
+    chosen = objects if label is None else labelled(objects, label)
+    pairs = [(float(np.linalg.norm(item.position_m - point)), item) for item in chosen]
+    return sorted(pairs, key=lambda pair: pair[0])[:count]
+
+
+def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[MapObject]:
+    """The objects whose centre lies inside or on a polygon, in the order given.
+
+    corners_m: (N, 2), N >= 3, map frame, either way round, not closed; sides that cross follow the even-odd rule.
+    Raises MapError for anything else.
+    """
+    corners = np.asarray(corners_m, dtype=np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
+        raise MapError("inside_polygon: needs three corners or more, each two finite numbers, x and y in metres")
+    starts, ends = corners, np.roll(corners, -1, axis=0)
+    return [item for item in objects if _inside(item.position_m, starts, ends)]
+
+
+def since(objects: Sequence[MapObject], stamp_s: float) -> list[MapObject]:
+    """The objects last seen at or after a stamp in seconds, on the clock of the map's own stamps."""
+    return [item for item in objects if item.last_seen_s >= stamp_s]
+
+
+def _inside(point: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> bool:
+    """Even-odd rule: a ray to +x crosses an odd number of sides; a point on a side is inside."""
+    along, to_point = ends - starts, point - starts
+    length_m2 = np.maximum((along**2).sum(axis=1), 1e-300)
+    share = np.clip((to_point * along).sum(axis=1) / length_m2, 0.0, 1.0)
+    if np.linalg.norm(to_point - share[:, None] * along, axis=1).min() <= _EDGE_M:
+        return True
+    straddles = (starts[:, 1] > point[1]) != (ends[:, 1] > point[1])
+    rise = np.where(straddles, along[:, 1], 1.0)
+    crossing_x = starts[:, 0] + (point[1] - starts[:, 1]) / rise * along[:, 0]
+    return bool(np.count_nonzero(straddles & (crossing_x > point[0])) % 2)

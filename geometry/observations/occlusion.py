@@ -1,0 +1,53 @@
+"""Which boxes stand on the floor, and how much of a box's lower edge other boxes may hide."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.observations.detections import Detections
+
+Array = NDArray[np.float64]
+
+# What people put on furniture; on the floor only where no furniture is seen under it.
+TABLETOP_LABELS = frozenset(
+    {"vase", "potted plant", "tv", "laptop", "book", "bottle", "wine glass", "cup", "bowl", "clock", "microwave",
+     "toaster", "teddy bear", "keyboard", "mouse", "remote", "cell phone", "fork", "knife", "spoon", "scissors",
+     "hair drier", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza",
+     "donut", "cake", "sink", "backpack", "handbag"}
+)  # fmt: skip
+SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
+
+_IN_FRONT_PX = 3.0  # a box whose lower edge is this much lower in the picture stands nearer
+
+
+def carried(detections: Detections) -> NDArray[np.bool_]:
+    """Tabletop objects whose lower edge lies inside a piece of furniture's box, well above its own feet; (N,)."""
+    labels = detections.labels
+    return np.array([_is_carried(i, detections.boxes, labels) for i in range(len(detections))], dtype=bool)
+
+
+def covered(boxes: Array, row: int) -> float:
+    """Share of a box's lower edge, 0..1, that lies inside boxes (N, 4) of things standing nearer: what may hide it."""
+    x0, _, x1, y1 = boxes[row]
+    nearer = (boxes[:, 3] > y1 + _IN_FRONT_PX) & (boxes[:, 1] < y1)
+    left, right = np.clip(boxes[nearer, 0], x0, x1), np.clip(boxes[nearer, 2], x0, x1)
+    hidden_px, reached = 0.0, x0
+    for start, end in sorted(zip(left.tolist(), right.tolist(), strict=True)):
+        hidden_px += max(0.0, end - max(start, reached))
+        reached = max(reached, end)
+    return hidden_px / max(x1 - x0, 1e-9)
+
+
+def _is_carried(index: int, boxes: Array, labels: list[str]) -> bool:
+    if labels[index] not in TABLETOP_LABELS:
+        return False
+    x0, _, x1, y1 = boxes[index]
+    middle = (x0 + x1) / 2.0
+    for other, label in enumerate(labels):
+        if other == index or label not in SUPPORT_LABELS or label == labels[index]:
+            continue
+        sx0, sy0, sx1, sy1 = boxes[other]
+        if sx0 <= middle <= sx1 and sy0 <= y1 <= sy1 - 0.15 * (sy1 - sy0) and (sx1 - sx0) > (x1 - x0):
+            return True
+    return False

@@ -1,0 +1,281 @@
+"""From boxes to places on the floor: which objects stand on it, where, and how surely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.observations.class_extents import Shape, extent_m, shape_of
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.occlusion import carried, covered
+from edgemap.geometry.paper.equations import size_m
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
+SURE_SPAN = 0.2  # of scores over which a sighting comes to count fully
+NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
+CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
+PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, when objects are made
+HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """One object on the floor, seen in one frame.
+
+    position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
+    shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
+    longer side of its class's usual footprint.
+    distance_m: horizontal, from the lens. detection: index into the frame's Detections. sure: how much it counts
+    towards making an object, 0..1; faint ones only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
+    """
+
+    label: str
+    score: float
+    position_base_m: Array
+    covariance_m2: Array
+    shared_m2: Array
+    width_m: float
+    height_m: float
+    extent_m: float
+    distance_m: float
+    detection: int
+    frame: int = 0
+    stamp_s: float = 0.0
+    sure: float = 1.0
+
+    def placed(self, pose_map_base: SE2, pose_covariance: Array, thing: int = -1) -> PlacedSighting:
+        """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
+        rotation = pose_map_base.rotation()
+        position = pose_map_base.apply(self.position_base_m)
+        return PlacedSighting(
+            sighting=self,
+            position_map_m=position,
+            covariance_m2=rotation @ self.covariance_m2 @ rotation.T,
+            shared_m2=rotation @ self.shared_m2 @ rotation.T,
+            lever_m=position - [pose_map_base.x_m, pose_map_base.y_m],
+            pose_covariance=pose_covariance,
+            thing=thing,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedSighting:
+    """A sighting in the map frame. lever_m: (2,) from the robot to the object, how yaw errors reach it. thing: number
+    under which the drive's graph follows it, -1 where nothing does: what may be found to have moved together."""
+
+    sighting: Sighting
+    position_map_m: Array
+    covariance_m2: Array
+    shared_m2: Array
+    lever_m: Array
+    pose_covariance: Array
+    thing: int = -1
+
+    @property
+    def label(self) -> str:
+        """Class name of the object."""
+        return self.sighting.label
+
+    def from_pose(self, pose_covariance: Array) -> Array:
+        """What a pose covariance (3, 3) means for this object's position, (2, 2) m^2."""
+        wrt_pose = np.array([[1.0, 0.0, -self.lever_m[1]], [0.0, 1.0, self.lever_m[0]]])
+        return wrt_pose @ pose_covariance @ wrt_pose.T
+
+
+@dataclass(frozen=True, slots=True)
+class BoxNoise:
+    """Standard deviations of a box's edges.
+
+    picture_share: of every edge, as a share of the picture's longer side (detectors see it at their own size).
+    across_share, down_share: of the lower edge's middle across, and of the lower edge down, as a share of the box's
+    width and height. hidden_share: down, of the height, where nearer boxes cover the whole lower edge.
+    """
+
+    picture_share: float = 0.004
+    across_share: float = 0.06
+    down_share: float = 0.02
+    hidden_share: float = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class FloorRule:
+    """When a box counts as an object on the floor, and how far it is believed.
+
+    border_px: a lower edge this near the picture's lower border is cut off. max_sigma_m: sightings less certain than
+    this (largest standard deviation, pixel and mount together) are dropped. max_distance_m: and those farther.
+    mapped: labels that may be mapped; None means all. sure_score: at which a sighting counts half towards making an
+    object; fully from 0.1 above it on, not at all from 0.1 below.
+    """
+
+    border_px: float = 3.0
+    max_sigma_m: float = 0.75
+    max_distance_m: float = 15.0
+    noise: FloorNoise = field(default_factory=FloorNoise)
+    box: BoxNoise = field(default_factory=BoxNoise)
+    mapped: Collection[str] | None = None
+    full_weight_score: float = 0.0
+
+    def sure(self, score: float) -> float:
+        """How much a sighting of this score counts towards making an object, 0..1."""
+        return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / SURE_SPAN))
+
+
+def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
+    """Which boxes stand on the floor, (N,): lower edge below the horizon row h_t, not cut by the lower border,
+    a label that is mapped, and no tabletop object that is seen standing on furniture (paper, section 3.5)."""
+    whole = ~_feet_cut(detections.boxes, camera, rule)
+    return camera.below_horizon(feet_px(detections)) & whole & _allowed(detections, rule)
+
+
+def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
+    """Which boxes may be mapped at all, (N,)."""
+    mapped = np.array([rule.mapped is None or label in rule.mapped for label in detections.labels], dtype=bool)
+    return mapped & ~carried(detections)
+
+
+def _feet_cut(boxes: Array, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
+    """Which boxes the picture's lower border cuts, (N,)."""
+    return boxes[:, 3] >= camera.intrinsics.height - 1 - rule.border_px
+
+
+def feet_px(detections: Detections) -> Array:
+    """Middle of each box's lower edge as the lens counts pixels, from their centres, (N, 2) px."""
+    boxes = detections.boxes
+    return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2.0, boxes[:, 3]]) - 0.5
+
+
+def sightings_of(
+    detections: Detections, camera: FloorCamera, rule: FloorRule, frame: int = 0, stamp_s: float = 0.0
+) -> list[Sighting]:
+    """Every box that stands on the floor, projected there: footprint centre, covariance and size.
+
+    Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
+    lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
+    stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
+    """
+    feet = feet_px(detections)
+    rows = np.flatnonzero(camera.below_horizon(feet) & _allowed(detections, rule))
+    if len(rows) == 0:
+        return []
+    boxes, feet = detections.boxes[rows], feet[rows]
+    low = _feet_cut(boxes, camera, rule)
+    px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
+    widths_m = (boxes[:, 2] - boxes[:, 0]) / px_per_m
+    labels = detections.labels
+    shapes = [shape_of(labels[row], width_m) for row, width_m in zip(rows, widths_m, strict=True)]
+    cover = np.array([covered(detections.boxes, int(row)) for row in rows])
+    cut, across_px, sigmas_px = _edges(boxes, shapes, px_per_m, cover, camera, rule)
+    feet = feet + np.column_stack([across_px, np.zeros(len(feet))])
+    near = camera.floor_points(feet)
+    own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
+    depths_m = camera.optical_depth_m(near)
+    lens, sightings = camera.mount.position_base_m()[:2], []
+    for at, (row, shape) in enumerate(zip(rows, shapes, strict=True)):
+        if not np.isfinite(own[at]).all():  # half a pixel from the horizon
+            continue
+        x0, y0, x1, y1 = boxes[at]
+        width_m = size_m(float(depths_m[at]), x1 - x0, camera.intrinsics.fx)
+        height_m = size_m(float(depths_m[at]), y1 - y0, camera.intrinsics.fy)
+        bearing = near[at] - lens
+        reach_m = float(np.linalg.norm(bearing))
+        sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[at] + shared[at])[-1]))
+        if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
+            continue
+        direction = bearing / max(reach_m, 1e-9)
+        foot_m, foot_m2, range_m = near[at], own[at], reach_m
+        if low[at]:
+            foot_m, foot_m2, range_m = _before(foot_m, foot_m2, direction, reach_m)
+        if (cover[at] > HIDDEN or low[at]) and not cut[at]:
+            usual_m = reach_m * shape.width / max(width_m, 1e-9)
+            sigma_m = usual_m * shape.width_sigma / shape.width
+            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - range_m, sigma_m)
+        if low[at]:
+            nearer = float(direction @ (foot_m - lens)) / reach_m
+            width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
+        along = np.outer(direction, direction)
+        guessed = along * shape.along**2 + (np.eye(2) - along) * shape.across**2  # the footprint is not seen
+        middle_m = shape.reach_m(width_m)
+        if cut[at]:  # and with it, often, its nearest corner
+            middle_m = max(middle_m - CUT_SHARE * extent_m(labels[row], width_m), 0.0)
+        score = float(detections.scores[row])
+        part = low[at] or cut[at] or cover[at] > HIDDEN
+        sightings.append(
+            Sighting(
+                labels[row], score, foot_m + direction * middle_m,
+                foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
+                int(row), frame, stamp_s, rule.sure(score) * (PART_COUNTS if part else 1.0),
+            )
+        )  # fmt: skip
+    return _without_doubles(sightings, detections.boxes)
+
+
+def _edges(
+    boxes: Array, shapes: list[Shape], px_per_m: Array, cover: Array, camera: FloorCamera, rule: FloorRule
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which boxes the picture's sides cut (N,), how far across the true middle then is (N,), and the standard
+    deviations (N, 2) of the lower edges' middles, across and down; px."""
+    longer = max(camera.intrinsics.width, camera.intrinsics.height)
+    sizes = boxes[:, 2:] - boxes[:, :2]
+    left, right = boxes[:, 0] <= rule.border_px, boxes[:, 2] >= camera.intrinsics.width - rule.border_px
+    missing_px = np.maximum(np.array([shape.width for shape in shapes]) * px_per_m - sizes[:, 0], 0.0)
+    across_px = np.where(left == right, 0.0, np.where(right, 0.5, -0.5) * missing_px)
+    unsure_px = np.array([shape.width_sigma for shape in shapes]) * px_per_m
+    shares = np.column_stack(
+        [np.full(len(boxes), rule.box.across_share), np.hypot(rule.box.down_share, rule.box.hidden_share * cover)]
+    )
+    sigmas_px = np.hypot(rule.box.picture_share * longer, shares * sizes)
+    sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, 0.5 * unsure_px + 0.25 * missing_px, 0.0))
+    return left | right, across_px, sigmas_px
+
+
+def _before(foot_m: Array, foot_m2: Array, direction: Array, reach_m: float) -> tuple[Array, Array, float]:
+    """A place (2,) with covariance (2, 2), and its range, of what stands anywhere before the nearest floor seen."""
+    nearest_m = min(NEAREST_M, 0.5 * reach_m)
+    range_m, sigma_m = (reach_m + nearest_m) / 2.0, (reach_m - nearest_m) / math.sqrt(12.0)
+    share = range_m / reach_m
+    along = np.outer(direction, direction)
+    across = np.eye(2) - along
+    return foot_m + direction * (range_m - reach_m), across @ foot_m2 @ across * share**2 + along * sigma_m**2, range_m
+
+
+def _ranged(foot_m: Array, foot_m2: Array, direction: Array, error_m: float, sigma_m: float) -> tuple[Array, Array]:
+    """A place (2,) with covariance (2, 2) after a measured range: Kalman's update with one scalar.
+
+    error_m: measured range less that of the place, along the direction (2,); sigma_m: its standard deviation.
+    """
+    gain = foot_m2 @ direction / (direction @ foot_m2 @ direction + sigma_m**2)
+    return foot_m + gain * error_m, foot_m2 - np.outer(gain, foot_m2 @ direction)
+
+
+def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
+    """Drop a box that lies mostly inside a stronger one of its label and stands where that one stands.
+
+    Suppression by IoU keeps a box round a part of an object beside the box round all of it.
+    """
+    kept: list[Sighting] = []
+    for sighting in sorted(sightings, key=lambda s: -s.score):
+        for other in kept:
+            near_m = 0.5 * sighting.extent_m
+            if (
+                other.label == sighting.label
+                and np.linalg.norm(other.position_base_m - sighting.position_base_m) < near_m
+                and _overlap_of_smaller(boxes[other.detection], boxes[sighting.detection]) > DOUBLE_OVERLAP
+            ):
+                break
+        else:
+            kept.append(sighting)
+    return kept
+
+
+def _overlap_of_smaller(a: Array, b: Array) -> float:
+    """Intersection of two boxes as a share of the smaller one."""
+    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
+    return float(np.prod(np.maximum(sides, 0.0)) / min(np.prod(a[2:] - a[:2]), np.prod(b[2:] - b[:2])))

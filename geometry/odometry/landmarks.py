@@ -1,0 +1,273 @@
+"""Tracked points remembered over their life, and the camera's pose among them: bearing, inverse depth, variance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeError:
+    """How the camera is turned against its mount in one picture: small angles about left (nose down) and forward."""
+
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+
+    def rotation(self) -> Array:
+        """3x3, applied to directions of the base frame after the mount's own rotation."""
+        cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
+        return np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Where the base stands in the frame that the landmarks are kept in, and how the camera is tilted there."""
+
+    pose: SE2 = field(default_factory=SE2)
+    tilt: AttitudeError = AttitudeError()
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations. track_rad: of a track's place in one picture; drift_rad: what a track wanders per picture,
+    as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: how well the tilt is known
+    once it was estimated; scale: of the common scale of all points off the floor in one picture, relative; free: of the
+    inverse depth, 1/m, of a point of which nothing is known, about its mean."""
+
+    track_rad: float
+    drift_rad: float
+    tilt_rad: float = math.radians(0.2)
+    floor_tilt_rad: float = math.radians(0.1)
+    scale: float = 0.05
+    free_mean: float = 0.2
+    free: float = 0.3
+
+
+@dataclass(slots=True, eq=False)
+class Landmarks:
+    """N points, each on the ray along which it was first seen, in one fixed frame with the floor at z = 0.
+
+    anchor_m (N, 3): where the lens was. ray (N, 3): unit direction. inverse_m (N,): one over the distance along it,
+    variance (N,) of that. floor (N,): taken for floor. age (N,): pictures since it was first seen.
+    """
+
+    anchor_m: Array
+    ray: Array
+    inverse_m: Array
+    variance: Array
+    floor: NDArray[np.bool_]
+    age: NDArray[np.int64]
+
+    @classmethod
+    def none(cls) -> Landmarks:
+        """No landmark."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool), np.zeros(0, int))
+
+    def __len__(self) -> int:
+        return len(self.inverse_m)
+
+    def chosen(self, which: NDArray[np.bool_]) -> Landmarks:
+        """Those at which the mask (N,) is set."""
+        return Landmarks(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def joined(self, other: Landmarks) -> Landmarks:
+        """These and then the others."""
+        return Landmarks(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
+
+
+def new_landmarks(rays: Array, camera: FloorCamera, view: View, noise: Noise, reach_m: float) -> Landmarks:
+    """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach."""
+    base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
+    base /= np.linalg.norm(base, axis=1)[:, None]
+    lens = camera.mount.position_base_m()
+    on_floor = -base[:, 2] / lens[2]
+    floor = on_floor > 1.0 / reach_m
+    spread = noise.floor_tilt_rad * np.hypot(base[:, 0], base[:, 1]) / lens[2]
+    inverse = np.where(floor, on_floor, np.maximum(noise.free_mean, on_floor))
+    variance = np.where(floor, spread**2, noise.free**2)
+    turn = _turn(view.pose)
+    anchor = turn @ lens + [view.pose.x_m, view.pose.y_m, 0.0]
+    count = len(rays)
+    return Landmarks(
+        np.broadcast_to(anchor, (count, 3)), base @ turn.T, inverse, variance, floor, np.zeros(count, dtype=np.int64)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """How landmarks look from a view, and how that changes. seen (N, 2): normalised image points; by_view (N, 2, 5):
+    per metre forward and left, radian of yaw, pitch and roll; by_inverse (N, 2): per 1/m. ahead (N,): in front."""
+
+    seen: Array
+    by_view: Array
+    by_inverse: Array
+    ahead: NDArray[np.bool_]
+
+
+def look(landmarks: Landmarks, camera: FloorCamera, view: View) -> Sight:
+    """Landmarks projected from a view, with the Jacobians that `locate` needs (perturbed in the view's base frame)."""
+    turn = _turn(view.pose)
+    lens = camera.mount.position_base_m()
+    to_optical = (view.tilt.rotation() @ camera.mount.rotation_base_optical()).T
+    away = (landmarks.anchor_m - [view.pose.x_m, view.pose.y_m, 0.0]) @ turn
+    inverse = landmarks.inverse_m
+    base = landmarks.ray @ turn + inverse[:, None] * away
+    lensed = base - inverse[:, None] * lens
+    count = len(inverse)
+    moved = np.zeros((count, 7, 3))  # base-frame change per parameter; the last two: per inverse depth, the point
+    moved[:, 0, 0] = moved[:, 1, 1] = -inverse
+    moved[:, 2, 0], moved[:, 2, 1] = base[:, 1], -base[:, 0]
+    moved[:, 3, 0], moved[:, 3, 2] = -lensed[:, 2], lensed[:, 0]
+    moved[:, 4, 1], moved[:, 4, 2] = lensed[:, 2], -lensed[:, 1]
+    moved[:, 5], moved[:, 6] = away - lens, lensed
+    optical = (moved.reshape(-1, 3) @ to_optical.T).reshape(count, 7, 3)
+    depth = optical[:, 6, 2]
+    ahead = depth > 0.02
+    depth = np.where(ahead, depth, 1.0)
+    seen = optical[:, 6, :2] / depth[:, None]
+    by = (optical[:, :6, :2] - seen[:, None] * optical[:, :6, 2:]) / depth[:, None, None]
+    return Sight(seen, by[:, :5].transpose(0, 2, 1), by[:, 5], ahead)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """view: the pose found. covariance: (5, 5) of it in its own base frame, (m, m, rad, rad, rad), given the landmarks.
+    weights (N,): 0 for a track that does not fit. misfit (N, 2), sight: what is left, and seen from there. scale: how
+    much larger the inverse depths off the floor are than was thought, relative."""
+
+    view: View
+    covariance: Array
+    weights: Array
+    misfit: Array
+    sight: Sight
+    scale: float
+
+
+TUKEY = 16.0  # squared, in units of the expected misfit; beyond it a track counts nothing
+ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
+
+
+def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, noise: Noise) -> Located:
+    """The view from which landmarks look as seen, (N, 2) normalised image points: robust Gauss-Newton from a start.
+
+    A landmark's uncertain depth widens its expected misfit along its epipolar line, so a far or new one speaks of
+    rotation only. Pitch and roll are held to the mount by `noise.tilt_rad`. Points off the floor keep their shape, but
+    their common scale is left to the floor within `noise.scale`, or it would wander. Tukey's weights, scale annealed.
+    """
+    view, log_scale = _turned_to(landmarks, seen, camera, start), 0.0
+    weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
+    misfit, sight, information = seen, look(landmarks, camera, view), np.eye(6)
+    free = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
+    sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
+    prior = np.diag([1e-2, 1e-2, 1e-2, noise.tilt_rad**-2, noise.tilt_rad**-2, noise.scale**-2])
+    for scale in ANNEALING:
+        scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * free)
+        sight = look(scaled, camera, view)
+        misfit = seen - sight.seen
+        white, jacobian = _whitened(sight, misfit, free, landmarks.variance, sigma2)
+        distance2 = (white**2).sum(axis=1)
+        weights = np.where(sight.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
+        weighted = (jacobian * weights[:, None, None]).reshape(-1, 6)
+        information = weighted.T @ jacobian.reshape(-1, 6) + prior
+        pull = weighted.T @ white.ravel()
+        pull[3:] -= np.diag(prior)[3:] * [view.tilt.pitch_rad, view.tilt.roll_rad, log_scale]
+        step = np.asarray(np.linalg.solve(information, pull), dtype=np.float64)
+        view, log_scale = _moved(view, step), float(np.clip(log_scale + step[5], -0.3, 0.3))
+    degrees = max(2.0 * weights.sum() - 5.0, 1.0)
+    excess = max(1.0, float((weights * distance2).sum()) / degrees)
+    covariance = np.asarray(np.linalg.inv(information)[:5, :5] * excess, dtype=np.float64)
+    return Located(view, covariance, weights, misfit, sight, log_scale)
+
+
+def refined(
+    landmarks: Landmarks, found: Located, noise: Noise, gate: float = 9.0
+) -> tuple[Landmarks, NDArray[np.bool_]]:
+    """The landmarks after a look at them, and which to keep, (N,).
+
+    Each inverse depth takes in what was seen (scalar Kalman update). What does not fit as floor but does as a point
+    before it is floor no longer; what fits neither is not kept.
+    """
+    sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
+    landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(landmarks.floor, 1.0, 1.0 + found.scale))
+    slope2 = (found.sight.by_inverse**2).sum(axis=1)
+    along = (found.sight.by_inverse * found.misfit).sum(axis=1)
+    total2 = (found.misfit**2).sum(axis=1)
+    innovation2 = sigma2 + landmarks.variance * slope2
+    fit2 = (total2 - landmarks.variance * along**2 / innovation2) / sigma2
+    fits = (fit2 < gate) & found.sight.ahead
+    free = landmarks.inverse_m + along / np.maximum(slope2, 1e-12)
+    across2 = total2 - along**2 / np.maximum(slope2, 1e-12)
+    standing = ~fits & landmarks.floor & found.sight.ahead & (across2 < gate * sigma2)
+    standing &= (free > landmarks.inverse_m) & (free < 10.0)
+    inverse = landmarks.inverse_m + landmarks.variance * along / innovation2
+    variance = landmarks.variance * sigma2 / innovation2
+    after = Landmarks(
+        landmarks.anchor_m,
+        landmarks.ray,
+        np.where(standing, free, inverse),
+        np.where(standing, 4.0 * sigma2 / np.maximum(slope2, 1e-12), variance),
+        landmarks.floor & ~standing,
+        landmarks.age + 1,
+    )
+    return after, (fits & (inverse > -0.05)) | standing
+
+
+def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float) -> tuple[Landmarks, View]:
+    """Landmarks and view turned together about the lens, so that a share of the view's tilt goes.
+
+    Tracks tell tilts apart only from one another, and what they agree on may wander; the mount says that it is zero on
+    average. Floor landmarks are put where their turned rays meet the floor.
+    """
+    turn = _turn(view.pose)
+    part = AttitudeError(share * view.tilt.pitch_rad, share * view.tilt.roll_rad)
+    rotation = turn @ part.rotation() @ turn.T  # its transpose takes the tilt away
+    lens = turn @ camera.mount.position_base_m() + [view.pose.x_m, view.pose.y_m, 0.0]
+    ray = landmarks.ray @ rotation
+    ratio = np.where(landmarks.floor, np.clip(ray[:, 2] / landmarks.ray[:, 2], 0.5, 2.0), 1.0)
+    anchor = np.where(landmarks.floor[:, None], landmarks.anchor_m, lens + (landmarks.anchor_m - lens) @ rotation)
+    after = Landmarks(anchor, ray, landmarks.inverse_m * ratio, landmarks.variance, landmarks.floor, landmarks.age)
+    left = AttitudeError(view.tilt.pitch_rad - part.pitch_rad, view.tilt.roll_rad - part.roll_rad)
+    return after, View(view.pose, left)
+
+
+def _whitened(sight: Sight, misfit: Array, free: Array, variance: Array, sigma2: Array) -> tuple[Array, Array]:
+    """Misfit (N, 2) and Jacobian (N, 2, 6), by view and common scale, in units of the expected misfit.
+
+    That has the covariance sigma2 I + variance g g^T, g being the misfit per inverse depth.
+    """
+    slope2 = (sight.by_inverse**2).sum(axis=1)
+    along = sight.by_inverse / np.sqrt(np.maximum(slope2, 1e-18))[:, None]
+    lost = 1.0 - np.sqrt(sigma2 / (sigma2 + variance * slope2))
+    by_scale = sight.by_inverse * free[:, None]
+    both = np.concatenate([misfit[:, :, None], sight.by_view, by_scale[:, :, None]], axis=2)
+    both = both - (lost[:, None] * along)[:, :, None] * np.einsum("ni,nij->nj", along, both)[:, None, :]
+    both = both / np.sqrt(sigma2)[:, None, None]
+    return both[:, :, 0], both[:, :, 1:]
+
+
+def _turned_to(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View) -> View:
+    """The start, turned by the median misfit: yaw and pitch change fast, and are common to all tracks."""
+    sight = look(landmarks, camera, start)
+    across, down = np.median(seen - sight.seen, axis=0)
+    yaw, pitch = np.median(sight.by_view[:, 0, 2]), np.median(sight.by_view[:, 1, 3])
+    return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0]))
+
+
+def _moved(view: View, step: Array) -> View:
+    tilt = AttitudeError(view.tilt.pitch_rad + float(step[3]), view.tilt.roll_rad + float(step[4]))
+    return View(view.pose @ SE2(*step[:3]), tilt)
+
+
+def _turn(pose: SE2) -> Array:
+    turn = np.eye(3)
+    turn[:2, :2] = pose.rotation()
+    return turn

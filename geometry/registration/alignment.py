@@ -1,0 +1,217 @@
+"""Where one map lies in another: a rigid motion of the plane that lays objects of one label onto each other.
+
+Every two label-consistent correspondences whose mutual distances agree give a motion; the one that explains the most
+objects is refined by weighted least squares. It is refused where chance explains it, or where a clearly different
+motion explains nearly as many objects.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.special import bdtrc
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+Pairs = tuple[tuple[int, int], ...]
+
+
+class AlignmentError(MapError):
+    """Two maps that cannot be laid onto each other with certainty: the text says why, with numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlignmentRule:
+    """When two maps are taken to show one place.
+
+    gate: squared Mahalanobis distance of a pair of objects, 9.21 holds 99 % of true pairs. reach_m: no pair is farther
+    apart. least_pairs: fewer are never enough. chance: greatest expected number of alignments as good as this one
+    between unrelated maps. rival_share, rival_margin: a clearly different alignment may explain at most this share of
+    the best one's objects, and at least this many fewer. rounds: of refinement.
+    """
+
+    gate: float = 9.21
+    reach_m: float = 1.0
+    least_pairs: int = 4
+    chance: float = 0.001
+    rival_share: float = 0.8
+    rival_margin: int = 2
+    rounds: int = 10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """pose_a_b: takes the second map's points into the first map's frame; covariance: (3, 3) of it, additive in (x, y,
+    yaw) of the first frame, m and rad. pairs: rows of objects in the first and the second map that are one thing.
+    shared: how many objects could be pairs by their labels. rival: how many the next, clearly different alignment
+    explains. chance: how many alignments this good unrelated maps would give. rms_m: of the pairs' distances."""
+
+    pose_a_b: SE2
+    covariance: Array
+    pairs: Pairs
+    shared: int
+    rival: int
+    chance: float
+    rms_m: float
+
+
+def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None) -> Alignment:
+    """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain.
+
+    Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that as
+    many of the other objects fall as near to one of their label at random.
+    """
+    rule = rule or AlignmentRule()
+    shared = _shared(first, second)
+    if shared < rule.least_pairs:
+        raise AlignmentError(
+            f"the maps ({len(first)} and {len(second)} objects) share {shared} objects by label, "
+            f"at least {rule.least_pairs} are needed"
+        )
+    tried = hypotheses(first, second, rule.gate)
+    modes = best_modes(tried, first, second, rule.gate, rule.reach_m)
+    fits = [fit for mode in modes if (fit := _refined(mode, first, second, rule))]
+    if not fits:
+        raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
+    best = max(fits, key=lambda fit: (len(fit.pairs), -fit.chi2))
+    rivals = [fit for fit in fits if 2 * len(set(fit.pairs) & set(best.pairs)) < len(fit.pairs)]
+    rival = max(rivals, key=lambda fit: len(fit.pairs), default=None)
+    chance = _chance(best, first, second, shared, len(tried.yaw_rad), rule)
+    found = f"the best alignment explains {len(best.pairs)} of {shared} objects with a common label"
+    if len(best.pairs) < rule.least_pairs:
+        raise AlignmentError(f"{found}, at least {rule.least_pairs} are needed")
+    if chance > rule.chance:
+        raise AlignmentError(
+            f"{found}, which maps of unrelated places would do {chance:.2g} times (at most {rule.chance:g} is accepted)"
+        )
+    count = len(rival.pairs) if rival else 0
+    if rival and count > min(len(best.pairs) - rule.rival_margin, rule.rival_share * len(best.pairs)):
+        raise AlignmentError(
+            f"ambiguous: {found} ({_words(best.pose)}), and a clearly different one {count} ({_words(rival.pose)})"
+        )
+    distances = [np.linalg.norm(first[i].position_m - best.pose.apply(second[j].position_m)) for i, j in best.pairs]
+    rms_m = math.sqrt(float(np.mean(np.square(distances))))
+    return Alignment(best.pose, best.covariance, best.pairs, shared, count, chance, rms_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A refined motion. distances2: squared Mahalanobis distance of each pair; chi2: their sum."""
+
+    pose: SE2
+    covariance: Array
+    pairs: Pairs
+    distances2: Array
+
+    @property
+    def chi2(self) -> float:
+        return float(self.distances2.sum())
+
+
+def _shared(first: Sequence[MapObject], second: Sequence[MapObject]) -> int:
+    ours, theirs = ([item.label for item in objects] for objects in (first, second))
+    return sum(min(ours.count(label), theirs.count(label)) for label in set(ours))
+
+
+def _refined(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> _Fit | None:
+    """Pair one to one and fit in turns until the pairs stay; None where fewer than two are left."""
+    pairs, covariance = _paired(pose, first, second, rule), np.zeros((3, 3))
+    for _ in range(rule.rounds):
+        if len(pairs) < 2:
+            return None
+        pose, covariance = _fitted(pose, pairs, first, second)
+        before, pairs = pairs, _paired(pose, first, second, rule)
+        if pairs == before:
+            break
+    if len(pairs) < 2:
+        return None
+    distances2 = np.array([_distance2(pose, first[i], second[j]) for i, j in pairs])
+    free = 2 * len(pairs) - 3
+    return _Fit(pose, covariance * max(1.0, float(distances2.sum()) / free), pairs, distances2)
+
+
+def _paired(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> Pairs:
+    """The most pairs within gate and reach, one to one, then the least distance."""
+    places = pose.apply(np.array([item.position_m for item in second]))
+    far = 1e3
+    cost = np.full((len(first), len(second)), far)
+    for i, ours in enumerate(first):
+        near = np.flatnonzero(((places - ours.position_m) ** 2).sum(axis=1) <= rule.reach_m**2)
+        for j in near.tolist():
+            if second[j].label == ours.label and (distance2 := _distance2(pose, ours, second[j])) <= rule.gate:
+                cost[i, j] = distance2
+    rows, columns = linear_sum_assignment(cost)
+    return tuple((int(i), int(j)) for i, j in zip(rows, columns, strict=True) if cost[i, j] < far)
+
+
+def _distance2(pose: SE2, ours: MapObject, theirs: MapObject) -> float:
+    difference = ours.position_m - pose.apply(theirs.position_m)
+    return float(difference @ np.linalg.solve(_spread(pose, ours, theirs), difference))
+
+
+def _spread(pose: SE2, ours: MapObject, theirs: MapObject) -> Array:
+    rotation = pose.rotation()
+    return ours.covariance_m2 + rotation @ theirs.covariance_m2 @ rotation.T
+
+
+def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequence[MapObject]) -> tuple[SE2, Array]:
+    """Weighted least squares over all pairs (Gauss-Newton): the motion and its covariance."""
+    covariance = np.zeros((3, 3))
+    for _ in range(5):
+        information, vector = np.zeros((3, 3)), np.zeros(3)
+        for i, j in pairs:
+            residual = first[i].position_m - pose.apply(second[j].position_m)
+            wrt_pose = jacobian(pose, second[j].position_m)
+            weighted = wrt_pose.T @ np.linalg.inv(_spread(pose, first[i], second[j]))
+            information += weighted @ wrt_pose
+            vector += weighted @ residual
+        covariance = np.linalg.inv(information + 1e-9 * np.eye(3)).astype(np.float64)
+        step = covariance @ vector
+        pose = SE2(*(pose.vector() + step))
+        if np.abs(step).max() < 1e-9:
+            break
+    return pose, covariance
+
+
+def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
+    """How a motion's (x, y, yaw) moves a point (2,) of frame b in frame a, (2, 3)."""
+    turned = pose_a_b.rotation() @ point_b_m
+    return np.array([[1.0, 0.0, -turned[1]], [0.0, 1.0, turned[0]]])
+
+
+def _chance(
+    fit: _Fit, first: Sequence[MapObject], second: Sequence[MapObject], shared: int, tried: int, rule: AlignmentRule
+) -> float:
+    """Expected number of motions between unrelated maps that explain as many objects as closely: the least over how
+    many of the pairs, nearest first, are asked to be as near."""
+    span = np.ptp([item.position_m for item in first], axis=0) + 1.0
+    probabilities = []
+    for theirs in second:
+        areas = [
+            math.pi * rule.gate * math.sqrt(float(np.linalg.det(_spread(fit.pose, ours, theirs))))
+            for ours in first
+            if ours.label == theirs.label
+        ]
+        if areas:
+            probabilities.append(min(1.0, sum(areas) / float(np.prod(span))))
+    probability = float(np.mean(probabilities))
+    least = math.inf
+    others = shared - 2
+    for rank, distance2 in enumerate(np.sort(fit.distances2), start=1):
+        if rank > 2:
+            near = min(1.0, probability * float(distance2) / rule.gate)
+            least = min(least, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
+    return least
+
+
+def _words(pose: SE2) -> str:
+    return f"x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {math.degrees(pose.yaw_rad):.0f} deg"

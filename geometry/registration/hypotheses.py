@@ -1,0 +1,142 @@
+"""Motions that could lay one map onto another, from every two objects whose labels and mutual distance agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+SHORTEST_M = 0.7  # nearer objects tell too little of the turn
+MOST_CORRESPONDENCES = 600  # of which every two are tried; more are drawn from, rarest labels first
+MOST_MODES = 16  # clearly different motions that are looked at closely
+SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
+CHUNK = 256
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motions:
+    """N motions: yaw_rad (N,), and the places to which they take the midpoint of the two objects they come from.
+
+    middle_a_m, middle_b_m: (N, 2) that midpoint in both maps. place_m2: (N,) variance there; turn_rad2: (N,).
+    """
+
+    yaw_rad: Array
+    middle_a_m: Array
+    middle_b_m: Array
+    place_m2: Array
+    turn_rad2: Array
+
+    def apply(self, points_b_m: Array) -> Array:
+        """Points (K, 2) of the second map in the first one's frame, by each motion: (N, K, 2)."""
+        c, s = np.cos(self.yaw_rad)[:, None], np.sin(self.yaw_rad)[:, None]
+        x, y = np.moveaxis(points_b_m[None] - self.middle_b_m[:, None], -1, 0)
+        return np.stack([c * x - s * y, s * x + c * y], axis=-1) + self.middle_a_m[:, None]
+
+    def rows(self, chosen: NDArray[np.integer] | slice) -> Motions:
+        """Some of the motions."""
+        return Motions(
+            self.yaw_rad[chosen], self.middle_a_m[chosen], self.middle_b_m[chosen], self.place_m2[chosen],
+            self.turn_rad2[chosen],
+        )  # fmt: skip
+
+    def pose(self, row: int) -> SE2:
+        """One of them as a pose of the second map in the first."""
+        turn = SE2(0.0, 0.0, float(self.yaw_rad[row]))
+        x_m, y_m = self.middle_a_m[row] - turn.apply(self.middle_b_m[row])
+        return SE2(x_m, y_m, turn.yaw_rad)
+
+
+def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject], gate: float) -> Motions:
+    """All motions by two label-consistent correspondences whose lengths agree within the gate; never a mirror image."""
+    i, j = _correspondences(first, second)
+    a, b = _positions(first), _positions(second)
+    var_a, var_b = _variances(first), _variances(second)
+    p, q = np.triu_indices(len(i), 1)
+    along_a, along_b = a[i[q]] - a[i[p]], b[j[q]] - b[j[p]]
+    length_a, length_b = np.linalg.norm(along_a, axis=1), np.linalg.norm(along_b, axis=1)
+    ends_m2 = var_a[i[p]] + var_a[i[q]] + var_b[j[p]] + var_b[j[q]]
+    fits = (length_a - length_b) ** 2 <= gate * ends_m2
+    fits &= (i[p] != i[q]) & (j[p] != j[q]) & (np.minimum(length_a, length_b) >= SHORTEST_M)
+    p, q, along_a, along_b, ends_m2 = p[fits], q[fits], along_a[fits], along_b[fits], ends_m2[fits]
+    cross = along_b[:, 0] * along_a[:, 1] - along_b[:, 1] * along_a[:, 0]
+    yaw = np.arctan2(cross, (along_a * along_b).sum(axis=1))
+    return Motions(
+        yaw,
+        (a[i[p]] + a[i[q]]) / 2.0,
+        (b[j[p]] + b[j[q]]) / 2.0,
+        ends_m2 / 4.0,
+        ends_m2 / (along_a**2).sum(axis=1),
+    )
+
+
+def best_modes(
+    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], gate: float, reach_m: float
+) -> list[SE2]:
+    """The motions that lay the most objects onto their like, best first, clearly different from each other."""
+    scores = _scores(motions, first, second, gate, reach_m)
+    centre = motions.apply(_positions(second).mean(axis=0)[None])[:, 0]
+    alive, modes = np.ones(len(scores), dtype=bool), []
+    while alive.any() and len(modes) < MOST_MODES:
+        row = int(np.argmax(np.where(alive, scores, -1.0)))
+        modes.append(motions.pose(row))
+        turn = np.abs(np.angle(np.exp(1j * (motions.yaw_rad - motions.yaw_rad[row]))))
+        alive &= (((centre - centre[row]) ** 2).sum(axis=1) > SAME_PLACE_M**2) | (turn > SAME_TURN_RAD)
+    return modes
+
+
+def _scores(
+    motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], gate: float, reach_m: float
+) -> Array:
+    """For each motion how many objects it explains, near ones in full and those at the gate not at all, (N,)."""
+    a, b = _positions(first), _positions(second)
+    pair_m2 = _variances(first)[:, None] + _variances(second)[None]
+    same = np.array([[ours.label == theirs.label for theirs in second] for ours in first])
+    scores = np.zeros(len(motions.yaw_rad))
+    for start in range(0, len(scores), CHUNK):
+        chunk = motions.rows(slice(start, start + CHUNK))
+        placed = chunk.apply(b)
+        apart2 = ((placed[:, None] - a[None, :, None]) ** 2).sum(axis=-1)
+        lever2 = ((b[None] - chunk.middle_b_m[:, None]) ** 2).sum(axis=-1)
+        vague_m2 = chunk.place_m2[:, None] + chunk.turn_rad2[:, None] * lever2
+        spread_m2 = pair_m2[None] + vague_m2[:, None]
+        near = 1.0 - apart2 / (gate * spread_m2)
+        near *= pair_m2[None] / spread_m2  # a vague motion explains much, and says little by it
+        near[(apart2 > reach_m**2) | ~same[None]] = 0.0
+        near = np.maximum(near, 0.0)
+        scores[start : start + CHUNK] = np.minimum(near.max(axis=1).sum(axis=1), near.max(axis=2).sum(axis=1))
+    return scores
+
+
+def _correspondences(first: Sequence[MapObject], second: Sequence[MapObject]) -> tuple[NDArray, NDArray]:
+    """Rows of the first and of the second map with one label; the rarest labels where there are too many."""
+    theirs: dict[str, list[int]] = {}
+    for j, item in enumerate(second):
+        theirs.setdefault(item.label, []).append(j)
+    found: dict[str, list[tuple[int, int]]] = {}
+    for i, item in enumerate(first):
+        found.setdefault(item.label, []).extend((i, j) for j in theirs.get(item.label, ()))
+    random = np.random.default_rng(0)
+    chosen: list[tuple[int, int]] = []
+    for pairs in sorted(found.values(), key=len):
+        room = max(MOST_CORRESPONDENCES - len(chosen), 0)
+        if len(pairs) > room:
+            pairs = [pairs[k] for k in sorted(random.choice(len(pairs), room, replace=False))]
+        chosen += pairs
+    rows = np.array(chosen, dtype=np.int64).reshape(-1, 2)
+    return rows[:, 0], rows[:, 1]
+
+
+def _positions(objects: Sequence[MapObject]) -> Array:
+    return np.array([item.position_m for item in objects]).reshape(-1, 2)
+
+
+def _variances(objects: Sequence[MapObject]) -> Array:
+    """Mean variance over directions of each object, (N,) m^2."""
+    return np.array([np.trace(item.covariance_m2) / 2.0 for item in objects])

@@ -1,0 +1,170 @@
+"""The way driven: poses every few steps with the odometry between them, and how the past moves when it is put right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.geometry.slam.least_squares import OdometryFactors, inverse
+
+Array = NDArray[np.float64]
+
+FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
+
+
+@dataclass(frozen=True, slots=True)
+class KeyframeRule:
+    """keyframe_m, keyframe_rad: way or turn after which a pose is kept. inflation: of the odometry's own covariance, as
+    its errors repeat from frame to frame; per_metre, per_radian, still_m, still_rad: standard deviations added to it.
+    most: keyframes, from which on the older half is thinned out."""
+
+    keyframe_m: float = 0.25
+    keyframe_rad: float = 0.26
+    inflation: float = 4.0
+    per_metre: float = 0.03
+    per_radian: float = 0.05
+    still_m: float = 0.003
+    still_rad: float = 0.003
+    most: int = 600
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrajectoryCorrection:
+    """How a drive's past moved in the map: what was seen from `stamps_s[k]` until the next one, by `moves[k]`.
+
+    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one.
+    """
+
+    stamps_s: Array
+    moves: Array
+
+    def poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
+        """Poses (N, 3) of those times (N,), x, y, yaw, where they are now."""
+        return _composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
+
+    def points(self, stamps_s: ArrayLike, points_m: ArrayLike) -> Array:
+        """Points (N, 2) seen at those times (N,), where they are now."""
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
+        return self.poses(stamps_s, np.column_stack([points, np.zeros(len(points))]))[:, :2]
+
+    def then(self, later: TrajectoryCorrection) -> TrajectoryCorrection:
+        """This one and a later one as one."""
+        stamps = np.union1d(self.stamps_s, later.stamps_s)
+        return TrajectoryCorrection(stamps, later.poses(stamps, self.moves[self._rows(stamps)]))
+
+    def _rows(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
+        return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
+
+
+def points_from(poses: Array, points_m: Array) -> Array:
+    """Points (N, 2) seen from poses (N, 3), in the frame that these are in."""
+    return _composed(poses, np.column_stack([points_m, np.zeros(len(points_m))]))[:, :2]
+
+
+def _composed(a: Array, b: Array) -> Array:
+    """`SE2 @ SE2` of rows (N, 3)."""
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    yaw = np.angle(np.exp(1j * (a[:, 2] + b[:, 2])))
+    return np.column_stack([a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], yaw])
+
+
+class KeyframeTrajectory:
+    """Keyframes in order. The odometer counts a turn of one radian as a metre: both make odometry drift."""
+
+    def __init__(self, rule: KeyframeRule | None = None) -> None:
+        self.rule = rule or KeyframeRule()
+        self.poses: list[SE2] = []
+        self.stamps_s: list[float] = []
+        self.since = SE2()  # the base in the last keyframe
+        self.odometer_m = 0.0
+        self._since_covariance = np.zeros((3, 3))
+        self._motions: list[SE2] = []
+        self._covariances: list[Array] = []
+        self._first, self._first_information = np.zeros(3), FIXED
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def pose(self) -> SE2:
+        """Where the base is in the map."""
+        return self.poses[-1] @ self.since
+
+    def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:
+        """The first keyframe, known as well as its covariance says."""
+        self.poses, self.stamps_s, self._first = [pose], [stamp_s], pose.vector()
+        self._first_information = inverse(covariance + inverse(FIXED))
+
+    def is_due(self, motion: SE2, covariance: Array) -> bool:
+        """Move on; whether the next keyframe is due here."""
+        self.odometer_m += math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad)
+        self._since_covariance = compose_covariance(self.since, self._since_covariance, motion, covariance)
+        self.since = self.since @ motion
+        far = math.hypot(self.since.x_m, self.since.y_m) > self.rule.keyframe_m
+        return far or abs(self.since.yaw_rad) > self.rule.keyframe_rad
+
+    def keep(self, stamp_s: float) -> None:
+        """The pose as it is becomes a keyframe."""
+        self._motions.append(self.since)
+        self._covariances.append(self._loosened(self.since, self._since_covariance))
+        self.poses.append(self.pose)
+        self.stamps_s.append(stamp_s)
+        self.since, self._since_covariance = SE2(), np.zeros((3, 3))
+
+    def _loosened(self, motion: SE2, covariance: Array) -> Array:
+        rule = self.rule
+        way = (rule.per_metre * math.hypot(motion.x_m, motion.y_m)) ** 2 + rule.still_m**2
+        turn = (rule.per_radian * motion.yaw_rad) ** 2 + rule.still_rad**2
+        return covariance * rule.inflation + np.diag([way, way, turn])
+
+    def chain(self) -> OdometryFactors:
+        """The keyframes as a graph has them."""
+        motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
+        covariances = np.array(self._covariances).reshape(-1, 3, 3)
+        return OdometryFactors(motions, inverse(covariances), self._first, self._first_information)
+
+    def vectors(self) -> Array:
+        """All keyframes' poses, (K, 3)."""
+        return np.array([pose.vector() for pose in self.poses])
+
+    def put(self, poses: Array) -> TrajectoryCorrection:
+        """The keyframes stand at (K, 3) now. The last is just being made: nothing was seen from where it was before."""
+        after = [SE2(*pose) for pose in poses]
+        moves = [(now @ before.inverse()).vector() for now, before in zip(after, self.poses, strict=True)]
+        self.poses = after
+        return TrajectoryCorrection(np.array(self.stamps_s), np.array([*moves[:-1], np.zeros(3)]))
+
+    def thinned(self) -> list[tuple[int, SE2]]:
+        """Drop a quarter of the older half, those nearest to their neighbours; for each keyframe before, which one it
+        belongs to now, and its place in that one's frame."""
+        gone = self._dispensable(len(self.poses) // 2)
+        homes, row = [], -1
+        for old in range(len(self.poses)):
+            row += old not in gone
+            homes.append((row, self._motions[old - 1] if old in gone else SE2()))
+        motions: list[SE2] = []
+        covariances: list[Array] = []
+        for old, (motion, covariance) in enumerate(zip(self._motions, self._covariances, strict=True)):
+            if old in gone:
+                covariances[-1] = compose_covariance(motions[-1], covariances[-1], motion, covariance)
+                motions[-1] = motions[-1] @ motion
+            else:
+                motions.append(motion)
+                covariances.append(covariance)
+        self._motions, self._covariances = motions, covariances
+        self.poses = [pose for old, pose in enumerate(self.poses) if old not in gone]
+        self.stamps_s = [stamp_s for old, stamp_s in enumerate(self.stamps_s) if old not in gone]
+        return homes
+
+    def _dispensable(self, end: int) -> set[int]:
+        """Keyframes before `end`, no two side by side, over which the way from one neighbour to the other is short."""
+        reaches = [math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad) for motion in self._motions[:end]]
+        gone: set[int] = set()
+        for row in sorted(range(1, end), key=lambda row: (reaches[row - 1] + reaches[row], row)):
+            if len(gone) < end // 4 and row - 1 not in gone and row + 1 not in gone:
+                gone.add(row)
+        return gone

@@ -1,0 +1,104 @@
+"""A camera's frames through an odometry alone, without detector and map, beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import Bundle, Tensors
+from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.protocol import Odometry
+from edgemap.runtime.preprocess import Preprocessor
+
+
+class Features(Tensors):
+    """A frame's backbone outputs by name; the backbone runs when one is asked for, or not at all."""
+
+    def __init__(self, compute: Callable[[], Tensors]) -> None:
+        super().__init__()
+        self._compute: Callable[[], Tensors] | None = compute
+
+    def __missing__(self, name: str) -> NDArray[np.float32]:
+        if self._compute is None:
+            raise KeyError(name)
+        self.update(self._compute())
+        self._compute = None
+        return self[name]
+
+
+class FeatureSource:
+    """A bundle's backbone as the maker of each frame's `Features`."""
+
+    def __init__(self, bundle: Bundle) -> None:
+        self._backbone = bundle.backbone
+        self._input_name = bundle.manifest.detector.input.name
+        self._preprocess = Preprocessor(bundle.manifest.detector.input)
+
+    def __call__(self, frame: Frame) -> Features:
+        """What the odometry's step gets of this frame."""
+        return Features(lambda: self._backbone.run({self._input_name: self._preprocess(frame.image)[0]}))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """N frames of a drive. indices: which of the camera's frames. true, estimated: N poses of the base in the frame of
+    the first one. covariances: (N - 1, 3, 3) of the estimated motions. faults: motions that were guesses."""
+
+    indices: tuple[int, ...]
+    stamps_s: NDArray[np.float64]
+    true: tuple[SE2, ...]
+    estimated: tuple[SE2, ...]
+    covariances: NDArray[np.float64]
+    faults: int
+
+
+def follow(
+    camera: Camera,
+    odometry: Odometry,
+    features: Callable[[Frame], Tensors],
+    *,
+    first: int = 0,
+    every: int = 1,
+    frames: int | None = None,
+    progress: Callable[[], object] = lambda: None,
+) -> Followed:
+    """Feed every `every`-th frame from `first` on, `frames` of them at most, and add up the motions.
+
+    features: of a frame, as `FeatureSource` gives them. progress: called after each frame that is fed. Raises
+    OdometryError where the camera brings no true poses or fewer than two frames.
+    """
+    if camera.truth is None:
+        raise OdometryError(f"{camera.name} brings no true poses of its own to compare with")
+    indices: list[int] = []
+    stamps_s: list[float] = []
+    true: list[SE2] = []
+    estimated: list[SE2] = []
+    covariances: list[NDArray[np.float64]] = []
+    faults = 0
+    while (frames is None or len(indices) < frames) and (frame := camera.read()) is not None:
+        if frame.index < first or (frame.index - first) % every:
+            continue
+        step = odometry.step(replace(frame, index=len(indices)), features(frame))
+        true.append(camera.truth.at(frame.stamp_s))
+        if indices:
+            estimated.append(estimated[-1] @ step.motion)
+            covariances.append(step.covariance)
+            faults += bool(step.fault)
+        else:
+            estimated.append(SE2())
+        indices.append(frame.index)
+        stamps_s.append(frame.stamp_s)
+        progress()
+    if len(indices) < 2:
+        raise OdometryError(f"{camera.name}: {len(indices)} frames from frame {first} on, a motion needs two")
+    start = true[0].inverse()
+    return Followed(
+        tuple(indices), np.array(stamps_s), tuple(start @ pose for pose in true), tuple(estimated),
+        np.array(covariances), faults,
+    )  # fmt: skip
