@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view test lint bench paper-tables demo clean
+.PHONY: setup system run view test lint bench reliability paper-tables demo clean
 
 setup: system $(STAMP)
 
@@ -48,6 +48,13 @@ lint: setup
 bench: setup
 	$(BIN)/edgemap bench --against openvino
 	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
+
+# Camera faults, kills, hostile files, a long day; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
+PARTS ?=
+SHARE ?= 1
+SEED ?= 0
+reliability: setup
+	$(BIN)/python -m edgemap.benchmarks.reliability $(PARTS) --seed $(SEED) --share $(SHARE)
 
 # The paper's Tables 2 to 5 for homes unseen in training (rendered once, which takes its time), and its own beside
 # them. Other data: python -m edgemap.benchmarks.paper_tables --data KIND:DIR ...

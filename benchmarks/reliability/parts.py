@@ -1,0 +1,27 @@
+"""What a part of `make reliability` is: a module with `run`, callable alone, bounded and seeded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+# Module name to one line. Each module has a function `run`, a `Part`.
+PARTS: dict[str, str] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class PartReport:
+    """What a part found. failures: one line for each target that is missed. table: lines of Markdown. figures: JSON."""
+
+    failures: tuple[str, ...]
+    table: tuple[str, ...]
+    figures: dict[str, Any] = field(default_factory=dict)
+
+
+class Part(Protocol):
+    """One part. share: of its full size, 1 for the issue's numbers, less for a quick look. out: its own folder."""
+
+    def __call__(self, seed: int, share: float, out: Path) -> PartReport:
+        """Run the part; a missed target is in the report, never an exception."""
+        ...
