@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     BundleName,
     CameraFile,
     CameraSpec,
@@ -24,7 +23,7 @@ from edgemap.cli.options import (
 
 
 def command(
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     camera: CameraSpec = "demo",
     seconds: Annotated[float, tyro.conf.arg(metavar="S", help="How long to measure, in seconds.")] = 10.0,
     threads: Threads = None,
@@ -58,7 +57,7 @@ def command(
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
-    loaded = find_bundle(bundle, threads, precision)
+    loaded = find_bundle(bundle, threads, precision, camera)
     with open_described(camera, camera_file) as source:
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     BundleName,
     CameraFile,
     Confidence,
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 def command(
     images: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="IMAGE...", help="Picture files.")],
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
@@ -62,7 +61,7 @@ def command(
 
     if not images:
         raise OptionError("no pictures given")
-    loaded = find_bundle(bundle, threads, precision)
+    loaded = find_bundle(bundle, threads, precision, str(images[0]))
     confidence = least_score(confidence, loaded)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
     documents = []

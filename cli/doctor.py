@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     HOW_TO_MEASURE,
     BundleName,
     CameraFile,
@@ -34,7 +33,7 @@ class Finding:
 
 def command(
     camera: CameraSpec = "demo",
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
@@ -68,12 +67,17 @@ def command(
 
 
 def _examine(
-    camera: str, bundle: str, mount: str | None, intrinsics: str | None, camera_file: Path | None, plot: Path | None
+    camera: str,
+    bundle: str | None,
+    mount: str | None,
+    intrinsics: str | None,
+    camera_file: Path | None,
+    plot: Path | None,
 ) -> Iterator[Finding]:
     yield from _processor()
     yield from _libraries()
     yield from _realsense()
-    yield _bundle(bundle)
+    yield _bundle(bundle, camera)
     yield from _camera(camera, mount, intrinsics, camera_file, plot)
 
 
@@ -141,11 +145,16 @@ def _realsense() -> Iterator[Finding]:
         yield Finding("realsense", "ok", f"{name}, serial {serial}", f"edgemap run --camera realsense:{serial}")
 
 
-def _bundle(name: str) -> Finding:
+def _bundle(name: str | None, camera: str) -> Finding:
     from edgemap.cli.export import variant_line
     from edgemap.runtime.bundle import load_bundle
+    from edgemap.runtime.default_bundle import default_bundle
     from edgemap.runtime.store import bundle_folder
 
+    choice = ""
+    if name is None:
+        name, reason = default_bundle(camera)
+        choice = f"; {reason}"
     try:
         folder = bundle_folder(name)
         if not folder.exists():
@@ -170,7 +179,7 @@ def _bundle(name: str) -> Finding:
         "bundle",
         "ok",
         f"{loaded.manifest.name}: {detector.input.width}x{detector.input.height}, {len(loaded.names)} classes, "
-        f"odometry: {', '.join(heads) or 'none of its own'}; {''.join(variants)}sums and contract hold",
+        f"odometry: {', '.join(heads) or 'none of its own'}; {''.join(variants)}sums and contract hold{choice}",
     )
 
 

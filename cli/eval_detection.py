@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     BundleName,
     Json,
     OptionError,
@@ -28,7 +27,7 @@ def command(
             help="Labelled pictures, a drive with boxes.json, or one that is rendered: 450 frames by default.",
         ),
     ],
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N pictures.")] = None,
     confidence: Annotated[
         float, tyro.conf.arg(metavar="0..1", help="Least score of a box; low, so that the whole curve counts.")
@@ -57,7 +56,7 @@ def command(
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence, nms=nms)
-    loaded = find_bundle(bundle, threads, precision)
+    loaded = find_bundle(bundle, threads, precision, data)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
     number = {name: index for index, name in enumerate(loaded.names)}
     if classes is not None:

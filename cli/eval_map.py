@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     BundleName,
     Confidence,
     Correct,
@@ -40,7 +39,7 @@ def command(
             help="A drive with poses and objects.json, or one that is rendered: 450 frames unless --frames says more.",
         ),
     ] = "demo",
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     odometry: OdometrySpec = "hybrid",
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
@@ -71,7 +70,7 @@ def command(
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence)
-    loaded = find_bundle(bundle, threads, precision)
+    loaded = find_bundle(bundle, threads, precision, data)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
         if not drive.objects or drive.truth is None or drive.mount is None:

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     BundleName,
     Json,
     OptionError,
@@ -33,7 +32,7 @@ def command(
             "locobot; sim:SEED is rendered. The demo by default.",
         ),
     ] = (),
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     odometry: Annotated[
         str,
         tyro.conf.arg(
@@ -85,7 +84,7 @@ def command(
     names = sequence_names(specs)
     if repeated := next((name for name in names if names.count(name) > 1), None):
         raise OptionError(f"--data {repeated} is given twice")
-    loaded = find_bundle(bundle, threads, precision)
+    loaded = find_bundle(bundle, threads, precision, *specs)
     needed = None if frames is None else first + (frames - 1) * every + 1
     drives: dict[str, ScoredDrive] = {}
     for name, spec in zip(names, specs, strict=True):

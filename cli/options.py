@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from edgemap.runtime.loop_closing import NoLoopClosure
     from edgemap.runtime.precision import Precision
 
-DEFAULT_BUNDLE = "edgemap-nano"
 HIGHEST_M = 100.0
 MOST_THREADS = 64
 
@@ -33,9 +33,11 @@ CameraSpec = Annotated[
     ),
 ]
 BundleName = Annotated[
-    str,
+    str | None,
     tyro.conf.arg(
-        metavar="NAME|DIR", help="The model: a bundle folder, or a name in the cache (pulled when it is not there)."
+        metavar="NAME|DIR",
+        help="The model: a bundle folder, or a name in the cache (pulled when it is not there). By default "
+        "edgemap-nano for rendered pictures (demo, sim:, drive:), yolox-nano for those of a lens; both lie here.",
     ),
 ]
 OdometrySpec = Annotated[
@@ -156,14 +158,21 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
     return Intrinsics(width, height, fx, fy, cx, cy)
 
 
-def find_bundle(name: str, threads: int | None, precision: Precision = "float32") -> Bundle:
-    """Load a bundle by folder or name; a known name that is not in the cache is pulled first."""
+def find_bundle(name: str | None, threads: int | None, precision: Precision = "float32", *specs: str) -> Bundle:
+    """Load a bundle by folder or name; a known name that is not in the cache is pulled first.
+
+    specs: the sources that it is for, which choose where there is no name; standard error then says which, and why.
+    """
     at_least(1, threads=threads)
     if threads is not None and threads > MOST_THREADS:
         raise OptionError(f"--threads {threads}: at most {MOST_THREADS}")
     from edgemap.runtime.bundle import default_threads, load_bundle
+    from edgemap.runtime.default_bundle import default_bundle
     from edgemap.runtime.store import bundle_folder
 
+    if name is None:
+        name, reason = default_bundle(*specs)
+        print(f"bundle {name}: {reason}", file=sys.stderr)
     folder = bundle_folder(name)
     if not (folder / "bundle.json").is_file() and not Path(name).exists():
         from edgemap.cli.pull import pull_known

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from edgemap.cli.options import (
-    DEFAULT_BUNDLE,
     BundleName,
     CameraFile,
     CameraSpec,
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
 
 def command(
     camera: CameraSpec = "demo",
-    bundle: BundleName = DEFAULT_BUNDLE,
+    bundle: BundleName = None,
     odometry: OdometrySpec = "hybrid",
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
@@ -111,7 +110,7 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
-    loaded = find_bundle(bundle, threads, precision)
+    loaded = find_bundle(bundle, threads, precision, camera)
     least = least_score(confidence, loaded)
     mapped = choose_classes(classes, loaded)
     with open_described(camera, camera_file, realtime and not view, frames) as source:

@@ -1,0 +1,46 @@
+"""A source without `--bundle` gets the model that knows its pictures."""
+
+import pytest
+from support.recordings import noise, record
+
+from edgemap.runtime.default_bundle import LENS, RENDERED, default_bundle
+from edgemap.runtime.manifest import read_manifest
+from edgemap.runtime.recordings.facts import Facts
+from edgemap.runtime.store import bundle_folder
+
+
+@pytest.mark.parametrize("spec", ["demo", "sim:8000", "drive:home"])
+def test_rendered_pictures_get_the_bundle_of_rendered_rooms(spec):
+    assert default_bundle(spec) == (RENDERED, f"{spec} counts as rendered")
+
+
+@pytest.mark.parametrize(
+    "spec",
+    ["realsense", "realsense:a.db3", "0", "/dev/video0", "drive.mp4", "pictures/", "kitti:a", "tum:a", "c2w:a"]
+    + ["locobot:a", "yolo:a", "rtsp://robot/camera", "gone.mcap", "photo.jpg"],
+)
+def test_pictures_of_a_lens_get_the_bundle_of_photographs(spec):
+    assert default_bundle(spec) == (LENS, f"{spec} comes from a lens")
+
+
+def test_one_lens_among_rendered_sources_decides():
+    assert default_bundle("demo", "kitti:a") == (LENS, "kitti:a comes from a lens")
+
+
+@pytest.mark.parametrize(("camera", "expected"), [("demo", RENDERED), ("sim:4", RENDERED), ("realsense", LENS)])
+def test_a_recording_gets_the_bundle_of_what_was_recorded(tmp_path, camera, expected):
+    tape = record(tmp_path / "a.mcap", Facts(camera), noise(2))
+    assert default_bundle(f"{tape}#/camera")[0] == expected
+
+
+def test_training_pictures_that_were_rendered_are_known_by_their_record(tmp_path):
+    (tmp_path / "simulation.json").write_text("{}")
+    assert default_bundle(f"yolo:{tmp_path}")[0] == RENDERED
+
+
+@pytest.mark.parametrize("name", [LENS, RENDERED])
+def test_both_come_with_the_package_trained_odometry_included(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
+    manifest = read_manifest(bundle_folder(name))
+    assert manifest.odometry["flow"].trained
+    assert manifest.licence.startswith("Apache-2.0")
