@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.imu import ImuSamples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -14,6 +17,8 @@ class Frame:
 
     index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, never decreasing.
     image: (H, W, 3) uint8, BGR as OpenCV keeps it. name: where it came from, for messages.
+    imu: inertial samples since the previous delivered frame, up to this stamp; none where the source brings none.
+    attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
     Raises ValueError where the image is not (H, W, 3) uint8.
     """
 
@@ -21,6 +26,8 @@ class Frame:
     stamp_s: float
     image: NDArray[np.uint8]
     name: str = ""
+    imu: ImuSamples = field(default_factory=ImuSamples.none)
+    attitude: Attitude | None = None
 
     def __post_init__(self) -> None:
         if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 
 Array = NDArray[np.float64]
 
+LOWEST_M = 0.02  # of a lens above the floor in one frame
+STEEPEST_RAD = math.radians(89.0)  # beyond it a picture has no floor ahead
+
 
 @dataclass(frozen=True, slots=True)
 class FloorCamera:
     """A camera on its mount, looking at the plane z = 0 of the base frame.
 
-    Raises GeometryError where no picture row sees the floor (a mount that looks at the sky).
+    attitude: of one frame, where `mount` is that frame's (see `at`); None for the level robot.
+    Raises GeometryError where no picture row of a level robot sees the floor (a mount that looks at the sky).
     """
 
     intrinsics: Intrinsics
     mount: Mount
+    attitude: Attitude | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
+        if self.attitude is not None:
+            return
         bottom = [(u, self.intrinsics.height - 1.0) for u in (0.0, self.intrinsics.cx, self.intrinsics.width - 1.0)]
         if self.rays_base(bottom)[:, 2].min() >= 0.0:
             pitch_deg = math.degrees(self.mount.pitch_rad)
@@ -34,6 +42,16 @@ class FloorCamera:
                 f"mount: pitch {pitch_deg:.1f} deg (positive is down) with {half_deg:.1f} deg of view below the "
                 "optical axis sees no floor; the camera looks at the sky"
             )
+
+    def at(self, attitude: Attitude) -> FloorCamera:
+        """The camera of one frame: pitch, roll and, where it is known, height are the frame's, the rest the mount's."""
+        mount = replace(
+            self.mount,
+            pitch_rad=_clipped(attitude.pitch_rad),
+            roll_rad=_clipped(attitude.roll_rad),
+            height_m=self.mount.height_m if attitude.height_m is None else max(attitude.height_m, LOWEST_M),
+        )
+        return replace(self, mount=mount, attitude=attitude)
 
     def rays_base(self, pixels: ArrayLike) -> Array:
         """Viewing rays through pixels (N, 2), as directions (N, 3) of the base frame, not normalised."""
@@ -100,10 +118,11 @@ class FloorNoise:
 def floor_covariances(
     camera: FloorCamera, pixels: ArrayLike, sigmas_px: ArrayLike, noise: FloorNoise
 ) -> tuple[Array, Array]:
-    """First-order covariances of floor points, base frame, m^2: from pixels, and from the mount; each (N, 2, 2).
+    """First-order covariances of floor points, base frame, m^2: of one frame (pixels and the frame's attitude), and of
+    the mount, which all observations of a drive share; each (N, 2, 2).
 
     pixels, sigmas_px: (N, 2), place and standard deviation across and down. Numeric central differences; NaN at or
-    above the horizon. The second part is common to all sightings of a drive.
+    above the horizon.
     """
     pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
@@ -115,14 +134,18 @@ def floor_covariances(
     wrt_v = column(camera.floor_points(pixels + [0.0, 0.5]), camera.floor_points(pixels - [0.0, 0.5]), 0.5)
     from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
 
-    from_mount = np.zeros_like(from_pixels)
-    for name, sigma, step in (
-        ("pitch_rad", noise.pitch_rad, 1e-4),
-        ("roll_rad", noise.roll_rad, 1e-4),
-        ("height_m", noise.height_m, 1e-4),
-    ):
-        plus, minus = (_moved(camera, name, sign * step).floor_points(pixels) for sign in (1.0, -1.0))
-        from_mount += sigma**2 * _outer(column(plus, minus, step))
+    wrt_roll, wrt_pitch, wrt_height = (
+        column(*(_moved(camera, name, sign * 1e-4).floor_points(pixels) for sign in (1.0, -1.0)), 1e-4)
+        for name in ("roll_rad", "pitch_rad", "height_m")
+    )
+    from_mount = (
+        noise.roll_rad**2 * _outer(wrt_roll)
+        + noise.pitch_rad**2 * _outer(wrt_pitch)
+        + noise.height_m**2 * _outer(wrt_height)
+    )
+    if camera.attitude is not None:
+        wrt_attitude = np.stack([wrt_roll, wrt_pitch], axis=-1)
+        from_pixels = from_pixels + wrt_attitude @ camera.attitude.covariance_rad2 @ wrt_attitude.transpose(0, 2, 1)
     return from_pixels, from_mount
 
 
@@ -132,3 +155,7 @@ def _moved(camera: FloorCamera, name: str, step: float) -> FloorCamera:
 
 def _outer(vectors: Array) -> Array:
     return vectors[:, :, None] * vectors[:, None, :]
+
+
+def _clipped(angle_rad: float) -> float:
+    return min(max(angle_rad, -STEEPEST_RAD), STEEPEST_RAD)

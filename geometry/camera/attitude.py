@@ -1,0 +1,57 @@
+"""How the camera is tilted against gravity in one frame, and how it rotated since the one before."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.mount import Mount
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GyroRotation:
+    """The camera's rotation from the previous frame to this one, by a gyro whose bias is taken out.
+
+    rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it about the
+    vertical, counter-clockwise. sigma_rad: standard deviation of yaw_rad.
+    """
+
+    rotation: Array
+    yaw_rad: float
+    sigma_rad: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """The camera against gravity in one frame, in the angles of `Mount`: pitch_rad positive looking down, roll_rad
+    positive leaning right.
+
+    covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
+    height_m: the lens above the floor in this frame, None for the mount's. rotation: None where no gyro tells it.
+    source: what it comes from, for people.
+    """
+
+    roll_rad: float
+    pitch_rad: float
+    covariance_rad2: Array
+    height_m: float | None = None
+    rotation: GyroRotation | None = None
+    source: str = "mount"
+
+    @classmethod
+    def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:
+        """The mount's own angles, each with this standard deviation."""
+        return cls(mount.roll_rad, mount.pitch_rad, np.eye(2) * sigma_rad**2)
+
+    @classmethod
+    def of_up(cls, up_optical: Array, covariance_rad2: Array, source: str) -> Attitude:
+        """From the direction that points up, (3,) in the optical frame, any length."""
+        right, down, forward = (float(value) for value in up_optical)
+        roll_rad = math.atan2(-right, -down)
+        pitch_rad = math.atan2(-forward, math.hypot(right, down))
+        return cls(roll_rad, pitch_rad, covariance_rad2, source=source)

@@ -1,0 +1,62 @@
+"""Inertial samples: angular rate and specific force in the camera's optical frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.errors import GeometryError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuSamples:
+    """N samples in order of time. stamps_s (N,): the clock of the frames. gyro_rad_s (N, 3): angular rate.
+    accel_m_s2 (N, 3): specific force (upwards at rest). Optical axes: x right, y down, z forward.
+
+    Raises GeometryError for other shapes.
+    """
+
+    stamps_s: Array
+    gyro_rad_s: Array
+    accel_m_s2: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.stamps_s)
+        for name, shape in (("stamps_s", (count,)), ("gyro_rad_s", (count, 3)), ("accel_m_s2", (count, 3))):
+            if getattr(self, name).shape != shape:
+                raise GeometryError(f"IMU samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
+
+    @classmethod
+    def none(cls) -> ImuSamples:
+        """No sample."""
+        return _NONE
+
+    @classmethod
+    def joined(cls, parts: list[ImuSamples]) -> ImuSamples:
+        """All samples of the parts, in their order."""
+        if not parts:
+            return cls.none()
+        return cls(
+            np.concatenate([part.stamps_s for part in parts]),
+            np.concatenate([part.gyro_rad_s for part in parts]),
+            np.concatenate([part.accel_m_s2 for part in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.stamps_s)
+
+    def between(self, after_s: float, until_s: float) -> ImuSamples:
+        """The samples in (after_s, until_s]."""
+        first, end = np.searchsorted(self.stamps_s, [after_s, until_s], side="right")
+        return ImuSamples(self.stamps_s[first:end], self.gyro_rad_s[first:end], self.accel_m_s2[first:end])
+
+    def rotated(self, rotation: Array) -> ImuSamples:
+        """The samples in another frame: `rotation` (3, 3) takes directions of this frame into it."""
+        return ImuSamples(self.stamps_s, self.gyro_rad_s @ rotation.T, self.accel_m_s2 @ rotation.T)
+
+
+_NONE = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
