@@ -134,10 +134,11 @@ def floor_covariances(
     wrt_v = column(camera.floor_points(pixels + [0.0, 0.5]), camera.floor_points(pixels - [0.0, 0.5]), 0.5)
     from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
 
-    wrt_roll, wrt_pitch, wrt_height = (
-        column(*(_moved(camera, name, sign * 1e-4).floor_points(pixels) for sign in (1.0, -1.0)), 1e-4)
-        for name in ("roll_rad", "pitch_rad", "height_m")
-    )
+    def wrt(name: str) -> Array:
+        plus, minus = (_moved(camera, name, sign * 1e-4).floor_points(pixels) for sign in (1.0, -1.0))
+        return column(plus, minus, 1e-4)
+
+    wrt_roll, wrt_pitch, wrt_height = wrt("roll_rad"), wrt("pitch_rad"), wrt("height_m")
     from_mount = (
         noise.roll_rad**2 * _outer(wrt_roll)
         + noise.pitch_rad**2 * _outer(wrt_pitch)
