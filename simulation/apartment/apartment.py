@@ -15,6 +15,7 @@ from edgemap.simulation.apartment.rooms import furnish_room
 __all__ = ["Apartment", "Placed", "furnish", "purpose_of"]
 
 _VALIDATION_FROM_SEED, _TEST_FROM_SEED = 8000, 9000
+_FROZEN_SEEDS = range(9200, 9300)
 # A home with fewer labelled pieces on its floor gets more of what can stand anywhere.
 _LEAST_PIECES = 15
 _FILLERS = ("potted plant", "chair", "armchair", "chair", "stool", "suitcase", "potted plant", "vase", "backpack")
@@ -31,7 +32,9 @@ class Apartment:
 
 
 def purpose_of(seed: int) -> Purpose:
-    """What the home of a seed is for: from 8000 on to choose by, from 9000 on to test with."""
+    """What the home of a seed is for: from 8000 on to choose by, from 9000 on to test with, 9200-9299 frozen."""
+    if seed in _FROZEN_SEEDS:
+        return "frozen"
     return "training" if seed < _VALIDATION_FROM_SEED else "validation" if seed < _TEST_FROM_SEED else "test"
 
 

@@ -35,8 +35,10 @@ LICENCES = {
 }
 # A home of some fifty pieces stays below a quarter of a million.
 _MOST_TRIANGLES = 9000
-# Which homes show what: those to train on, to choose by, and to test with.
-Purpose = Literal["training", "validation", "test"]
+# Which homes show what: those to train on, to choose by, to test with, and the block whose scores decide nothing.
+Purpose = Literal["training", "validation", "test", "frozen"]
+# Made models of the frozen block, by kind, numbered far from those of training.
+_FROZEN_NUMBERS = range(101, 105)
 
 _SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 
@@ -88,20 +90,23 @@ class Model:
 class Kind:
     """Interchangeable models. label: their COCO class, "" for mere decoration. held_out: for testing only.
 
-    made: more to train on. scale: by key, of real pieces against the catalogue's sizes.
+    made: more to train on. frozen: of the frozen block only. scale: by key, of real pieces against the catalogue's sizes.
     """
 
     label: str
     training: tuple[str, ...]
     made: tuple[str, ...]
     held_out: tuple[str, ...]
+    frozen: tuple[str, ...]
     scale: dict[str, float]
 
     def choices(self, purpose: Purpose) -> tuple[str, ...]:
         """Keys to draw from: for tests the held-out ones where the kind has any, for training the made ones too."""
         if purpose == "training":
             return self.training + self.made
-        return self.held_out if purpose == "test" and self.held_out else self.training
+        if purpose == "frozen" and self.frozen:
+            return self.held_out + self.frozen
+        return self.held_out if purpose in ("test", "frozen") and self.held_out else self.training
 
 
 @lru_cache(maxsize=1)
@@ -117,7 +122,8 @@ def _kind(name: str, entry: dict[str, Any]) -> Kind:
     more = tuple(key for key in numbered if key not in models)
     scale = {_full(key): float(factor) for key, factor in entry.get("scale", {}).items()}
     training = tuple(key for key in models if key not in held_out)
-    return Kind(entry.get("label", ""), training, more, tuple(held_out), scale)
+    frozen = tuple(f"{LIBRARY}/{name}-{number}" for number in _FROZEN_NUMBERS if "made" in entry)
+    return Kind(entry.get("label", ""), training, more, tuple(held_out), frozen, scale)
 
 
 def _full(key: str) -> str:
