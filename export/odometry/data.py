@@ -89,8 +89,8 @@ class FeatureStore:
         return FeatureDrive(spec, self._features(spec, drive, count)[first:], stamps, poses, cells, mount)
 
     def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
-        stamp = drive.images[0].stat().st_mtime_ns if drive.images else 0
-        key = hashlib.sha256(f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {stamp}".encode()).hexdigest()[:16]
+        about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)}"
+        key = hashlib.sha256(about.encode()).hexdigest()[:16]
         path, note = self.folder / f"{key}.npy", self.folder / f"{key}.json"
         self.folder.mkdir(parents=True, exist_ok=True)
         total = len(drive.stamps_s)
@@ -119,3 +119,12 @@ class FeatureStore:
         options = ort.RunOptions()
         options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
         return np.asarray(self._session.run([self._name], {self._input.name: tensor}, options)[0])[0]
+
+
+def _content(drive: Drive) -> str:
+    """What tells these pictures from others rendered in their place: the video's sum, or each file's size and time."""
+    if drive.video is not None:
+        with drive.video.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    found = [(path.name, stat.st_size, stat.st_mtime_ns) for path in drive.images for stat in [path.stat()]]
+    return hashlib.sha256(repr(found).encode()).hexdigest()

@@ -51,3 +51,25 @@ def test_what_was_hardly_seen_is_neither_hit_nor_miss():
 def test_what_is_not_on_the_floor_is_a_false_positive():
     figures = score_map([mapped("tv", 0, 0)], [true("tv", 0, 0, on_floor=False)])
     assert (figures["precision"], figures["objects_true"]) == (0.0, 0)
+
+
+def test_consistency_counts_every_mapped_object_near_a_true_one():
+    """Off by 0.1 m (matched), 0.8 m (a duplicate), 0.3 m (hardly seen) at a sigma of 0.1 m; 1.6 m does not count."""
+    objects = [mapped("chair", 1.1, 0), mapped("chair", 1.8, 0), mapped("chair", 7.3, 0), mapped("chair", 2.6, 0)]
+    truth = [true("chair", 1, 0), true("chair", 7, 0, frames=3), true("couch", 2.6, 0)]
+    figures = score_map(objects, truth)
+    assert figures["anees"] == pytest.approx((1.0 + 64.0 + 9.0) / 3 / 2, abs=1e-4)
+    assert figures["ellipse_m2"] == pytest.approx(np.pi * 5.991 * 0.1**2, abs=1e-4)
+    assert figures["per_class"]["couch"]["anees"] is None
+
+
+def test_normalised_nees_is_one_where_covariances_are_right():
+    rng = np.random.default_rng(1)
+    covariance = np.array([[0.04, 0.01], [0.01, 0.02]])
+    offsets = rng.multivariate_normal((0, 0), covariance, 400)
+    objects = [
+        MapObject(str(i), "bed", np.array([10.0 * i, 0]) + offset, covariance, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
+        for i, offset in enumerate(offsets)
+    ]
+    figures = score_map(objects, [true("bed", 10.0 * i, 0) for i in range(400)])
+    assert figures["anees"] == pytest.approx(1.0, abs=0.15)
