@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.map_object import MapObject, id_order
 from edgemap.geometry.objects.observation_pool import positive
+from edgemap.geometry.objects.overlap_suppression import least_spacing_m
 from edgemap.geometry.observations.class_extents import extent_m
-from edgemap.geometry.registration.alignment import Alignment, jacobian
+from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
 
 Array = NDArray[np.float64]
+CHI2_99 = 9.21
 
 
 def moved(item: MapObject, alignment: Alignment) -> MapObject:
@@ -34,10 +36,12 @@ def merge_maps(
 
     The first map's ids stay; an object that only the second map has keeps its own id where the first map has no such,
     else it gets the next free number of its label. Counts add up, times span both, confidence is that not both are
-    wrong, and positions are weighted by their information.
+    wrong, and positions are weighted by their information. Objects of one label that would stand in one another are one,
+    though their covariances disagree: the fused one is as unsure as they differ.
     """
     rule = rule or AssociationRule()
-    partner = {j: i for i, j in alignment.pairs}
+    here = [moved(item, alignment) for item in second]
+    partner = {j: i for i, j in (*alignment.pairs, *_overlapping(first, here, alignment.pairs))}
     found = {item.id: item for item in first}
     highest: Counter[str] = Counter()
     for item in [*first, *second]:
@@ -45,26 +49,47 @@ def merge_maps(
         highest[label] = max(highest[label], number)
     became: dict[str, str] = {}
     for j, item in enumerate(second):
-        here = moved(item, alignment)
         if j in partner:
             ours = first[partner[j]]
-            found[ours.id] = fused(ours, here, rule)
+            found[ours.id] = fused(ours, here[j], rule)
             became[item.id] = ours.id
             continue
         identity = item.id
         if identity in found:
             highest[item.label] += 1
             identity = f"{item.label}-{highest[item.label]}"
-        found[identity] = replace(here, id=identity)
+        found[identity] = replace(here[j], id=identity)
         became[item.id] = identity
     return sorted(found.values(), key=lambda item: id_order(item.id)), became
+
+
+def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs) -> Pairs:
+    """Unpaired objects of both maps, in one frame, that cannot stand side by side: nearest first, one to one."""
+    ours = [i for i in range(len(first)) if i not in {i for i, _ in pairs}]
+    theirs = [j for j in range(len(second)) if j not in {j for _, j in pairs}]
+    near = sorted(
+        (float(np.linalg.norm(first[i].position_m - second[j].position_m)), i, j)
+        for i in ours
+        for j in theirs
+        if first[i].label == second[j].label
+    )
+    found: dict[int, int] = {}
+    for distance_m, i, j in near:
+        if distance_m < least_spacing_m(first[i], second[j]) and i not in found and j not in found.values():
+            found[i] = j
+    return tuple(found.items())
 
 
 def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObject:
     """One object of two sightings of it by different maps, in one frame; id and label of the first.
 
-    What a box does not tell of the footprint is the same error in both maps: it does not shrink.
+    What a box does not tell of the footprint is the same error in both maps: it does not shrink. Where the two differ by
+    more than their covariances allow (99 %), these are scaled until they agree (Birge ratio).
     """
+    difference = theirs.position_m - ours.position_m
+    chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))
+    if chi2 > CHI2_99:
+        ours, theirs = (replace(item, covariance_m2=item.covariance_m2 * chi2 / 2.0) for item in (ours, theirs))
     systematic_m = max(rule.systematic_m, rule.systematic_extent_share * extent_m(ours.label, ours.width_m))
     floor_m2 = np.eye(2) * systematic_m**2
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))

@@ -17,6 +17,11 @@ SAME_LABEL, OTHER_LABEL = 0.8, 0.6
 FAR_LESS = 0.5
 
 
+def least_spacing_m(a: MapObject, b: MapObject) -> float:
+    """How near two objects of one label can stand to each other, middle to middle."""
+    return SAME_LABEL * min(extent_m(item.label, item.width_m) for item in (a, b))
+
+
 def without_overlaps(objects: Sequence[MapObject]) -> list[MapObject]:
     """Drop every object whose middle lies too near that of one with more evidence (count times confidence): of the same
     label over twice as much, of another one any more.

@@ -56,6 +56,25 @@ def test_ids_of_the_first_map_stay_and_taken_ones_get_the_next_number():
     assert merged[2].position_m == pytest.approx([5.0, 5.0])
 
 
+def test_what_would_stand_in_one_another_is_one_chair():
+    """0.34 m apart at sigmas of 0.07 m: too far for the alignment's gate (chi2 11.8), too near for two chairs."""
+    first, second = (mapped([("chair", x, 0.0), ("chair", 3.0, 0.0)]) for x in (0.0, 0.34))
+    first, second = ([replace(o, covariance_m2=np.eye(2) * 0.0049, width_m=0.5) for o in m] for m in (first, second))
+    merged, became = merge_maps(first, second, laid(SE2(), ((1, 1),)))
+    assert became == {"chair-1": "chair-1", "chair-2": "chair-2"}
+    assert merged[0].position_m == pytest.approx([0.17, 0.0])
+    assert merged[0].covariance_m2[0, 0] > 0.17**2 / 2.0  # unsure of what the maps disagree about
+    assert merged[1].covariance_m2[0, 0] < 0.005
+    apart = mapped([("chair", 0.6, 0.0), ("chair", 3.0, 0.0)])
+    assert len(merge_maps(first, apart, laid(SE2(), ((1, 1),)))[0]) == 3
+
+
+def test_two_chairs_that_one_map_saw_side_by_side_stay_two():
+    first = [replace(o, width_m=0.5) for o in mapped([("chair", 0.0, 0.0), ("chair", 0.34, 0.0)])]
+    assert len(merge_maps(first, first, laid(SE2(), ((0, 0), (1, 1))))[0]) == 2
+    assert len(merge_maps(first, first[:1], laid(SE2(), ((0, 0),)))[0]) == 2
+
+
 def test_a_far_object_carries_the_alignments_turn():
     pose, covariance = SE2(1.0, 0.0, np.pi / 2), np.diag([0.0, 0.0, 0.01])
     item = replace(mapped([("chair", 3.0, 0.0)])[0], covariance_m2=np.diag([0.04, 0.01]))
