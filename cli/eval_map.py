@@ -41,6 +41,9 @@ def command(
     ] = "demo",
     bundle: BundleName = None,
     odometry: OdometrySpec = "hybrid",
+    without_wheels: Annotated[
+        bool, tyro.conf.arg(help="hybrid leaves out the wheel odometry that comes with the data.")
+    ] = False,
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
     clustering: Annotated[
@@ -58,7 +61,8 @@ def command(
 
     Objects are matched by class, one to one, within 0.5 m, in the start-pose frame, without alignment. True objects
     seen in fewer than 10 frames (30 % visible, 24 px) do not count; a mapped object that is not on the floor is wrong.
-    covered95 is the share of true positions inside the mapped 95 % ellipse.
+    covered95 is the share of true positions inside the mapped 95 % ellipse; ANEES (1 is consistent) and the mean area
+    of that ellipse are over all mapped objects with a true one of their class within 1.5 m.
     """
     from itertools import pairwise
     from math import degrees
@@ -85,6 +89,7 @@ def command(
             "bundle": loaded.manifest.name,
             "precision": loaded.precision,
             "odometry": odometry,
+            "wheels": drive.wheel is not None and not without_wheels,
             "clustering": clustering,
             "correct": correct,
             "frames": count,
@@ -93,7 +98,7 @@ def command(
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
         for name, poses in (("true", "truth"), ("estimated", odometry)):
-            objects = _map_of(drive, loaded, poses, clustering, confidence, count, correct)
+            objects = _map_of(drive, loaded, poses, clustering, confidence, count, correct, not without_wheels)
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map
@@ -116,7 +121,14 @@ def command(
 
 
 def _map_of(
-    drive: Drive, loaded: Bundle, odometry: str, clustering: str, confidence: float | None, frames: int, correct: bool
+    drive: Drive,
+    loaded: Bundle,
+    odometry: str,
+    clustering: str,
+    confidence: float | None,
+    frames: int,
+    correct: bool,
+    wheels: bool,
 ) -> list[MapObject]:
     """The map that a pipeline makes of the drive's first frames, without a run folder."""
     from edgemap.geometry.camera.floor import FloorCamera
@@ -127,7 +139,7 @@ def _map_of(
 
     with drive_camera(drive, str(drive.folder)) as source:
         floor = FloorCamera(*lens_and_mount(source, None, None))
-        motion = open_odometry(odometry, loaded, source, floor)
+        motion = open_odometry(odometry, loaded, source, floor, wheels=wheels)
         loop_closer = new_corrector(correct, odometry, clustering)
         pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence, loop_closer=loop_closer)
         run(source, pipeline, [], frames)
@@ -139,6 +151,7 @@ def _line(figures: dict[str, Any]) -> str:
         return "   –" if figures[key] is None else f"{figures[key]:.2f}{unit}"
 
     return (
-        f"F1 {number('f1')}  precision {number('precision')}  recall {number('recall')}  median error "
-        f"{number('median_error_m', ' m')}  p90 {number('p90_error_m', ' m')}  covered95 {number('covered95')}"
+        f"F1 {number('f1')}  precision {number('precision')}  recall {number('recall')}  "
+        f"median error {number('median_error_m', ' m')}  p90 {number('p90_error_m', ' m')}  "
+        f"covered95 {number('covered95')}  ANEES {number('anees')}  ellipse {number('ellipse_m2', ' m2')}"
     )

@@ -36,8 +36,8 @@ def merge_maps(
 
     The first map's ids stay; an object that only the second map has keeps its own id where the first map has no such,
     else it gets the next free number of its label. Counts add up, times span both, confidence is that not both are
-    wrong, and positions are weighted by their information. Objects of one label that would stand in one another are one,
-    though their covariances disagree: the fused one is as unsure as they differ.
+    wrong, and positions are weighted by their information. Objects of one label that would stand in one another are
+    one, though their covariances disagree: the fused one is as unsure as they differ.
     """
     rule = rule or AssociationRule()
     here = [moved(item, alignment) for item in second]
@@ -83,8 +83,8 @@ def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs:
 def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObject:
     """One object of two sightings of it by different maps, in one frame; id and label of the first.
 
-    What a box does not tell of the footprint is the same error in both maps: it does not shrink. Where the two differ by
-    more than their covariances allow (99 %), these are scaled until they agree (Birge ratio).
+    What a box does not tell of the footprint is the same error in both maps: it does not shrink. Where the two differ
+    by more than their covariances allow (99 %), these are scaled until they agree (Birge ratio).
     """
     difference = theirs.position_m - ours.position_m
     chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))

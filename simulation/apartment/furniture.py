@@ -90,7 +90,7 @@ class Model:
 class Kind:
     """Interchangeable models. label: their COCO class, "" for mere decoration. held_out: for testing only.
 
-    made: more to train on. frozen: of the frozen block only. scale: by key, of real pieces against the catalogue's sizes.
+    made: more to train on. frozen: of the frozen block only. scale: by key, of real pieces against the catalogue's.
     """
 
     label: str
