@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -14,16 +14,21 @@ from edgemap.geometry.se2 import wrap_angle
 Array = NDArray[np.float64]
 
 GATE = 16.27  # squared Mahalanobis distance that holds 99.9 % of agreeing motions (chi-square, 3 degrees of freedom)
+KNOWN_SIGMA = 0.1  # m and rad; a standard deviation beyond it counts for less where sources disagree
 SHARES = np.linspace(0.0, 1.0, 6)  # tried by covariance intersection
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionEstimate:
-    """A motion (3,) in (m, m, rad), its covariance (3, 3). source: measurements of one source share their errors."""
+    """A motion (3,) in (m, m, rad), its covariance (3, 3). source: measurements of one source share their errors.
+
+    conflict: sources that disagree beyond the gate, and what the covariance therefore covers; empty where they agree.
+    """
 
     motion: Array
     covariance: Array
     source: str
+    conflict: str = ""
 
 
 def difference(a: MotionEstimate, b: MotionEstimate) -> Array:
@@ -62,25 +67,57 @@ def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
 
 
 def consensus(measured: Sequence[MotionEstimate], gate: float = GATE) -> MotionEstimate:
-    """One motion of several measurements, the most trusted first: of the largest set in which all pairs agree.
+    """One motion of several measurements, the most trusted first: of the sets in which all pairs agree, the one with
+    most SOURCES.
 
-    Sets of one size: the one that agrees best; single ones: the first, and the nearest other one's difference is its
-    doubt. Of one source: by covariance intersection; of different sources: as independent.
+    Members of one source are one witness: their number decides only among sets of the same sources, then how well they
+    agree. Of one source: by covariance intersection; of different sources: as independent. Where sets of different
+    sources are as strong, the sources disagree: the result lies between them and its covariance covers all.
     """
     if not measured:
         raise ValueError("no measurement to believe")
-    apart = {pair: distance(measured[pair[0]], measured[pair[1]]) for pair in combinations(range(len(measured)), 2)}
-    for size in range(len(measured), 1, -1):
-        sets = [chosen for chosen in combinations(range(len(measured)), size) if _agree(chosen, apart, gate)]
-        if sets:
-            best = min(sets, key=lambda chosen: sum(apart[pair] for pair in combinations(chosen, 2)))
-            return _joined([measured[index] for index in best])
-    first = measured[0]
     if len(measured) == 1:
-        return first
-    doubts = [difference(first, other) for other in measured[1:]]
+        return measured[0]
+    apart = {pair: distance(measured[pair[0]], measured[pair[1]]) for pair in combinations(range(len(measured)), 2)}
+    best: dict[frozenset[str], tuple[tuple[int, float], tuple[int, ...]]] = {}
+    for size in range(len(measured), 0, -1):
+        for chosen in combinations(range(len(measured)), size):
+            if _agree(chosen, apart, gate):
+                sources = frozenset(measured[index].source for index in chosen)
+                rank = -size, sum(apart[pair] for pair in combinations(chosen, 2))
+                if sources not in best or rank < best[sources][0]:
+                    best[sources] = rank, chosen
+    most = max(len(sources) for sources in best)
+    strongest = [_witness(measured, chosen) for s, (_, chosen) in best.items() if len(s) == most]
+    return strongest[0] if len(strongest) == 1 else _between(strongest)
+
+
+def _witness(measured: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
+    """A set that agrees, as one. One member alone that others of its source deny is doubted by the nearest of them."""
+    found = _joined([measured[index] for index in chosen])
+    source = measured[chosen[0]].source
+    others = [m for i, m in enumerate(measured) if i not in chosen and m.source == source]
+    if len(chosen) > 1 or not others:
+        return found
+    doubts = [difference(found, other) for other in others]
     doubt = min(doubts, key=lambda vector: float(vector @ vector))
-    return MotionEstimate(first.motion, first.covariance + np.outer(doubt, doubt) / 4.0, first.source)
+    return replace(found, covariance=found.covariance + np.outer(doubt, doubt) / 4.0)
+
+
+def _between(sets: Sequence[MotionEstimate]) -> MotionEstimate:
+    """Sets that disagree, one of which may be right: the moments of their mixture, each as likely as the others.
+
+    What a set does not know (a gyro knows no translation) has no say: weights are by information, at most equal.
+    """
+    sigmas = np.array([np.sqrt(np.diag(item.covariance)) for item in sets])
+    knows = np.minimum(1.0, (KNOWN_SIGMA / sigmas) ** 2)
+    weights = knows / knows.sum(axis=0)
+    apart = np.array([difference(sets[0], item) for item in sets])
+    middle = (weights * apart).sum(axis=0)
+    off = np.sqrt(weights) * (apart - middle)
+    within = sum(np.sqrt(np.outer(w, w)) * item.covariance for w, item in zip(weights, sets, strict=True))
+    names = sorted(item.source for item in sets)
+    return MotionEstimate(sets[0].motion + middle, within + off.T @ off, names[0], " against ".join(names))
 
 
 def _agree(chosen: tuple[int, ...], apart: dict[tuple[int, int], float], gate: float) -> bool:

@@ -43,17 +43,19 @@ def open_odometry(
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
-        return RecordedOdometry(camera.truth, "truth")
+        return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
     if spec.startswith("wheel:") and is_recording(spec):
         return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, WHEEL)
     if spec.startswith("wheel:"):
         return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
     if spec.endswith(".tum"):
-        return RecordedOdometry(read_tum(Path(spec)), spec)
+        return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(
         f"odometry {spec!r} is not hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
     )
 
+
+POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 # What the covariances of the hybrid's members are multiplied by, so that errors and covariance agree: mean NEES on
 # validation drives 8101-8106 was 10 for planar, 3 for flow.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,11 @@ from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, co
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.coasting import Coasting
 from edgemap.runtime.odometry.protocol import Motion, Odometry
+
+REPEATED_S = 10.0  # of stream, between two mentions of a member that stays out
+LASTING_CONFLICT = 10  # steps in a row in which sources disagree make a fault; a wheel slips for less
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +32,10 @@ class Member:
 
 
 class HybridOdometry:
-    """Believes what the most of its members agree on (`geometry.fusion.believed`); who reports a fault is left out.
+    """One motion of what its members measure (`geometry.odometry.covariance_intersection.consensus`).
 
+    Who is blind, reports a fault or is not finite is left out, by name, until it measures again; where nobody measures
+    the motion is a guess (`Coasting`). A member that stays out is named again every `REPEATED_S`.
     members: the most trusted first. Raises ValueError for none.
     """
 
@@ -38,24 +45,55 @@ class HybridOdometry:
         if not members:
             raise ValueError("a hybrid odometry needs members")
         self._members = tuple(members)
+        self._coasting = Coasting()
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Every member's motion since the last frame, as one."""
-        motions = [member.odometry.step(frame, features) for member in self._members]
-        first, self._first = self._first, False
-        alive = [
-            MotionEstimate(motion.motion.vector(), member.doubt * motion.covariance, member.source)
-            for member, motion in zip(self._members, motions, strict=True)
-            if not motion.fault
-        ]
-        if first or not alive:
-            return motions[0]
-        found = consensus(alive)
-        return Motion(SE2(*found.motion), np.asarray(found.covariance))
+        return self._joined(frame.stamp_s, [member.odometry.step(frame, features) for member in self._members])
+
+    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+        """The motion of those that need no picture."""
+        return self._joined(stamp_s, [member.odometry.step_blind(stamp_s, reason) for member in self._members])
 
     def reset(self, reason: str) -> None:
         """Every member starts again."""
         for member in self._members:
             member.odometry.reset(reason)
-        self._first = True
+        self._coasting.reset()
+        self._told_s: dict[int, float] = {}
+        self._conflicts, self._first = 0, True
+
+    def _joined(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
+        named = [(m, motion.checked(m.odometry.name)) for m, motion in zip(self._members, motions, strict=True)]
+        faults = "; ".join(motion.fault for _, motion in named if motion.fault)
+        told = self._told(stamp_s, named)
+        if self._first:
+            self._first = False
+            self._coasting.begin(stamp_s)
+            return Motion(fault=faults)
+        alive = [
+            MotionEstimate(motion.motion.vector(), member.doubt * motion.covariance, member.source)
+            for member, motion in named
+            if not (motion.fault or motion.blind)
+        ]
+        if not alive:
+            return self._coasting.guess(stamp_s, faults or "hybrid odometry: no source measures motion")
+        found = consensus(alive)
+        self._conflicts = self._conflicts + 1 if found.conflict else 0
+        if self._conflicts == LASTING_CONFLICT:
+            told = "; ".join(filter(None, (told, f"hybrid odometry: {found.conflict}: they disagree")))
+        motion = SE2(*found.motion)
+        self._coasting.saw(motion, stamp_s)
+        return Motion(motion, np.asarray(found.covariance), told)
+
+    def _told(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
+        """Faults that are new, or were last told a while ago."""
+        texts = []
+        for index, (_, motion) in enumerate(named):
+            if not motion.fault:
+                self._told_s.pop(index, None)
+            elif stamp_s - self._told_s.get(index, -math.inf) >= REPEATED_S:
+                self._told_s[index] = stamp_s
+                texts.append(motion.fault)
+        return "; ".join(texts)

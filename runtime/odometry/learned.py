@@ -13,7 +13,7 @@ from edgemap.runtime.bundle import Bundle, Tensors
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.manifest import Manifest, OdometryHead
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.protocol import Motion, blind_motion
 from edgemap.runtime.preprocess import cell_grid
 
 LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # between frames; after a longer gap the head starts again
@@ -63,13 +63,19 @@ class LearnedOdometry:
             self._feed(self._last, NOMINAL_DT_S)
         motion, covariance = self._feed(features, NOMINAL_DT_S if fresh else dt_s)
         if fresh and math.isfinite(dt_s):
-            return Motion(fault=f"{self.name} odometry: {dt_s:.3f} s since the last frame, started again")
+            return blind_motion(f"{self.name} odometry: {dt_s:.3f} s since the last frame, started again")
         if fresh:
             return Motion(fault=self._warning)
         if not (np.isfinite(motion.vector()).all() and np.isfinite(covariance).all()):
             self._start_again()
-            return Motion(fault=f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
+            return blind_motion(f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
         return Motion(motion, covariance)
+
+    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+        """Blind: the recurrent state starts again at the next picture."""
+        self._start_again()
+        self._last_s = stamp_s
+        return blind_motion(f"{self.name} odometry: {reason}")
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from cv2.typing import MatLike
@@ -23,7 +25,8 @@ from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry.protocol import Motion, unknown_covariance
+from edgemap.runtime.odometry.coasting import Coasting
+from edgemap.runtime.odometry.protocol import Motion
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -41,14 +44,14 @@ LEVELLING = 0.25  # share of the tilt that is taken for the landmarks' and not f
 TRUSTED_SHARE = 0.4  # of the tracks that must agree, or a fresh start is tried
 AGREES_MORE = 1.3  # times as many must agree on the fresh start, which has looser landmarks
 LEAST_WEIGHT = 8.0  # tracks that must agree at all
-GUESSED_STEPS = 5  # frames that the last motion is carried on where tracking fails
+LONGEST_GAP_S = 1.0  # without a picture; after a longer one the corners are not looked for any more
 LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
 class PlanarOdometry:
     """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) as landmarks, and the pose among them (`locate`).
 
-    A step that finds no motion repeats the last one, with unknown covariance and a fault; after some it stands still.
+    A step that finds no motion is blind: `Coasting` guesses.
     """
 
     name = "planar"
@@ -65,7 +68,7 @@ class PlanarOdometry:
         base = np.dstack([self._rays, np.ones(self._rays.shape[:2])]) @ camera.mount.rotation_base_optical().T
         reaches = -base[..., 2] * self._reach_m > camera.mount.height_m * np.linalg.norm(base, axis=2)
         self._floor_mask = np.where(reaches, 255, 0).astype(np.uint8)
-        self._seed = seed
+        self._seed, self._coasting = seed, Coasting()
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:  # noqa: ARG002
@@ -73,70 +76,93 @@ class PlanarOdometry:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
+        if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_GAP_S:
+            self._start_again()
         last, self._grey = self._grey, grey
+        first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
             self._seek(grey)
-            return Motion()
+            if first:
+                self._coasting.begin(frame.stamp_s)
+                return Motion()
+            fault = f"planar odometry: started again at {frame.stamp_s:.3f} s"
+            return self._coasting.guess(frame.stamp_s, fault)
         self._follow(last, grey)
         found = self._locate(frame.index) if len(self._corners) >= LEAST_WEIGHT else None
         if found is None or found.weights.sum() < LEAST_WEIGHT:
-            return self._guess(grey)
-        motion = self._view.pose.inverse() @ found.view.pose
+            return self._guess(grey, frame.stamp_s)
+        motion = (self._view.pose @ self._since).inverse() @ found.view.pose
+        self._coasting.saw(motion, frame.stamp_s)
         turn = np.eye(3)
         turn[:2, :2] = motion.rotation()
         now = found.covariance[:3, :3]
         doubt = len(found.weights) / found.weights.sum()
-        covariance = doubt * (self._covariance + turn @ now @ turn.T) + LEAST_COVARIANCE
-        self._view, self._motion, self._covariance, self._guesses = found.view, motion, now, 0
+        covariance = doubt * (self._covariance + turn @ now @ turn.T) + LEAST_COVARIANCE + self._since_covariance
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < MAX_AGE))
         self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, LEVELLING)
         self._seek(grey)
         return Motion(motion, covariance)
 
+    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+        """A guess; the landmarks wait for the next picture, which tells the motion since the last one."""
+        guess = self._coasting.guess(stamp_s, f"planar odometry: {reason}")
+        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
+        self._motion, self._trusted = guess.motion, False
+        return guess
+
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""
+        self._first, self._seen_s = True, -math.inf
+        self._coasting.reset()
+        self._start_again()
+
+    def _start_again(self) -> None:
         self._grey: MatLike | None = None
         self._view, self._covariance = View(), np.zeros((3, 3))
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
-        self._motion, self._guesses = SE2(), GUESSED_STEPS
+        self._motion, self._trusted = SE2(), False
 
     def _locate(self, index: int) -> Located:
         """The view that the remembered landmarks agree on; where few do, and more do when forgotten, anew."""
         seen = self._bearings(self._corners)
-        start = View(self._view.pose @ self._motion)
+        start = View(self._view.pose @ self._since @ self._motion)
         found = locate(self._landmarks, seen, self._camera, start, self._noise)
-        if not self._guesses and found.weights.sum() > TRUSTED_SHARE * len(seen):
+        if self._trusted and found.weights.sum() > TRUSTED_SHARE * len(seen):
             return found
         rays = _rays(self._bearings(self._before))
         anew = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m)
         before, after = (self._camera.floor_points(pixels[anew.floor]) for pixels in (self._before, self._corners))
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
-        start = View(self._view.pose @ (rough.motion if rough else self._motion))
+        start = View(self._view.pose @ (rough.motion if rough else self._since @ self._motion))
         other = locate(anew, seen, self._camera, start, self._noise)
         if other.weights.sum() < AGREES_MORE * found.weights.sum():
             return found
         self._landmarks = anew
         return other
 
-    def _guess(self, grey: MatLike) -> Motion:
-        self._guesses += 1
-        fault = f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
-        motion = self._motion if self._guesses <= GUESSED_STEPS else SE2()
-        self._view = View(self._view.pose @ motion)
+    def _guess(self, grey: MatLike, stamp_s: float) -> Motion:
+        """Tracking failed: begin with new corners where a guess puts the view."""
+        guess = self._coasting.guess(
+            stamp_s, f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
+        )
+        self._view = View(self._view.pose @ self._since @ guess.motion)
+        self._motion, self._trusted = guess.motion, False
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners, self._landmarks = self._corners[:0], Landmarks.none()
         self._seek(grey)
-        if self._guesses > GUESSED_STEPS:
-            return Motion(motion, unknown_covariance(), fault)
-        return Motion(motion, unknown_covariance() * 0.05, fault)
+        return guess
 
     def _follow(self, last: MatLike, grey: MatLike) -> None:
         """Move the corners to where they are now; those that are lost or leave the picture go, with their landmarks."""
         if len(self._corners) == 0:
             return
-        sight = look(self._landmarks, self._camera, View(self._view.pose @ self._motion))
+        sight = look(self._landmarks, self._camera, View(self._view.pose @ self._since @ self._motion))
         expected = self._camera.intrinsics.project(np.column_stack([sight.seen, np.where(sight.ahead, 1.0, np.nan)]))
         expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(

@@ -23,11 +23,24 @@ def unknown_covariance() -> Array:
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
-    base frame. fault: one line where the motion is a guess, else empty."""
+    base frame. fault: one line on what failed or was left out, else empty. blind: nothing was measured, the motion is a
+    guess."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
     fault: str = ""
+    blind: bool = False
+
+    def checked(self, name: str) -> Motion:
+        """This motion, or where it is not finite a blind one with a fault that names the odometry."""
+        if np.isfinite(self.motion.vector()).all() and np.isfinite(self.covariance).all():
+            return self
+        return blind_motion(f"{name} odometry: motion not finite")
+
+
+def blind_motion(fault: str) -> Motion:
+    """No measurement: identity, covariance unknown, and the reason."""
+    return Motion(fault=fault, blind=True)
 
 
 class Odometry(Protocol):
@@ -37,6 +50,13 @@ class Odometry(Protocol):
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """The motion since the frame of the previous step. features: the backbone's outputs of this frame."""
+        ...
+
+    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+        """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
+
+        Wheels and gyro go on; what lives by pictures says blind. reason: why there is none, for the fault.
+        """
         ...
 
     def reset(self, reason: str) -> None:

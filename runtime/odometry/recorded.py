@@ -12,7 +12,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.protocol import Motion, blind_motion
 from edgemap.runtime.trajectory import Trajectory
 
 
@@ -46,27 +46,74 @@ class DriftRate:
 WHEEL = DriftRate(0.01, 0.02, 4e-4, 1e-3, roughness_m=0.005, roughness_rad=0.035)
 
 
-class RecordedOdometry:
-    """Motion between the stamps of two frames, read off a recorded trajectory of the base."""
+EDGE_S = 0.01  # outside the recording that still count as its end: stamps are rounded
+LONGEST_GAP_S, LONGEST_GAP_PERIODS = 0.5, 5.0  # between two samples; a longer one is a hole, not a straight line
 
-    def __init__(self, trajectory: Trajectory, name: str, drift: DriftRate | None = None) -> None:
+
+class RecordedOdometry:
+    """Motion between the stamps of two frames, read off a recorded trajectory of the base.
+
+    A recording that ends, starts late, has a hole or a pose that is not finite gives no motion there, with a fault that
+    names it, and measures again where it covers both ends of a step.
+    """
+
+    def __init__(
+        self, trajectory: Trajectory, name: str, drift: DriftRate | None = None, edge_s: float = EDGE_S
+    ) -> None:
         self.name = name
         self._trajectory = trajectory
         self._drift = drift or DriftRate()
-        self._last: SE2 | None = None
+        self._edge_s = edge_s
+        period_s = float(np.median(np.diff(trajectory.stamps_s))) if len(trajectory.poses) > 1 else 0.0
+        self._longest_gap_s = max(LONGEST_GAP_S, LONGEST_GAP_PERIODS * period_s)
+        self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:  # noqa: ARG002
-        """The recorded motion since the last frame. Raises OdometryError where the recording does not cover it."""
-        try:
-            pose = self._trajectory.at(frame.stamp_s)
-        except OdometryError as error:
-            raise OdometryError(f"odometry {self.name}, frame {frame.index}: {error}") from None
-        last, self._last = self._last, pose
-        if last is None:
-            return Motion()
-        motion = last.inverse() @ pose
-        return Motion(motion, self._drift.covariance(motion))
+        """The recorded motion since the last frame."""
+        return self._to(frame.stamp_s)
+
+    def step_blind(self, stamp_s: float, reason: str) -> Motion:  # noqa: ARG002
+        """The recorded motion: it needs no picture."""
+        return self._to(stamp_s)
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""
-        self._last = None
+        self._last: SE2 | None = None
+        self._last_s, self._started, self._lost = -math.inf, False, ""
+
+    def _to(self, stamp_s: float) -> Motion:
+        pose, self._lost = self._pose(stamp_s)
+        lost = self._lost or self._hole(stamp_s)
+        last, self._last, started = self._last, pose, self._started
+        self._last_s, self._started = stamp_s, True
+        if lost:
+            return blind_motion(f"odometry {self.name}: {lost}")
+        if not started:
+            return Motion()
+        if last is None or pose is None:
+            return blind_motion(f"odometry {self.name}: known again from {stamp_s:.3f} s on")
+        motion = last.inverse() @ pose
+        return Motion(motion, self._drift.covariance(motion))
+
+    def _pose(self, stamp_s: float) -> tuple[SE2 | None, str]:
+        """The pose at a stamp, or why there is none."""
+        try:
+            pose = self._trajectory.at(stamp_s, self._edge_s)
+        except OdometryError as error:
+            return None, str(error)
+        if not np.isfinite(pose.vector()).all():
+            return None, f"pose at {stamp_s:.3f} s is not finite"
+        return pose, ""
+
+    def _hole(self, stamp_s: float) -> str:
+        """Why a step to a stamp is not covered by samples; empty where it is."""
+        stamps = self._trajectory.stamps_s
+        first = max(int(np.searchsorted(stamps, max(self._last_s, stamps[0]), side="right")) - 1, 0)
+        last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
+        if last <= first:
+            return ""
+        longest = first + int(np.diff(stamps[first : last + 1]).argmax())
+        gap_s = float(stamps[longest + 1] - stamps[longest])
+        if gap_s <= self._longest_gap_s:
+            return ""
+        return f"no sample from {stamps[longest]:.3f} to {stamps[longest + 1]:.3f} s"

@@ -25,7 +25,13 @@ class RestingOdometry:
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """The motion since the last one that was told, or none."""
-        found = self._odometry.step(frame, features)
+        return self._told(self._odometry.step(frame, features))
+
+    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+        """The same without a picture."""
+        return self._told(self._odometry.step_blind(stamp_s, reason))
+
+    def _told(self, found: Motion) -> Motion:
         motion = self._waiting @ found.motion
         small = math.hypot(motion.x_m, motion.y_m) < LEAST_M and abs(motion.yaw_rad) < LEAST_RAD
         self._waiting = motion if small else SE2()

@@ -50,19 +50,31 @@ def test_intersection_claims_nothing_that_correlated_errors_could_belie(p, q, co
     raise AssertionError(f"no share of the mixture gives what was found ({share})")
 
 
-def test_two_of_three_outvote_the_third():
+def test_two_members_of_one_camera_never_outvote_the_wheels():
     wheels = measured(0.30, 0.001, source="wheels")
     found = consensus([measured(0.10, 0.001), measured(0.1005, 0.001), wheels])
-    assert found.motion[0] == pytest.approx(0.1, abs=1e-3)
+    assert found.conflict == "camera against wheels"
+    assert found.motion[0] == pytest.approx(0.2, abs=1e-3)
+    assert found.covariance[0, 0] == pytest.approx(0.1**2, rel=0.02), "it covers both"
     agreed = consensus([measured(0.10, 0.001), measured(0.3, 0.001), wheels])
     assert agreed.motion[0] == pytest.approx(0.30)
     assert agreed.covariance[0, 0] == pytest.approx(0.5e-6), "wheels and camera are independent"
 
 
-def test_of_two_that_disagree_the_first_is_believed_and_doubted():
-    found = consensus([measured(0.10, 0.001), measured(0.30, 0.001, source="wheels")])
-    assert found.motion[0] == 0.10
-    assert found.covariance[0, 0] == pytest.approx(0.001**2 + 0.2**2 / 4)
+def test_two_of_three_sources_outvote_the_third():
+    gyro = MotionEstimate(np.zeros(3), np.diag([1.0, 1.0, 1e-8]), "gyro")
+    spinning = MotionEstimate(np.array([0.0, 0.0, 0.3]), np.diag([1e-6, 1e-6, 1e-6]), "wheels")
+    found = consensus([measured(0.10, 0.001), spinning, gyro])
+    assert (found.conflict, found.motion[0]) == ("", pytest.approx(0.10, abs=1e-4))
+
+
+def test_a_source_that_knows_no_translation_says_nothing_of_it_in_a_conflict():
+    """Camera and gyro disagree on yaw alone: halfway there, the camera's translation."""
+    gyro = MotionEstimate(np.array([0.0, 0.0, 0.2]), np.diag([1.0, 1.0, 1e-4]), "gyro")
+    found = consensus([measured(0.10, 0.001), gyro])
+    assert found.conflict
+    assert found.motion == pytest.approx([0.099, 0.0, 0.1], abs=1e-4)
+    assert found.covariance[2, 2] == pytest.approx(0.1**2 + 1e-4)
 
 
 def test_one_alone_is_believed_and_none_is_an_error():

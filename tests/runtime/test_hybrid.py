@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,9 @@ class Scripted:
     def step(self, frame, features):
         return self.motions.pop(0)
 
+    def step_blind(self, stamp_s, reason):
+        return Motion(fault=reason, blind=True)
+
     def reset(self, reason):
         self.resets += 1
 
@@ -33,16 +38,59 @@ def test_who_fails_is_left_out_and_its_fault_with_it():
     hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
     hybrid.step(FRAME, {})
     second = hybrid.step(FRAME, {})
-    assert (second.motion.x_m, second.fault) == (0.1, "")
-    assert hybrid.step(FRAME, {}).covariance[0, 0] == pytest.approx(0.5e-4)
+    assert (second.motion.x_m, second.fault) == (0.1, "planar odometry: nothing agrees")
+    third = hybrid.step(FRAME, {})
+    assert (third.fault, third.covariance[0, 0]) == ("", pytest.approx(0.5e-4))
 
 
-def test_when_all_fail_the_first_ones_guess_and_fault_stand():
+def test_when_all_fail_the_motion_is_a_guess_that_names_them_all():
     start, lost = motion(0.0, 1.0), motion(0.2, 1.0, fault="lost")
     wheels = Scripted(start, motion(0.0, 1.0, fault="no wheels"))
     hybrid = HybridOdometry([Member(Scripted(start, lost), "camera"), Member(wheels, "wheels")])
     hybrid.step(FRAME, {})
-    assert hybrid.step(FRAME, {}).fault == "lost"
+    found = hybrid.step(FRAME, {})
+    assert (found.fault, found.blind) == ("lost; no wheels", True)
+
+
+def test_a_motion_that_is_not_finite_is_a_fault_and_no_pose():
+    camera = Scripted(motion(0.0, 1.0), Motion(SE2(math.nan, 0.0, 0.0), np.eye(3)))
+    wheels = Scripted(motion(0.0, 1.0), motion(0.1, 0.01))
+    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid.step(FRAME, {})
+    found = hybrid.step(FRAME, {})
+    assert found.motion.x_m == 0.1
+    assert found.fault == "scripted odometry: motion not finite"
+
+
+def at(stamp_s):
+    return Frame(round(10 * stamp_s), stamp_s, FRAME.image)
+
+
+def test_a_member_that_stays_out_is_named_again_after_a_while_and_not_at_every_step():
+    lost = [motion(0.0, 1.0, fault="lost")] * 120
+    wheels = Scripted(*[motion(0.0, 0.01)] * 121)
+    hybrid = HybridOdometry([Member(Scripted(motion(0.0, 1.0), *lost), "camera"), Member(wheels, "wheels")])
+    faults = [hybrid.step(at(index / 10), {}).fault for index in range(121)]
+    assert [index for index, fault in enumerate(faults) if fault] == [1, 101]
+
+
+def test_sources_that_go_on_disagreeing_are_a_fault():
+    camera, wheels = Scripted(*[motion(0.1, 0.001)] * 12), Scripted(*[motion(0.3, 0.001)] * 12)
+    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    faults = [hybrid.step(at(index / 10), {}).fault for index in range(12)]
+    assert [index for index, fault in enumerate(faults) if fault] == [10]
+    assert "camera against wheels" in faults[10]
+
+
+def test_blind_of_everything_it_carries_on_for_half_a_second_and_its_doubt_covers_any_motion():
+    """0.1 m a step at 10 Hz; then 3 s without a picture: 0.5 m are carried on, 3 m may have been driven."""
+    hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 3), "camera")])
+    for index in range(3):
+        hybrid.step(at(index / 10), {})
+    steps = [hybrid.step_blind(0.2 + k / 10, "no picture") for k in range(1, 31)]
+    assert all(step.blind and "no picture" in step.fault for step in steps)
+    assert sum(step.motion.x_m for step in steps) == pytest.approx(0.5)
+    assert sum(step.covariance[0, 0] for step in steps) == pytest.approx((1.35 * 3.0) ** 2)
 
 
 def test_reset_reaches_every_member():

@@ -14,7 +14,7 @@ from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
-from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
 
 CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12))
@@ -91,6 +91,29 @@ def test_planar_carries_the_last_motion_through_a_short_gap_with_large_covarianc
     assert np.trace(gap.covariance) > 100 * np.trace(seen.covariance)
 
 
+def test_planar_bridges_a_picture_that_is_missing():
+    frames, poses = drive([SE2(0.04 + 0.002 * k, 0, 0.01) for k in range(8)])
+    odometry, pose = PlanarOdometry(CAMERA), SE2()
+    for frame in frames:
+        motion = odometry.step_blind(frame.stamp_s, "black") if frame.index == 5 else odometry.step(frame, {})
+        assert motion.blind == (frame.index == 5)
+        pose = pose @ motion.motion
+    error = pose.inverse() @ poses[-1]
+    assert math.hypot(error.x_m, error.y_m) < 0.02
+    assert abs(error.yaw_rad) < 0.01
+
+
+def test_planar_does_not_look_for_corners_of_long_ago():
+    frames, _ = drive(MOTIONS["straight"][:6])
+    odometry = PlanarOdometry(CAMERA)
+    odometry.step(frames[0], {})
+    for k in range(20):
+        odometry.step_blind(0.1 + k / 10, "black")
+    again = [odometry.step(Frame(9, 2.1 + k / 10, frames[1 + k].image), {}) for k in range(3)]
+    assert [motion.blind for motion in again] == [True, False, False]
+    assert again[2].motion.x_m == pytest.approx(0.04, abs=0.004)
+
+
 def test_planar_is_deterministic():
     frames, _ = drive(MOTIONS["left arc"][:6])
 
@@ -142,10 +165,40 @@ def test_recorded_poses_become_motions():
     np.testing.assert_allclose(pose.vector(), poses[-1].vector(), atol=1e-12)
 
 
-def test_a_stamp_outside_the_recording_is_named():
-    odometry = RecordedOdometry(Trajectory(np.array([0.0, 0.1]), (SE2(), SE2())), "x.tum")
-    with pytest.raises(OdometryError, match=r"frame 7: no pose at 9\.000 s: the trajectory covers 0\.000 to 0\.100 s"):
-        odometry.step(Frame(7, 9.0, np.zeros((4, 4, 3), np.uint8)), {})
+def wheels_of(stamps_s, poses=None):
+    poses = poses or tuple(SE2(stamp_s, 0.0, 0.0) for stamp_s in stamps_s)
+    return RecordedOdometry(Trajectory(np.array(stamps_s), poses), "wheel.csv", WHEEL)
+
+
+def steps_of(odometry, stamps_s):
+    return [odometry.step(Frame(i, stamp_s, np.zeros((4, 4, 3), np.uint8)), {}) for i, stamp_s in enumerate(stamps_s)]
+
+
+def test_a_recording_that_ends_is_named_and_no_pose_is_made_up():
+    lost = steps_of(wheels_of([0.0, 0.1]), [0.0, 0.1, 0.2])
+    assert [step.blind for step in lost] == [False, False, True]
+    assert lost[2].fault == "odometry wheel.csv: no pose at 0.200 s: the trajectory covers 0.000 to 0.100 s"
+    assert lost[1].motion.x_m == pytest.approx(0.1)
+
+
+def test_a_recording_that_starts_late_measures_once_it_covers_a_step():
+    found = steps_of(wheels_of([1.0, 1.1, 1.2]), [0.8, 0.9, 1.0, 1.1, 1.2])
+    assert [step.blind for step in found] == [True, True, True, False, False]
+    assert found[4].motion.x_m == pytest.approx(0.1)
+
+
+def test_a_hole_is_no_straight_line():
+    """20 s without a sample: nothing is known until both ends of a step are covered again."""
+    stamps = [*(k / 10 for k in range(11)), *(21 + k / 10 for k in range(11))]
+    found = steps_of(wheels_of(stamps), [0.9, 1.0, 1.1, 10.0, 20.9, 21.0, 21.1])
+    assert [step.blind for step in found[1:]] == [False, True, True, True, True, False]
+    assert "no sample from 1.000 to 21.000 s" in found[2].fault
+
+
+def test_a_pose_that_is_not_finite_is_a_fault():
+    poses = (SE2(), SE2(float("nan"), 0.0, 0.0), *(SE2(0.1 * k, 0.0, 0.0) for k in range(2, 5)))
+    found = steps_of(wheels_of([0.0, 0.1, 0.2, 0.3, 0.4], poses), [0.0, 0.1, 0.25, 0.3, 0.4])
+    assert [step.blind for step in found] == [False, True, True, False, False]
 
 
 def test_tum_lines_come_back(tmp_path):

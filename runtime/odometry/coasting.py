@@ -1,0 +1,54 @@
+"""Motion without any measurement: the last velocity for a moment, then rest, with a covariance to match."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.odometry.protocol import Motion
+
+CARRIED_S = 0.5  # the last velocity is carried on for so long; after that the robot is as likely to stand
+SPEED_SIGMA = 0.35  # m/s, of a small robot whose motion is unknown; the last speed adds to it
+YAW_RATE_SIGMA = 0.5  # rad/s
+SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0  # between two steps, for a velocity
+
+
+class Coasting:
+    """Guesses motion while blind.
+
+    An unknown velocity stays unknown: its error grows with the time of blindness, not with its root, so the covariance
+    of each step takes in its correlation with the steps before: sigma^2 (t^2 - t_before^2).
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def saw(self, motion: SE2, stamp_s: float) -> None:
+        """A measured motion that ended at a stamp."""
+        dt_s = stamp_s - self._last_s
+        if SHORTEST_DT_S < dt_s < LONGEST_DT_S:
+            self._velocity = motion.vector() / dt_s
+            self._sigmas = np.array([SPEED_SIGMA, 0.5 * SPEED_SIGMA, YAW_RATE_SIGMA]) + abs(self._velocity)
+        self.begin(stamp_s)
+
+    def begin(self, stamp_s: float) -> None:
+        """The pose at a stamp is as well known as it will ever be."""
+        self._last_s = self._blind_from_s = stamp_s
+
+    def guess(self, stamp_s: float, fault: str) -> Motion:
+        """The motion since the last stamp, blind."""
+        if not math.isfinite(self._last_s):
+            self.begin(stamp_s - LONGEST_DT_S)
+        before_s = self._last_s - self._blind_from_s
+        after_s = max(stamp_s - self._blind_from_s, before_s + SHORTEST_DT_S)
+        self._last_s = self._blind_from_s + after_s
+        carried_s = max(0.0, min(after_s, CARRIED_S) - min(before_s, CARRIED_S))
+        covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
+        return Motion(SE2(*(self._velocity * carried_s)), covariance, fault, blind=True)
+
+    def reset(self) -> None:
+        """Forget the velocity."""
+        self._velocity, self._sigmas = np.zeros(3), np.ones(3)
+        self._last_s = self._blind_from_s = -math.inf
