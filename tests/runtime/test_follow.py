@@ -41,6 +41,9 @@ class Reader:
             features[self.feature]
         return Motion(SE2(0.2, 0, 0), np.eye(3) * len(self.seen), "lost" if frame.index == self.fault_at else "")
 
+    def step_blind(self, stamp_s, reason):
+        raise AssertionError(reason)
+
     def reset(self, reason):
         raise AssertionError(reason)
 
