@@ -9,7 +9,8 @@ from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.odometry.gyro import GyroOdometry
+from edgemap.runtime.odometry.hybrid import GYRO, HybridOdometry, Member
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
@@ -29,13 +30,15 @@ def open_odometry(
     allow_untrained: bool = False,
     wheels: bool = True,
 ) -> Odometry:
-    """The odometry that a SPEC names: hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
+    """The odometry that a SPEC names: hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
 
     wheels: whether the hybrid listens to the source's wheels, where it brings any.
     Raises OdometryError for one that is unknown or not to be had here.
     """
     if spec == "hybrid":
         return RestingOdometry(HybridOdometry(_members(bundle, camera, floor, wheels)))
+    if spec == "gyro":
+        return GyroOdometry()
     if spec == "planar":
         return RestingOdometry(PlanarOdometry(floor))
     if spec in ("flow", "paper"):
@@ -51,7 +54,7 @@ def open_odometry(
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(
-        f"odometry {spec!r} is not hybrid, flow, planar, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
+        f"odometry {spec!r} is not hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
     )
 
 
@@ -59,11 +62,11 @@ POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 # What the covariances of the hybrid's members are multiplied by, so that errors and covariance agree: mean NEES on
 # validation drives 8101-8106 was 10 for planar, 3 for flow.
-DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0}
+DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0, "gyro": 1.0}
 
 
 def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool) -> list[Member]:
-    """Corners on the floor, the bundle's flow head where a trained one is there, wheels where the source has any."""
+    """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
     members = [Member(PlanarOdometry(floor), "camera", DOUBTS["planar"])]
     head = bundle.manifest.odometry.get("flow")
     if head is not None and head.trained:
@@ -71,4 +74,5 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool) -
     if wheels and camera.wheel is not None:
         recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)
         members.append(Member(recorded, "wheels", DOUBTS["wheels"]))
+    members.append(Member(GyroOdometry(), GYRO, DOUBTS["gyro"], optional=True))
     return members

@@ -4,31 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, consensus
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, consensus, fused
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.coasting import Coasting
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 
+GYRO = "gyro"  # the source that measures rotation only
 REPEATED_S = 10.0  # of stream, between two mentions of a member that stays out
 LASTING_CONFLICT = 10  # steps in a row in which sources disagree make a fault; a wheel slips for less
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`.
+    """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
 
-    doubt: factor on its covariance, fitted on validation drives so that errors and covariance agree.
+    doubt: factor on its covariance, fitted on validation drives so that errors and covariance agree. optional: it is
+    missed only after it has measured once.
     """
 
     odometry: Odometry
     source: str
     doubt: float = 1.0
+    optional: bool = False
 
 
 class HybridOdometry:
@@ -52,20 +56,24 @@ class HybridOdometry:
         """Every member's motion since the last frame, as one."""
         return self._joined(frame.stamp_s, [member.odometry.step(frame, features) for member in self._members])
 
-    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
-        return self._joined(stamp_s, [member.odometry.step_blind(stamp_s, reason) for member in self._members])
+        return self._joined(
+            stamp_s, [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
+        )
 
     def reset(self, reason: str) -> None:
         """Every member starts again."""
         for member in self._members:
             member.odometry.reset(reason)
         self._coasting.reset()
+        self._measured: set[int] = set()
         self._told_s: dict[int, float] = {}
         self._conflicts, self._first = 0, True
 
     def _joined(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
-        named = [(m, motion.checked(m.odometry.name)) for m, motion in zip(self._members, motions, strict=True)]
+        checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
+        named = list(zip(self._members, checked, strict=True))
         faults = "; ".join(motion.fault for _, motion in named if motion.fault)
         told = self._told(stamp_s, named)
         if self._first:
@@ -77,8 +85,9 @@ class HybridOdometry:
             for member, motion in named
             if not (motion.fault or motion.blind)
         ]
-        if not alive:
-            return self._coasting.guess(stamp_s, faults or "hybrid odometry: no source measures motion")
+        if all(item.source == GYRO for item in alive):
+            guess = self._coasting.guess(stamp_s, faults or "hybrid odometry: no source measures motion")
+            return guess if not alive else _turned(guess, alive[0])
         found = consensus(alive)
         self._conflicts = self._conflicts + 1 if found.conflict else 0
         if self._conflicts == LASTING_CONFLICT:
@@ -86,6 +95,15 @@ class HybridOdometry:
         motion = SE2(*found.motion)
         self._coasting.saw(motion, stamp_s)
         return Motion(motion, np.asarray(found.covariance), told)
+
+    def _checked(self, index: int, motion: Motion) -> Motion:
+        member = self._members[index]
+        found = motion.checked(member.odometry.name)
+        if not (found.fault or found.blind):
+            self._measured.add(index)
+        elif member.optional and index not in self._measured:
+            return replace(found, fault="", blind=True)
+        return found
 
     def _told(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
         """Faults that are new, or were last told a while ago."""
@@ -97,3 +115,9 @@ class HybridOdometry:
                 self._told_s[index] = stamp_s
                 texts.append(motion.fault)
         return "; ".join(texts)
+
+
+def _turned(guess: Motion, gyro: MotionEstimate) -> Motion:
+    """A guess whose yaw is measured."""
+    found = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
+    return replace(guess, motion=SE2(*found.motion), covariance=np.asarray(found.covariance))

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
@@ -71,7 +72,7 @@ class LearnedOdometry:
             return blind_motion(f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
         return Motion(motion, covariance)
 
-    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """Blind: the recurrent state starts again at the next picture."""
         self._start_again()
         self._last_s = stamp_s

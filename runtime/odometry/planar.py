@@ -9,6 +9,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.odometry.landmarks import (
     Landmarks,
@@ -106,7 +107,7 @@ class PlanarOdometry:
         self._seek(grey)
         return Motion(motion, covariance)
 
-    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the landmarks wait for the next picture, which tells the motion since the last one."""
         guess = self._coasting.guess(stamp_s, f"planar odometry: {reason}")
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance

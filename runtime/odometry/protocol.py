@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
@@ -52,10 +53,11 @@ class Odometry(Protocol):
         """The motion since the frame of the previous step. features: the backbone's outputs of this frame."""
         ...
 
-    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
 
-        Wheels and gyro go on; what lives by pictures says blind. reason: why there is none, for the fault.
+        Wheels and gyro go on; what lives by pictures says blind. reason: why there is none, for the fault. attitude:
+        at the stamp, with the gyro's rotation since the previous step, where an IMU tells them.
         """
         ...
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.errors import OdometryError
@@ -72,7 +73,7 @@ class RecordedOdometry:
         """The recorded motion since the last frame."""
         return self._to(frame.stamp_s)
 
-    def step_blind(self, stamp_s: float, reason: str) -> Motion:  # noqa: ARG002
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """The recorded motion: it needs no picture."""
         return self._to(stamp_s)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
@@ -27,9 +28,9 @@ class RestingOdometry:
         """The motion since the last one that was told, or none."""
         return self._told(self._odometry.step(frame, features))
 
-    def step_blind(self, stamp_s: float, reason: str) -> Motion:
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The same without a picture."""
-        return self._told(self._odometry.step_blind(stamp_s, reason))
+        return self._told(self._odometry.step_blind(stamp_s, reason, attitude))
 
     def _told(self, found: Motion) -> Motion:
         motion = self._waiting @ found.motion

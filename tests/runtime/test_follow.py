@@ -41,7 +41,7 @@ class Reader:
             features[self.feature]
         return Motion(SE2(0.2, 0, 0), np.eye(3) * len(self.seen), "lost" if frame.index == self.fault_at else "")
 
-    def step_blind(self, stamp_s, reason):
+    def step_blind(self, stamp_s, reason, attitude=None):
         raise AssertionError(reason)
 
     def reset(self, reason):

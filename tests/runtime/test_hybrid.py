@@ -1,10 +1,13 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.gyro import GyroOdometry
 from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
 from edgemap.runtime.odometry.protocol import Motion
 
@@ -20,7 +23,7 @@ class Scripted:
     def step(self, frame, features):
         return self.motions.pop(0)
 
-    def step_blind(self, stamp_s, reason):
+    def step_blind(self, stamp_s, reason, attitude=None):
         return Motion(fault=reason, blind=True)
 
     def reset(self, reason):
@@ -91,6 +94,27 @@ def test_blind_of_everything_it_carries_on_for_half_a_second_and_its_doubt_cover
     assert all(step.blind and "no picture" in step.fault for step in steps)
     assert sum(step.motion.x_m for step in steps) == pytest.approx(0.5)
     assert sum(step.covariance[0, 0] for step in steps) == pytest.approx((1.35 * 3.0) ** 2)
+
+
+def test_the_gyro_alone_gives_yaw_and_leaves_the_way_unknown():
+    """Blind with a gyro: yaw is measured to 0.01 rad, 3 s of unknown speed stay unknown."""
+    hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 2), "camera"), Member(GyroOdometry(), "gyro")])
+    rotation = GyroRotation(np.eye(3), 0.05, 0.01)
+    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=rotation)
+    for index in range(2):
+        hybrid.step(replace(at(index / 10), attitude=attitude), {})
+    steps = [hybrid.step_blind(0.1 + k / 10, "black", attitude) for k in range(1, 31)]
+    assert sum(step.motion.yaw_rad for step in steps) == pytest.approx(30 * 0.05, abs=2e-3)
+    assert sum(step.covariance[2, 2] for step in steps) < 30 * 0.01**2
+    assert sum(step.covariance[0, 0] for step in steps) == pytest.approx((1.35 * 3.0) ** 2, rel=0.02)
+    assert all("black" in step.fault for step in steps)
+
+
+def test_an_optional_member_is_missed_only_after_it_has_measured():
+    out, back = motion(0.0, 1.0, fault="no gyro"), motion(0.1, 0.01)
+    gyro, wheels = Scripted(out, out, back, out), Scripted(*[motion(0.1, 0.01)] * 4)
+    hybrid = HybridOdometry([Member(wheels, "wheels"), Member(gyro, "gyro", optional=True)])
+    assert [hybrid.step(at(index / 10), {}).fault for index in range(4)] == ["", "", "", "no gyro"]
 
 
 def test_reset_reaches_every_member():

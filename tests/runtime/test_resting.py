@@ -26,7 +26,7 @@ class Given:
     def step(self, frame, features):
         return Motion(next(self._motions), np.eye(3))
 
-    def step_blind(self, stamp_s, reason):
+    def step_blind(self, stamp_s, reason, attitude=None):
         return Motion(next(self._motions), np.eye(3), reason, blind=True)
 
     def reset(self, reason):

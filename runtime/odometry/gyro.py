@@ -1,0 +1,45 @@
+"""Yaw from the gyro alone: translation is a guess, so beside others it has a say on rotation only."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import Tensors
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.protocol import Motion, blind_motion
+
+UNKNOWN_M = 10.0  # standard deviation of a step's translation
+
+
+class GyroOdometry:
+    """The rotation of `Frame.attitude`, whose bias is learnt at rest; a step without one is blind."""
+
+    name = "gyro"
+
+    def __init__(self) -> None:
+        self.reset("start")
+
+    def step(self, frame: Frame, features: Tensors) -> Motion:  # noqa: ARG002
+        """The yaw since the last frame."""
+        return self.step_blind(frame.stamp_s, "", frame.attitude)
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """The same: it needs no picture."""
+        first, self._first = self._first, False
+        if first:
+            return Motion()
+        if attitude is None or attitude.rotation is None:
+            return blind_motion(f"gyro odometry: no samples up to {stamp_s:.3f} s")
+        return yaw_motion(attitude.rotation)
+
+    def reset(self, reason: str) -> None:  # noqa: ARG002
+        """Start again at the next frame."""
+        self._first = True
+
+
+def yaw_motion(rotation: GyroRotation) -> Motion:
+    """A gyro's rotation as a motion of unknown translation."""
+    variances = UNKNOWN_M**2, UNKNOWN_M**2, rotation.sigma_rad**2
+    return Motion(SE2(0.0, 0.0, rotation.yaw_rad), np.diag(variances))
