@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view test lint bench reliability paper-tables demo clean
+.PHONY: setup system run view test lint mutants docs bench reliability paper-tables demo clean
 
 setup: system $(STAMP)
 
@@ -45,6 +45,15 @@ lint: setup
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
+# Which changes of the code that places objects no test would notice: a seeded sample, an hour at most, on demand.
+MUTANTS ?= --sample 300 --seed 1 --minutes 60
+mutants: setup
+	$(BIN)/python scripts/mutants.py $(MUTANTS)
+
+# The whole site, API reference included, into site/.
+docs: setup
+	$(BIN)/python -m mkdocs build --clean
+
 bench: setup
 	$(BIN)/edgemap bench --against openvino
 	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
@@ -68,4 +77,4 @@ demo: setup
 	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/demo
 
 clean:
-	rm -rf $(VENV) .typing build dist *.egg-info
+	rm -rf $(VENV) .typing .mutants site build dist *.egg-info

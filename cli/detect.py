@@ -50,7 +50,8 @@ def command(
 ) -> None:
     """Find objects in single pictures; with a mount, also where they stand on the floor.
 
-    Distances are horizontal, in metres from the lens; positions are in the base frame, x forward and y left. Without
+    Distances are horizontal, in metres from the lens; positions are in the base frame, x forward and y left. A box has
+    them when it stands on the floor by the rule of `run`, whose maps leave out people, pets and what is far. Without
     --intrinsics or a camera file the lens is taken for one of 60 degrees across, and the output says so.
     """
     from edgemap.cli.options import OptionError
@@ -100,10 +101,7 @@ def _found(
     detections: Detections, sightings: list[Sighting], camera: FloorCamera | None, guessed: bool
 ) -> dict[str, Any]:
     """The boxes of one picture as JSON, with places where a mount is known. sigma_m: one standard deviation."""
-    from edgemap.geometry.observations.sighting import on_floor
-
     document: dict[str, Any] = {"detections": []}
-    standing = on_floor(detections, camera, _every_floor_box()) if camera else []
     placed = {sighting.detection: sighting for sighting in sightings}
     if camera:
         document["horizon_row_px"] = round(camera.horizon_row(), 2)
@@ -115,7 +113,7 @@ def _found(
             "box": [round(float(v), 3) for v in detections.boxes[index]],
         }
         if camera:
-            entry["on_floor"] = bool(standing[index])
+            entry["on_floor"] = index in placed
         if sighting := placed.get(index):
             variance_m2 = float((sighting.covariance_m2 + sighting.shared_m2).trace()) / 2.0
             entry["distance_m"] = round(sighting.distance_m, 4)
@@ -161,7 +159,7 @@ def _tell(document: dict) -> None:
             where = f"{entry['distance_m']:.2f} m away, x {entry['x_m']:.2f} y {entry['y_m']:.2f} m"
             where += f" +- {entry['sigma_m']:.2f}"
         elif "on_floor" in entry:
-            where = "part of another box, or at the horizon" if entry["on_floor"] else "not on the floor"
+            where = "not on the floor, or part of another box"
         box = ", ".join(f"{v:.0f}" for v in entry["box"])
         print(f"  {entry['label']:<16} {entry['score']:.3f}  box {box:<24} {where}")
     if "plot" in document:

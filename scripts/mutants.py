@@ -1,10 +1,11 @@
 #!/usr/bin/env python
 """Mutation tests of the code that places objects: `python scripts/mutants.py --help`, or `make mutants`.
 
-Packages map to top-level folders (edgemap.geometry is geometry/), which mutmut and cosmic-ray do not follow, so this small
-driver does what is needed here: one run of the tests under coverage says which test runs which line and how long it takes;
-then each mutant of a seeded sample is compiled in memory, in a process of its own, and the tests that run its line are
-run, quickest first, until one fails. Files are never written. `.mutants/` keeps coverage and results; a stopped run goes on.
+Packages map to top-level folders (edgemap.geometry is geometry/), which mutmut and cosmic-ray do not follow; so this
+driver does what is needed here. One run of the tests under coverage tells which test runs which line and how long it
+takes. Then each mutant of a seeded sample is compiled in memory, in a process of its own, and the tests that run its
+line are run, quickest first, until one fails. No file is changed. `.mutants/` keeps coverage and results; a stopped run
+goes on.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 STORE = ROOT / ".mutants"
@@ -58,6 +60,7 @@ class Mutant:
 
     @property
     def name(self) -> str:
+        """File, line, column and change."""
         return f"{self.file}:{self.line}:{self.column}: {self.what}"
 
 
@@ -112,7 +115,7 @@ class _Walk(ast.NodeTransformer):
 
     def __init__(self, index: int = -1, choice: int = 0) -> None:
         self.count, self.index, self.choice = 0, index, choice
-        self.sites: list[tuple[int, int, ast.AST]] = []
+        self.sites: list[tuple[int, int, Any]] = []
 
     def visit(self, node: ast.AST) -> ast.AST:
         if isinstance(node, (ast.Raise, ast.JoinedStr, ast.Import, ast.ImportFrom)):
@@ -138,12 +141,11 @@ def mutants_of(file: str) -> list[Mutant]:
     """All mutants of a file."""
     walk = _Walk()
     walk.visit(ast.parse((ROOT / file).read_text()))
-    return [
-        Mutant(
-            file, node.lineno, node.col_offset, node.end_lineno or node.lineno, index, choice, changes(node)[choice][0]
-        )  # type: ignore[attr-defined]  # fmt: skip
-        for index, choice, node in walk.sites
-    ]
+    found = []
+    for index, choice, node in walk.sites:
+        words = changes(node)[choice][0]
+        found.append(Mutant(file, node.lineno, node.col_offset, node.end_lineno, index, choice, words))
+    return found
 
 
 def mutated(mutant: Mutant) -> ast.Module:
@@ -174,10 +176,12 @@ class _Recorder:
         self.seconds: dict[str, float] = {}
         self.failed: set[str] = set()
 
-    def pytest_runtest_setup(self, item) -> None:
+    def pytest_runtest_setup(self, item: Any) -> None:
+        """What runs from here on is of this test."""
         self.coverage.switch_context(item.nodeid)
 
-    def pytest_runtest_logreport(self, report) -> None:
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Add up the test's time; one that fails or is skipped proves nothing."""
         self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
         if not report.passed:
             self.failed.add(report.nodeid)
@@ -206,6 +210,7 @@ class Chooser:
         self.lines, self.seconds = found["lines"], found["seconds"]
 
     def tests(self, mutant: Mutant) -> list[str]:
+        """Names of tests, as many as the time of one mutant allows."""
         lines = self.lines.get(mutant.file, {})
         own = {t for line in range(mutant.line, mutant.last_line + 1) for t in lines.get(str(line), []) if "::" in t}
         if not own and str(mutant.line) in lines:  # runs when the module is read: a default, a constant
@@ -226,15 +231,17 @@ class _Finder:
         self.name = "edgemap." + file.removesuffix(".py").replace("/", ".")
         self.path, self.tree = ROOT / file, tree
 
-    def find_spec(self, name: str, path: object = None, target: object = None):  # noqa: ARG002
+    def find_spec(self, name: str, path: object = None, target: object = None) -> Any:  # noqa: ARG002
+        """Of the changed module only."""
         from importlib.util import spec_from_loader
 
         return spec_from_loader(name, self, origin=str(self.path)) if name == self.name else None
 
-    def create_module(self, spec):  # noqa: ARG002
-        return None
+    def create_module(self, spec: Any) -> None:
+        """As usual."""
 
-    def exec_module(self, module) -> None:
+    def exec_module(self, module: Any) -> None:
+        """Run the changed tree."""
         module.__file__ = str(self.path)
         exec(compile(self.tree, str(self.path), "exec"), module.__dict__)
 
@@ -278,7 +285,9 @@ def report(results: list[dict], asked: int) -> str:
     lines = [f"{row['outcome']}: {row['mutant']}" for row in results if row["outcome"] != "killed"]
     lines += [f"{file}: {own['killed']} of {own.total()} killed" for file, own in sorted(by_file.items())]
     share = counts["killed"] / max(len(results), 1)
-    return "\n".join([*lines, f"{counts['killed']} of {len(results)} mutants killed ({share:.0%}); {asked} in the sample"])
+    return "\n".join(
+        [*lines, f"{counts['killed']} of {len(results)} mutants killed ({share:.0%}); {asked} in the sample"]
+    )
 
 
 def main() -> None:
@@ -305,11 +314,25 @@ def main() -> None:
     journal = STORE / "results.jsonl"
     if options.again:
         journal.unlink(missing_ok=True)
-    known = {row["mutant"]: row for row in map(json.loads, journal.read_text().splitlines())} if journal.exists() else {}
+    known = (
+        {row["mutant"]: row for row in map(json.loads, journal.read_text().splitlines())} if journal.exists() else {}
+    )
     left = [mutant for mutant in sample if mutant.name not in known]
-    for name in ("numpy", "scipy.spatial", "scipy.optimize", "scipy.sparse.linalg", "cv2", "hypothesis", "msgspec", "pytest"):
+    for name in (
+        "numpy",
+        "scipy.spatial",
+        "scipy.optimize",
+        "scipy.sparse.linalg",
+        "cv2",
+        "hypothesis",
+        "msgspec",
+        "pytest",
+    ):
         __import__(name)  # once, before the processes part
-    print(f"{len(every)} mutants in {len(list(files()))} files, {len(sample)} in the sample, {len(left)} to run", flush=True)
+    print(
+        f"{len(every)} mutants in {len(list(files()))} files, {len(sample)} in the sample, {len(left)} to run",
+        flush=True,
+    )
     end = time.monotonic() + 60.0 * options.minutes
     for row in _work(left):
         known[row["mutant"]] = row

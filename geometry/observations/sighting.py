@@ -128,13 +128,6 @@ class FloorRule:
         return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / SURE_SPAN))
 
 
-def on_floor(detections: Detections, camera: FloorCamera, rule: FloorRule) -> NDArray[np.bool_]:
-    """Which boxes stand on the floor, (N,): lower edge below the horizon row h_t, not cut by the lower border,
-    a label that is mapped, and no tabletop object that is seen standing on furniture (paper, section 3.5)."""
-    whole = ~_feet_cut(detections.boxes, camera, rule)
-    return camera.below_horizon(feet_px(detections)) & whole & _allowed(detections, rule)
-
-
 def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
     """Which boxes may be mapped at all, (N,)."""
     mapped = np.array([rule.mapped is None or label in rule.mapped for label in detections.labels], dtype=bool)
@@ -155,8 +148,10 @@ def feet_px(detections: Detections) -> Array:
 def sightings_of(
     detections: Detections, camera: FloorCamera, rule: FloorRule, frame: int = 0, stamp_s: float = 0.0
 ) -> list[Sighting]:
-    """Every box that stands on the floor, projected there: footprint centre, covariance and size.
+    """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
+    It stands there when its lower edge is below the horizon row h_t, its label is mapped, it is no tabletop object seen
+    standing on furniture (paper, section 3.5), near enough to be sure of, and no part of another box.
     Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
     lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
     stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.

@@ -333,3 +333,10 @@ def test_a_failing_picture_says_where_the_map_is(edgemap, painted_bundle, pictur
     (pictures / "8.png").write_bytes(b"not a picture")
     result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in one_line(result)
+
+
+def test_detect_places_exactly_what_it_calls_on_the_floor(edgemap, painted_bundle, pictures):
+    flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--confidence", "0.01", "--json")
+    (document,) = json.loads(edgemap("detect", pictures / "0.png", *flags).stdout)
+    for entry in document["detections"]:
+        assert entry["on_floor"] == ("x_m" in entry)
