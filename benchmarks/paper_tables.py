@@ -22,7 +22,7 @@ from edgemap.benchmarks.paper_page import page
 from edgemap.evaluation.counts import Counts, count_detections
 from edgemap.evaluation.detection import ScoredPicture
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.bundle import Bundle, default_threads, load_bundle
+from edgemap.runtime.bundle import Bundle, load_bundle
 from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.detector import Detector
@@ -58,7 +58,7 @@ class Options:
 def main(options: Options) -> None:
     """Render where needed, measure, and write page and figures."""
     try:
-        bundle = load_bundle(bundle_folder(options.bundle), options.threads or default_threads())
+        bundle = load_bundle(bundle_folder(options.bundle), options.threads, pace="files")
         specs = [f"drive:{DEMO}" if spec == "demo" else spec for spec in options.data] or _rendered(options)
         names = [
             name if spec != f"drive:{DEMO}" else "demo" for name, spec in zip(sequence_names(specs), specs, strict=True)
@@ -100,7 +100,7 @@ def measure(specs: dict[str, str], bundle: Bundle, frames: int | None, out: Path
         "lacking": lacking,
         "parameters": {kind: head.parameters for kind, head in heads.items()},
         "ways": _ways(scored, out / "ways"),
-        "threads": bundle.threads,
+        "threads": bundle.compute.threads,
     }
 
 

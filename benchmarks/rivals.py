@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.bundle import Bundle, Tensors
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import MissingExtraError
 from edgemap.runtime.manifest import Detector
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Preprocessor
 
 Infer = Callable[[NDArray[np.float32]], Tensors]

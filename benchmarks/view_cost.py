@@ -131,12 +131,12 @@ def main() -> None:
         return
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.objects.floor_map import FloorMap
-    from edgemap.runtime.bundle import default_threads, load_bundle
+    from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.odometry.planar import PlanarOdometry
     from edgemap.runtime.store import bundle_folder
 
-    bundle = load_bundle(bundle_folder(given.bundle), default_threads())
+    bundle = load_bundle(bundle_folder(given.bundle))
     with open_camera("demo") as camera:
         assert camera.intrinsics is not None
         assert camera.mount is not None

@@ -43,6 +43,7 @@ def overview() -> str:
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point. Exit code 0, 1 for a known failure (one line on stderr), 2 for wrong usage."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait in circles
     arguments = sys.argv[1:] if arguments is None else arguments
     if not arguments or arguments[0] in ("-h", "--help"):
         print(overview())

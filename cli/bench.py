@@ -78,7 +78,7 @@ def command(
         "camera": camera,
         **figures,
         "cold_start_s": round(cold_start_s, 3),
-        "threads": loaded.threads,
+        "threads": loaded.compute.threads,
         "detect_every": 1,
         "provider": "onnxruntime CPUExecutionProvider",
         "precision": loaded.precision,
@@ -89,7 +89,7 @@ def command(
         from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
 
         opener = openvino_network if against == "openvino" else opencv_network
-        infer, their_precision = opener(loaded, loaded.threads)
+        infer, their_precision = opener(loaded, loaded.compute.threads)
         spec = loaded.manifest.detector
         tensor = _probe(spec.input.height, spec.input.width)
         ratios = compare(

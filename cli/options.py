@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.objects.map_object import ObjectMap
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.compute import Pace
     from edgemap.runtime.loop_closing import NoLoopClosure
     from edgemap.runtime.precision import Precision
 
@@ -76,7 +77,8 @@ Confidence = Annotated[
     ),
 ]
 Threads = Annotated[
-    int | None, tyro.conf.arg(metavar="N", help="Threads of each network; by default two, where there are two cores.")
+    int | None,
+    tyro.conf.arg(metavar="N", help="Threads of the backbone; by default one or two, as a short trial finds better."),
 ]
 PrecisionName = Annotated[
     Literal["float32", "int8", "auto"],
@@ -158,7 +160,9 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
     return Intrinsics(width, height, fx, fy, cx, cy)
 
 
-def find_bundle(name: str | None, threads: int | None, precision: Precision = "float32", *specs: str) -> Bundle:
+def find_bundle(
+    name: str | None, threads: int | None, precision: Precision = "float32", *specs: str, pace: Pace = "files"
+) -> Bundle:
     """Load a bundle by folder or name; a known name that is not in the cache is pulled first.
 
     specs: the sources that it is for, which choose where there is no name; standard error then says which, and why.
@@ -166,7 +170,7 @@ def find_bundle(name: str | None, threads: int | None, precision: Precision = "f
     at_least(1, threads=threads)
     if threads is not None and threads > MOST_THREADS:
         raise OptionError(f"--threads {threads}: at most {MOST_THREADS}")
-    from edgemap.runtime.bundle import default_threads, load_bundle
+    from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.default_bundle import default_bundle
     from edgemap.runtime.store import bundle_folder
 
@@ -178,7 +182,7 @@ def find_bundle(name: str | None, threads: int | None, precision: Precision = "f
         from edgemap.cli.pull import pull_known
 
         folder = pull_known(name)
-    return load_bundle(folder, threads or default_threads(), precision)
+    return load_bundle(folder, threads, precision, pace)
 
 
 def new_map(clustering: str) -> ObjectMap:

@@ -110,10 +110,11 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
-    loaded = find_bundle(bundle, threads, precision, camera)
-    least = least_score(confidence, loaded)
-    mapped = choose_classes(classes, loaded)
     with open_described(camera, camera_file, realtime and not view, frames) as source:
+        pace = "camera" if source.live or realtime or view else "files"
+        loaded = find_bundle(bundle, threads, precision, camera, pace=pace)
+        least = least_score(confidence, loaded)
+        mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
@@ -211,7 +212,8 @@ def _record(
         "clustering": clustering,
         "confidence": confidence,
         "mapped": mapped,
-        "threads": loaded.threads,
+        "threads": loaded.compute.threads,
+        "spinning": loaded.compute.spin,
         "precision": loaded.precision,
         "versions": {name: version(name) for name in ("edgemap", "onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},

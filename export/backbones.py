@@ -20,8 +20,8 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.manifest import Detector, FeatureSpec, HeadSpec, InputSpec, sha256_file
+from edgemap.runtime.network import Tensors
 
 DARKNET = {"yolov3": architectures.yolov3, "yolov3-tiny": architectures.yolov3_tiny}
 BACKBONES = (*DARKNET, "yolox-nano")

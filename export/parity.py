@@ -17,8 +17,10 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import Grid, flow_cells
-from edgemap.runtime.bundle import Bundle, Network, Tensors, session_options
+from edgemap.runtime.bundle import Bundle
+from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
 from edgemap.runtime.manifest import OdometryHead, Parity
+from edgemap.runtime.network import Compute, Network, Tensors
 
 STEPS = 8
 CASES = 2
@@ -150,9 +152,7 @@ def random_geometry(generator: np.random.Generator, record: OdometryHead) -> Ten
 
 def open_network(path: Path, threads: int = 2) -> Network:
     """An ONNX file from elsewhere in onnxruntime, as a parity reference. Raises ExportError."""
-    import onnxruntime as ort
-
     try:
-        return Network(ort.InferenceSession(str(path), session_options(threads), providers=["CPUExecutionProvider"]))
+        return open_onnxruntime(path, Compute(threads, spin=threads > 1))
     except Exception as error:  # onnxruntime's exceptions share no public base
         raise ExportError(f"{path}: onnxruntime does not load it ({str(error).splitlines()[0][:160]})") from None

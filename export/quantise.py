@@ -16,9 +16,10 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from edgemap.export.calibration import Calibration
 from edgemap.export.int8_report import int8_report
 from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
-from edgemap.runtime.bundle import Tensors, load_bundle
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.manifest import Detector, Variant, read_manifest, sha256_file, verified_file, write_manifest
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Preprocessor
 
 FILE = "backbone.int8.onnx"

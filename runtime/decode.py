@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.observations.detections import Detections
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.manifest import Detector, HeadSpec
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Placement
 
 Array = NDArray[np.float64]

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Bundle, Tensors
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Odometry
 from edgemap.runtime.preprocess import Preprocessor
 

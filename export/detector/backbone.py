@@ -15,8 +15,8 @@ from edgemap.export.detector.network import WithFeatures
 from edgemap.export.detector.validate import nano_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import to_onnx
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.manifest import sha256_file
+from edgemap.runtime.network import Tensors
 
 NAME = "edgemap-nano"
 # The best maps of homes 8101-8106 and, with furniture unseen in training, 9110-9113, 9120-9122 and the demo.

@@ -21,9 +21,10 @@ from edgemap.export.odometry.flow import GRID_STRIDE
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import session_options
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.drives import Drive, open_drive
+from edgemap.runtime.engines.onnxruntime_cpu import PROVIDERS, session_options
+from edgemap.runtime.network import Compute
 from edgemap.runtime.preprocess import Preprocessor, cell_grid
 
 FORMAT = "edgemap.features/1"
@@ -114,8 +115,8 @@ class FeatureStore:
 
     def _run(self, tensor: NDArray[np.float32]) -> NDArray[np.float32]:
         if self._session is None:
-            options = session_options(self._threads)
-            self._session = ort.InferenceSession(self._model, options, providers=["CPUExecutionProvider"])
+            options = session_options(Compute(self._threads))
+            self._session = ort.InferenceSession(self._model, options, providers=PROVIDERS)
         options = ort.RunOptions()
         options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
         return np.asarray(self._session.run([self._name], {self._input.name: tensor}, options)[0])[0]

@@ -6,8 +6,8 @@ import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, blind_motion
 
 UNKNOWN_M = 10.0  # standard deviation of a step's translation

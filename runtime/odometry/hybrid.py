@@ -11,8 +11,8 @@ import numpy as np
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, consensus, fused
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 

@@ -10,10 +10,11 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Bundle, Tensors
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.manifest import Manifest, OdometryHead
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, blind_motion
 from edgemap.runtime.preprocess import cell_grid
 

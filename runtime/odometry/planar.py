@@ -24,8 +24,8 @@ from edgemap.geometry.odometry.landmarks import (
 )
 from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting
 from edgemap.runtime.odometry.protocol import Motion
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 
 Array = NDArray[np.float64]
 

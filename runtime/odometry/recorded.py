@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, blind_motion
 from edgemap.runtime.trajectory import Trajectory
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Tensors
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 
 # A motion below both waits. Chosen on validation drives, where planar's mean creep at rest of 0.039 cm a frame fell to

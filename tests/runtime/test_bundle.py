@@ -6,9 +6,10 @@ import onnx
 import pytest
 from support import painted
 
-from edgemap.runtime.bundle import load_bundle, onnx_opset
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.errors import BundleError, OdometryError
 from edgemap.runtime.manifest import read_manifest, write_manifest
+from edgemap.runtime.onnx_file import onnx_facts
 
 CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
 
@@ -89,10 +90,13 @@ def test_wrong_opset_is_named(tmp_path):
     assert "opset 7" in refusal(folder)
 
 
-def test_opset_is_read_as_onnx_reads_it(tmp_path):
+def test_opset_and_metadata_are_read_as_onnx_reads_them(tmp_path):
     folder = painted.write_painted(tmp_path / "b", CHAIR, opset=16)
     path = folder / "backbone.onnx"
-    assert onnx_opset(path) == onnx.load(path).opset_import[0].version == 16
+    model, facts = onnx.load(path), onnx_facts(path)
+    assert facts is not None
+    assert facts.opset == model.opset_import[0].version == 16
+    assert facts.metadata == {entry.key: entry.value for entry in model.metadata_props}
 
 
 def test_another_contract_in_the_metadata_is_refused(tmp_path):

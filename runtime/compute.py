@@ -1,0 +1,70 @@
+"""Threads and spinning of a network, settled by measurement: a robot's other programs need the cores as well.
+
+Threads change no result: onnxruntime's outputs are the same to the bit (a test holds that).
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Literal
+
+from edgemap.runtime.network import Compute, Network
+
+Pace = Literal["camera", "files"]  # a frame now and then, or as fast as they are read
+
+# One thread is enough where it takes no longer than this: on two cores with 10 frames/s, edgemap-nano's backbone takes
+# 8.5 ms on one thread, 8.8 on two that sleep and 7.4 on two that spin, and a frame 20, 27 and 58 ms of processor time.
+ONE_THREAD_MS = 15.0
+WORTH_IT = 0.8  # time on all threads over that on one, at most
+WARM_UP, ROUNDS = 1, 3
+
+
+def settle(
+    open_network: Callable[[Compute], Network],
+    pace: Pace,
+    threads: int | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[Network, Compute]:
+    """A network opened with what a short trial finds best here. threads: as the user asks, else one or the default's.
+
+    For a camera no thread spins, and a second one is taken where one is slow. For files all threads spin, unless the
+    machine is busy with other work: then spinning takes more than it gives.
+    """
+    spin = pace == "files"
+    most = threads or default_threads()
+    if most == 1 or threads:
+        compute = Compute(most, spin and most > 1)
+        return open_network(compute), compute
+    one = open_network(Compute(1))
+    alone_ms = least_ms(one, clock)
+    if not spin and alone_ms <= ONE_THREAD_MS:
+        return one, Compute(1)
+    compute = Compute(most, spin)
+    all_threads = open_network(compute)
+    if least_ms(all_threads, clock) <= WORTH_IT * alone_ms:
+        return all_threads, compute
+    return one, Compute(1)
+
+
+def least_ms(network: Network, clock: Callable[[], float] = time.perf_counter) -> float:
+    """The shortest of a few runs, ms."""
+    tensors, times = network.zeros(), []
+    for _ in range(WARM_UP + ROUNDS):
+        before = clock()
+        network.run(tensors)
+        times.append(1e3 * (clock() - before))
+    return min(times[WARM_UP:])
+
+
+def default_threads() -> int:
+    """Two, or one where the machine has only one core to give."""
+    return max(1, min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1))
+
+
+def one_blas_thread() -> None:
+    """Let numpy's and scipy's BLAS compute on one thread in this process: the matrices of a step are small."""
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(1, "blas")

@@ -1,0 +1,1 @@
+"""Engines: what runs a bundle's networks. One file each; every one gives a `Network`."""

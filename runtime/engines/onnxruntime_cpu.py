@@ -1,0 +1,33 @@
+"""onnxruntime on the CPU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import onnxruntime as ort
+
+from edgemap.runtime.network import Compute, Network
+
+PROVIDERS = ["CPUExecutionProvider"]
+
+
+def session_options(compute: Compute) -> ort.SessionOptions:
+    """One operator at a time, quiet, on the threads asked for."""
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = compute.threads
+    options.inter_op_num_threads = 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", str(int(compute.spin)))
+    options.log_severity_level = 4
+    return options
+
+
+def open_onnxruntime(path: Path, compute: Compute) -> Network:
+    """Load an ONNX file. Raises what onnxruntime raises, which shares no public base."""
+    session = ort.InferenceSession(str(path), session_options(compute), providers=PROVIDERS)
+    outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
+    names = list(outputs)
+    return Network(
+        {node.name: tuple(node.shape) for node in session.get_inputs()},
+        outputs,
+        lambda tensors: session.run(names, tensors),  # pyright: ignore[reportArgumentType]
+    )
