@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.slam import SemanticSlam
 from edgemap.runtime.timing import percentiles
 
 RING = 64  # decoded frames kept, cycled forwards and backwards
@@ -49,11 +49,11 @@ def read_ring(camera: Camera, first: Frame) -> Ring:
     return Ring(frames, (time.perf_counter() - start) * 1e3 / (len(frames) - 1), camera.rate_hz or 10.0)
 
 
-def measure(pipeline: Pipeline, ring: Ring, seconds: float) -> dict[str, Any]:
+def measure(slam: SemanticSlam, ring: Ring, seconds: float) -> dict[str, Any]:
     """Run the step over the ring for so many seconds; the numbers of `edgemap bench`."""
     frames = ring.cycle()
     for _ in range(WARM_UP):
-        pipeline.step(next(frames))
+        slam.step(next(frames))
     totals: list[float] = []
     stages: dict[str, list[float]] = {}
     process = psutil.Process()
@@ -61,7 +61,7 @@ def measure(pipeline: Pipeline, ring: Ring, seconds: float) -> dict[str, Any]:
     start = time.perf_counter()
     while time.perf_counter() - start < seconds:
         before = time.perf_counter()
-        result = pipeline.step(next(frames))
+        result = slam.step(next(frames))
         totals.append((time.perf_counter() - before) * 1e3)
         for stage, lap_ms in result.stages_ms.items():
             stages.setdefault(stage, []).append(lap_ms)

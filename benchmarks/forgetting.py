@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
@@ -99,8 +98,10 @@ def _map_of(
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.drive_camera import drive_camera
     from edgemap.runtime.drives import open_drive
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.slam import SemanticSlam
 
     drive = open_drive(f"drive:{folder}")
     assert drive.mount is not None
@@ -109,15 +110,16 @@ def _map_of(
         floor = FloorCamera(source.intrinsics, drive.mount)
         forgetter = Forgetter(floor)
         motion = open_odometry("truth", bundle, source, floor)
-        pipeline = Pipeline(bundle, floor, motion, FloorMap.continued(saved), forgetter=forgetter)
-        pipeline.pose_map_base = start
+        mapper = Mapper(forgetter=forgetter)
+        mapper.start_in(saved, start, sigmas=(0.0, 0.0, 0.0))
+        slam = SemanticSlam(Pipeline(bundle, floor, motion), mapper)
         left: dict[str, int] = {}
         while (frame := source.read()) is not None:
-            known = {item.id for item in pipeline.objects()}
-            merged = pipeline.step(frame).merged
-            for identity in known - {item.id for item in pipeline.objects()} - set(merged):
+            known = {item.id for item in slam.objects()}
+            merged = slam.step(frame).merged
+            for identity in known - {item.id for item in slam.objects()} - set(merged):
                 left[identity] = forgetter.looks[identity]
-    return pipeline.objects(), left, dict(forgetter.looks)
+    return slam.objects(), left, dict(forgetter.looks)
 
 
 def _render(seed: int, moved: int, frames: int, folder: Path) -> None:

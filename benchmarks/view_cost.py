@@ -22,14 +22,16 @@ import numpy as np
 
 from edgemap.benchmarks.bench import Ring, read_ring
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.slam import SemanticSlam
 from edgemap.view.page import LivePage
 
 STEPS = 20  # in a block: short, so that what else the machine does meets all alike
 SETTLE = 4  # steps after a change that are not counted
 
 
-def view_cost(pipeline: Pipeline, ring: Ring, rounds: int, rate_hz: float | None = None) -> dict[str, Any]:
+def view_cost(slam: SemanticSlam, ring: Ring, rounds: int, rate_hz: float | None = None) -> dict[str, Any]:
     """Ratios of the mean step with the page to that without, idle and viewed; and what was sent.
 
     page_cpu_ms: processor time of the page's thread for each update sent, which other processes do not disturb.
@@ -51,7 +53,7 @@ def view_cost(pipeline: Pipeline, ring: Ring, rounds: int, rate_hz: float | None
             for name in order.permutation(list(laps)).tolist():
                 looker.stdin.write("on\n" if name == "viewed" else "off\n")
                 looker.stdin.flush()
-                block_ms = _block(pipeline, frames, None if name == "without" else page, rate_hz)
+                block_ms = _block(slam, frames, None if name == "without" else page, rate_hz)
                 if turn:  # the first warms up
                     laps[name].append(block_ms)
         looker.stdin.close()
@@ -74,7 +76,7 @@ def view_cost(pipeline: Pipeline, ring: Ring, rounds: int, rate_hz: float | None
     }
 
 
-def _block(pipeline: Pipeline, frames: Iterator[Frame], page: LivePage | None, rate_hz: float | None) -> float:
+def _block(slam: SemanticSlam, frames: Iterator[Frame], page: LivePage | None, rate_hz: float | None) -> float:
     """Mean milliseconds of a step and its `write`, waiting for the next frame's time not counted."""
     stages_ms, next_s = [], time.perf_counter()
     for step in range(SETTLE + STEPS):
@@ -82,8 +84,8 @@ def _block(pipeline: Pipeline, frames: Iterator[Frame], page: LivePage | None, r
             time.sleep(max(0.0, next_s - time.perf_counter()))
             next_s = max(next_s + 1.0 / rate_hz, time.perf_counter())
         began_s = time.perf_counter()
-        result = pipeline.step(next(frames))
-        objects = pipeline.objects()
+        result = slam.step(next(frames))
+        objects = slam.objects()
         if page is not None:
             page.write(result, objects)
         if step >= SETTLE:
@@ -130,7 +132,6 @@ def main() -> None:
         look(given.look_at)
         return
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.objects.floor_map import FloorMap
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.odometry.planar import PlanarOdometry
@@ -143,8 +144,8 @@ def main() -> None:
         floor, first = FloorCamera(camera.intrinsics, camera.mount), camera.read()
         assert first is not None
         ring = read_ring(camera, first)
-    pipeline = Pipeline(bundle, floor, PlanarOdometry(floor), FloorMap())
-    print(json.dumps(view_cost(pipeline, ring, given.rounds, given.rate) | {"bundle": bundle.manifest.name}, indent=1))
+    slam = SemanticSlam(Pipeline(bundle, floor, PlanarOdometry(floor)), Mapper())
+    print(json.dumps(view_cost(slam, ring, given.rounds, given.rate) | {"bundle": bundle.manifest.name}, indent=1))
 
 
 if __name__ == "__main__":

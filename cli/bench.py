@@ -48,12 +48,13 @@ def command(
 
     from edgemap.benchmarks.bench import compare, measure, read_ring
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.objects.floor_map import FloorMap
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.errors import CameraError
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.processor import processor_name
+    from edgemap.runtime.slam import SemanticSlam
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
@@ -61,18 +62,19 @@ def command(
     with open_described(camera, camera_file) as source:
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
 
-        def new_pipeline() -> Pipeline:
+        def new_slam() -> SemanticSlam:
             # The ring's stamps are its own: no wheels.
-            return Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor, wheels=False), FloorMap())
+            odometry = open_odometry("hybrid", loaded, source, floor, wheels=False)
+            return SemanticSlam(Pipeline(loaded, floor, odometry), Mapper())
 
-        pipeline = new_pipeline()
+        pipeline = new_slam()
         first = source.read()
         if first is None:
             raise CameraError(f"{camera}: no frames")
         pipeline.step(first)
         cold_start_s = time.time() - psutil.Process().create_time()
         ring = read_ring(source, first)
-    figures = measure(new_pipeline(), ring, seconds)
+    figures = measure(new_slam(), ring, seconds)
     document: dict[str, Any] = {
         "bundle": loaded.manifest.name,
         "camera": camera,
@@ -94,7 +96,7 @@ def command(
         tensor = _probe(spec.input.height, spec.input.width)
         ratios = compare(
             Detector(loaded),
-            new_pipeline().step,
+            new_slam().step,
             picture_to_boxes(spec, infer, 0.3),
             (lambda: loaded.backbone.run({spec.input.name: tensor}), lambda: infer(tensor)),
             ring,

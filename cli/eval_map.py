@@ -10,8 +10,8 @@ import tyro
 from edgemap.cli.options import (
     BundleName,
     Confidence,
-    Correct,
     Json,
+    LoopClosure,
     OdometrySpec,
     OptionError,
     PrecisionName,
@@ -20,7 +20,7 @@ from edgemap.cli.options import (
     find_bundle,
     in_unit,
     lens_and_mount,
-    new_corrector,
+    new_loop_closer,
     new_map,
 )
 
@@ -49,7 +49,7 @@ def command(
     clustering: Annotated[
         Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
     ] = "default",
-    correct: Correct = True,
+    loop_closure: LoopClosure = True,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     plot: Annotated[
@@ -91,14 +91,14 @@ def command(
             "odometry": odometry,
             "wheels": drive.wheel is not None and not without_wheels,
             "clustering": clustering,
-            "correct": correct,
+            "loop_closure": loop_closure,
             "frames": count,
             "path_m": round(path_m, 3),
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
         for name, poses in (("true", "truth"), ("estimated", odometry)):
-            objects = _map_of(drive, loaded, poses, clustering, confidence, count, correct, not without_wheels)
+            objects = _map_of(drive, loaded, poses, clustering, confidence, count, loop_closure, not without_wheels)
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map
@@ -127,23 +127,25 @@ def _map_of(
     clustering: str,
     confidence: float | None,
     frames: int,
-    correct: bool,
+    loop_closure: bool,
     wheels: bool,
 ) -> list[MapObject]:
     """The map that a pipeline makes of the drive's first frames, without a run folder."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.drive_camera import drive_camera
     from edgemap.runtime.loop import run
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.slam import SemanticSlam
 
     with drive_camera(drive, str(drive.folder)) as source:
         floor = FloorCamera(*lens_and_mount(source, None, None))
         motion = open_odometry(odometry, loaded, source, floor, wheels=wheels)
-        loop_closer = new_corrector(correct, odometry, clustering)
-        pipeline = Pipeline(loaded, floor, motion, new_map(clustering), confidence=confidence, loop_closer=loop_closer)
-        run(source, pipeline, [], frames)
-    return pipeline.objects()
+        loop_closer = new_loop_closer(loop_closure, odometry, clustering)
+        mapper = Mapper(new_map(clustering), loop_closer=loop_closer)
+        run(source, SemanticSlam(Pipeline(loaded, floor, motion, confidence=confidence), mapper), [], frames)
+    return mapper.objects()
 
 
 def _line(figures: dict[str, Any]) -> str:

@@ -44,7 +44,7 @@ def command(
     trajectory.tum, the robot's way is free floor in nav2, and a line in geojson, png and svg; what was neither driven
     over nor holds an object is unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
-    from edgemap.geometry.objects.map_object import load_map, write_atomically
+    from edgemap.runtime.map_file import load_map, write_atomically
     from edgemap.runtime.mapfiles.trajectory import way_of
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):

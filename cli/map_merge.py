@@ -31,9 +31,9 @@ def command(
     where too few objects agree, where chance explains it, or where a clearly different alignment fits nearly as well.
     The first map's frame and ids stay; what only later maps have gets ids of its own.
     """
-    from edgemap.geometry.objects.map_object import load_map, save_map
     from edgemap.geometry.objects.merge import merge_maps
     from edgemap.geometry.registration.alignment import AlignmentError, align
+    from edgemap.runtime.map_file import load_map, save_map
 
     if len(maps) < 2:
         raise OptionError(f"{len(maps)} map given: merging needs two or more")

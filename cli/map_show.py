@@ -46,7 +46,7 @@ def command(
     With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
     given: the centres of the objects asked for.
     """
-    from edgemap.geometry.objects.map_object import load_map
+    from edgemap.runtime.map_file import load_map
 
     if not maps:
         raise OptionError("no map given")
@@ -126,7 +126,7 @@ def _print_json(path: Path, answers: Answers) -> None:
     """One document like map.json, with `distance_m` where a point was given."""
     import json
 
-    from edgemap.geometry.objects.map_object import map_document
+    from edgemap.runtime.map_file import map_document
 
     document = map_document([item for item, _ in answers])
     for record, (_, distance_m) in zip(document["objects"], answers, strict=True):

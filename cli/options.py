@@ -87,11 +87,11 @@ PrecisionName = Annotated[
         "auto: that one where its report loses at most 0.01 AP50 and a short trial finds it faster on this processor.",
     ),
 ]
-Correct = Annotated[
+LoopClosure = Annotated[
     bool,
     tyro.conf.arg(
-        help="Put pose, way and map right by things that are seen again, several that agree; not where poses are given "
-        "(truth, FILE.tum) nor with --clustering paper."
+        help="Correct pose, trajectory and map when several objects are observed again. Off where poses are given "
+        "(truth, FILE.tum) and with --clustering paper."
     ),
 ]
 Json = Annotated[bool, tyro.conf.arg(help="Print one JSON document on standard output and nothing else.")]
@@ -193,7 +193,7 @@ def new_map(clustering: str) -> ObjectMap:
     return PaperMap() if clustering == "paper" else FloorMap()
 
 
-def new_corrector(wanted: bool, odometry: str, clustering: str) -> NoLoopClosure:
+def new_loop_closer(wanted: bool, odometry: str, clustering: str) -> NoLoopClosure:
     """What puts the pose right: nothing where it is given, or where the map cannot move."""
     from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
 

@@ -13,8 +13,8 @@ from edgemap.cli.options import (
     CameraFile,
     CameraSpec,
     Confidence,
-    Correct,
     IntrinsicsText,
+    LoopClosure,
     MountText,
     OdometrySpec,
     PrecisionName,
@@ -24,17 +24,17 @@ from edgemap.cli.options import (
     find_bundle,
     least_score,
     lens_and_mount,
-    new_corrector,
+    new_loop_closer,
     new_map,
     open_described,
 )
-from edgemap.cli.saved_map import Forget, SavedMap, StartText, forgetter_of, in_saved_map, where_it_was
+from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgetter_of, where_it_was
 
 if TYPE_CHECKING:
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.pipeline import StepResult
+    from edgemap.runtime.slam import StepResult
 
 
 def command(
@@ -52,7 +52,7 @@ def command(
         Literal["default", "paper"],
         tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default",
-    correct: Correct = True,
+    loop_closure: LoopClosure = True,
     saved: SavedMap = None,
     start: StartText = None,
     forget: Forget = "auto",
@@ -102,11 +102,13 @@ def command(
     from edgemap.geometry.observations.sighting import FloorRule
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.report.sink import ReportFile
     from edgemap.runtime.sinks.progress import Progress
     from edgemap.runtime.sinks.run_folder import RunFolder
+    from edgemap.runtime.slam import SemanticSlam
 
     at_least(1, frames=frames)
     check_name(recording)
@@ -120,15 +122,13 @@ def command(
         motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
         rule = FloorRule(mapped=mapped, full_weight_score=loaded.full_weight_score(confidence))
         forgetter = forgetter_of(forget, saved, clustering, floor)
-        loop_closer = new_corrector(correct, odometry, clustering)
-        pipeline = Pipeline(
-            loaded, floor, motion, new_map(clustering), rule=rule, confidence=least, forgetter=forgetter,
-            loop_closer=loop_closer,
-        )  # fmt: skip
-        steps = in_saved_map(pipeline, saved, start, clustering)
+        loop_closer = new_loop_closer(loop_closure, odometry, clustering)
+        pipeline = Pipeline(loaded, floor, motion, rule=rule, confidence=least)
+        mapper = Mapper(new_map(clustering), loop_closer=loop_closer, forgetter=forgetter)
+        enter_saved_map(mapper, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
-        record |= {"correct": loop_closer.corrects, "trajectory": "as known at the end"}
+        record |= {"loop_closure": loop_closer.closes_loops, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
@@ -139,7 +139,7 @@ def command(
             sinks = [RunFolder(folder, floor, record), report, progress, latest, *page.sinks, *tape]
             with stop_on_signals() as stop:
                 try:
-                    done = run(page.camera(source, stop), steps, sinks, frames, stop)
+                    done = run(page.camera(source, stop), SemanticSlam(pipeline, mapper), sinks, frames, stop)
                 except EdgemapError as error:
                     if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                         raise
@@ -147,7 +147,7 @@ def command(
                     raise type(error)(f"{error}; {so_far}") from None
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
             _summary(done, latest, stop.is_set(), report.evaluation_rows)
-            if line := where_it_was(steps, saved):
+            if line := where_it_was(mapper, saved):
                 print(line)
             print(report.failure or f"see it:  {report.path}")
             page.stay(stop)
@@ -159,15 +159,9 @@ class _Latest:
     def __init__(self) -> None:
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
-        self.way_m = 0.0
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Keep it."""
-        if self.result is not None and result.relocated is None:
-            before, now = self.result.pose_map_base, result.pose_map_base
-            if result.corrected is not None:
-                before = result.corrected.moved(self.result.frame.stamp_s, before)
-            self.way_m += ((now.x_m - before.x_m) ** 2 + (now.y_m - before.y_m) ** 2) ** 0.5
         self.result, self.objects = result, objects
 
     def fault(self, text: str) -> None:
@@ -181,8 +175,9 @@ def _summary(done: int, latest: _Latest, stopped: bool, evaluation_rows: list[Ev
     from edgemap.cli.truth import object_lines
 
     end = "stopped" if stopped else "done"
-    way = f"{end} after {done} frames, {latest.way_m:.1f} m of way"
-    print("\n".join([way, *object_lines(latest.objects, evaluation_rows)]))
+    travelled_m = latest.result.update.travelled_m if latest.result else 0.0
+    headline = f"{end} after {done} frames, {travelled_m:.1f} m travelled"
+    print("\n".join([headline, *object_lines(latest.objects, evaluation_rows)]))
 
 
 def _record(

@@ -12,8 +12,7 @@ from edgemap.cli.options import OptionError, numbers
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
-    from edgemap.runtime.loop import Steps
-    from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.mapper import Mapper
 
 SavedMap = Annotated[
     Path | None,
@@ -50,39 +49,38 @@ def forgetter_of(forget: str, saved: Path | None, clustering: str, floor: FloorC
     return Forgetter(floor) if forget == "on" or (forget == "auto" and saved is not None) else NoForgetting()
 
 
-def in_saved_map(pipeline: Pipeline, saved: Path | None, start: str | None, clustering: str) -> Steps:
-    """The pipeline as it is without a saved map; else one that goes on with it. Raises OptionError or MapError."""
+def enter_saved_map(mapper: Mapper, saved: Path | None, start: str | None, clustering: str) -> None:
+    """Have the mapper go on with a saved map, where one is given. Raises OptionError or MapError."""
     from math import radians
 
-    from edgemap.geometry.objects.map_object import load_map
     from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.relocalisation import Relocaliser, start_in
+    from edgemap.runtime.map_file import load_map
 
     if saved is None:
         if start is not None:
             raise OptionError(f"--start {start}: a start pose is one in a saved map, give that with --map")
-        return pipeline
+        return
     if clustering == "paper":
         raise OptionError("--map goes on by association: the paper's clustering needs every sighting, not their map")
     objects = load_map(saved)
     if start is None:
-        return Relocaliser(pipeline, objects)
-    x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
-    return start_in(pipeline, objects, SE2(x_m, y_m, radians(yaw_deg)))
+        mapper.relocalise_in(objects)
+    else:
+        x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
+        mapper.start_in(objects, SE2(x_m, y_m, radians(yaw_deg)))
 
 
-def where_it_was(steps: Steps, saved: Path | None) -> str | None:
-    """How the search for the robot's place in the saved map ended, in one line; None where there was none."""
+def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
+    """How the search for the robot's pose in the saved map ended, in one line; None where there was none."""
     from math import degrees
 
-    from edgemap.runtime.relocalisation import Relocaliser
-
-    if not isinstance(steps, Relocaliser):
+    search = mapper.relocaliser
+    if not search.saved:
         return None
-    if steps.alignment is None:
-        return f"not found in {saved}, so this map stands alone in its own frame: {steps.reason}"
-    pose = steps.alignment.pose_a_b
+    if search.alignment is None:
+        return f"not found in {saved}, so this map stands alone in its own frame: {search.reason}"
+    pose = search.alignment.pose_a_b
     return (
-        f"found in {saved} by {len(steps.alignment.pairs)} objects: the start was at x {pose.x_m:.2f} m, "
+        f"found in {saved} by {len(search.alignment.pairs)} objects: the start was at x {pose.x_m:.2f} m, "
         f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg"
     )

@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from edgemap.runtime.cameras import Camera, open_camera
     from edgemap.runtime.frame import Frame
     from edgemap.runtime.loop_closing import LoopCloser
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline, StepResult
+    from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.slam import SemanticSlam, StepResult
     from edgemap.runtime.store import bundle_folder
 
 _HOME = {
@@ -21,8 +23,10 @@ _HOME = {
     "FloorCamera": "edgemap.geometry.camera.floor",
     "FloorMap": "edgemap.geometry.objects.floor_map",
     "Frame": "edgemap.runtime.frame",
+    "Mapper": "edgemap.runtime.mapper",
     "Pipeline": "edgemap.runtime.pipeline",
-    "StepResult": "edgemap.runtime.pipeline",
+    "SemanticSlam": "edgemap.runtime.slam",
+    "StepResult": "edgemap.runtime.slam",
     "bundle_folder": "edgemap.runtime.store",
     "load_bundle": "edgemap.runtime.bundle",
     "open_camera": "edgemap.runtime.cameras",
@@ -36,7 +40,9 @@ __all__ = [
     "FloorMap",
     "Frame",
     "LoopCloser",
+    "Mapper",
     "Pipeline",
+    "SemanticSlam",
     "StepResult",
     "bundle_folder",
     "load_bundle",

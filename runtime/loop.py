@@ -1,4 +1,4 @@
-"""Frames from a camera through the pipeline into sinks, until the camera ends or somebody says stop."""
+"""Frames from a camera through front end and back end into sinks, until the camera ends or somebody says stop."""
 
 from __future__ import annotations
 
@@ -7,31 +7,16 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import Protocol
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.sinks.protocol import Sink
-
-
-class Steps(Protocol):
-    """A pipeline, or what stands before one: frames in, results and a map out."""
-
-    def step(self, frame: Frame) -> StepResult:
-        """Take in one frame."""
-        ...
-
-    def objects(self) -> list[MapObject]:
-        """The map as it stands."""
-        ...
+from edgemap.runtime.slam import SemanticSlam
 
 
 def run(
     camera: Camera,
-    pipeline: Steps,
+    slam: SemanticSlam,
     sinks: Sequence[Sink],
     frames: int | None = None,
     stop: threading.Event | None = None,
@@ -47,8 +32,8 @@ def run(
             frame = camera.read()
             if frame is None:
                 break
-            result = pipeline.step(frame)
-            objects = pipeline.objects()
+            result = slam.step(frame)
+            objects = slam.objects()
             for sink in sinks:
                 sink.write(result, objects)
             done += 1

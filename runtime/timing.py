@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Stopwatch:
-    """Laps of one step: `start`, then `lap(name)` after each stage. stages_ms: milliseconds by stage, in order."""
+    """Stage times of one step: `start`, then `stage(name)` after each. stages_ms: milliseconds by stage, in order."""
 
     def __init__(self) -> None:
         self.stages_ms: dict[str, float] = {}
@@ -21,12 +21,12 @@ class Stopwatch:
         self._last = perf_counter()
 
     def stage(self, stage: str) -> None:
-        """Book the time since the last lap on a stage."""
+        """Book the time since the last call on a stage."""
         now = perf_counter()
         self.stages_ms[stage] = (now - self._last) * 1e3
         self._last = now
 
 
 def percentiles(values_ms: Sequence[float]) -> dict[str, float]:
-    """p50, p95 and p99 of laps, ms, rounded to a microsecond; empty for none."""
+    """p50, p95 and p99 of stage times, ms, rounded to a microsecond; empty for none."""
     return {f"p{q}": round(float(np.percentile(values_ms, q)), 3) for q in (50, 95, 99)} if len(values_ms) else {}

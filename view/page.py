@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.geometry.objects.map_object import MapObject, map_text, save_map
-from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
-from edgemap.runtime.loop_closing import LoopCorrection
-from edgemap.runtime.pipeline import StepResult
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.map_file import map_text, save_map
+from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.slam import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
 
 TRAIL_STEP_M = 0.03
-MOVED_M = 0.1  # by which the way was put right since it was last told anew
+MOVED_M = 0.1  # of loop corrections since the trail was last told
 RATE_OVER = 20  # frames over which the frame rate is averaged
 
 
@@ -57,8 +56,7 @@ class LivePage:
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
         self.faults: Tail[Fault] = Tail(100)
         self._trail_s: deque[float] = deque(maxlen=20_000)
-        self._sightings_s: deque[float] = deque(maxlen=20_000)
-        self._past: TrajectoryCorrection | None = None  # how both moved since they were last told
+        self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
         self._moved_m = 0.0
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
@@ -69,15 +67,15 @@ class LivePage:
         """Keep the step's result in place of the one before."""
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
-        if result.corrected is not None:
-            self._correct(result.corrected)
-        if result.relocated is not None:
-            self._relocate(result.relocated)
+        self._moved_m += result.correction.moved_m if result.correction else 0.0
+        if result.relocated is not None or self._moved_m > MOVED_M:
+            self._tell_again(result.trajectory)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             x_m, y_m = placed.position_map_m
             self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
-            self._sightings_s.append(result.frame.stamp_s)
+            x_base_m, y_base_m = placed.sighting.position_base_m
+            self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
         self.newest = Moment(result, objects, now_s)
         if result.motion.fault != self._last_fault:
             self._last_fault = result.motion.fault
@@ -134,34 +132,17 @@ class LivePage:
         save_map(path, self.objects)
         return path
 
-    def _relocate(self, pose_map_start: SE2) -> None:
-        """The run has found itself in a saved map: way and sightings so far move into that map's frame."""
-        self._settle_past()
-
-        def moved(x_m: float, y_m: float) -> tuple[float, float]:
-            x_map_m, y_map_m = pose_map_start.apply(np.array([x_m, y_m]))
-            return float(x_map_m), float(y_map_m)
-
-        self.trail.replace(lambda place: moved(*place))
-        self.sightings.replace(lambda seen: (*seen[:2], *moved(*seen[2:])))
-        self.epoch += 1
-
-    def _correct(self, corrected: LoopCorrection) -> None:
-        """Way and sightings so far are elsewhere than told; they are told anew once that can be seen."""
-        self._past = corrected.past if self._past is None else self._past.then(corrected.past)
-        self._moved_m += corrected.moved_m
-        if self._moved_m > MOVED_M:
-            self._settle_past()
-
-    def _settle_past(self) -> None:
-        past, self._past, self._moved_m = self._past, None, 0.0
-        if past is None:
+    def _tell_again(self, trajectory: PoseJournal) -> None:
+        """Trail and sightings so far are elsewhere than told."""
+        self._moved_m = 0.0
+        if not self._trail_s:
             return
-        trail = past.points(self._trail_s, self.trail.all()).tolist()
-        seen = past.points(self._sightings_s, [seen[2:] for seen in self.sightings.all()]).tolist()
-        places, seen_at = iter(trail), iter(seen)
-        self.trail.replace(lambda _: _pair(next(places)))
-        self.sightings.replace(lambda told: (*told[:2], *_pair(next(seen_at))))
+        trail = iter(trajectory.at(list(self._trail_s))[:, :2].tolist())
+        self.trail.replace(lambda _: _pair(next(trail)))
+        if self._sightings_base:
+            rows = np.array(self._sightings_base)
+            seen_at = iter(trajectory.points(rows[:, 0], rows[:, 1:]).tolist())
+            self.sightings.replace(lambda told: (*told[:2], *_pair(next(seen_at))))
         self.epoch += 1
 
     def _extend_trail(self, result: StepResult) -> None:

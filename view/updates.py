@@ -13,9 +13,10 @@ import msgspec
 import numpy as np
 import psutil
 
-from edgemap.geometry.objects.map_object import MapObject, map_document
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.map_file import map_document
+from edgemap.runtime.slam import StepResult
 from edgemap.view.page import LivePage
 
 JPEG_QUALITY = 75

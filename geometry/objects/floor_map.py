@@ -172,6 +172,8 @@ class _Class:
 class FloorMap:
     """Objects by association, fed frame by frame; deterministic ids such as `chair-3` in order of appearance."""
 
+    movable = True
+
     def __init__(self, rule: AssociationRule | None = None) -> None:
         self.rule = rule or AssociationRule()
         self._classes: dict[str, _Class] = {}

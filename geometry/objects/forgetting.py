@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import MapObject, ObjectMap
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.visibility import ViewRule, expected_boxes, in_plain_view, iou
@@ -96,11 +95,8 @@ class Forgetter:
     ) -> list[str]:
         """Weigh one frame, after the map has taken in its sightings; the ids that leave the map by it.
 
-        detections: all boxes of the frame. pose_map_base: where they were seen from. object_ids: objects sighted. Only
-        the default map can forget: the paper's is made of all sightings ever.
+        detections: all boxes of the frame. pose_map_base: where they were seen from. object_ids: objects sighted.
         """
-        if not isinstance(floor_map, FloorMap):
-            return []
         self._frame += 1
         sighted, gone = set(object_ids), []
         objects = self._concerned(floor_map.objects(), pose_map_base, sighted)

@@ -1,25 +1,22 @@
-"""The map of the floor: objects with a place, a size and an identity; written to disk so that nothing is ever lost."""
+"""The map's objects: place, size, identity, and what every clustering of sightings into objects offers."""
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.errors import MapError
 from edgemap.geometry.observations.sighting import PlacedSighting
+
+if TYPE_CHECKING:
+    from edgemap.geometry.objects.observation_pool import ObjectShift
 
 Array = NDArray[np.float64]
 
-FORMAT = "edgemap.map/1"
 CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
 
 
@@ -47,9 +44,11 @@ class MapObject:
 class ObjectMap(Protocol):
     """A clustering of sightings into objects, fed frame by frame.
 
-    merged: ids that are no more, to the id of the object that they became part of.
+    merged: ids that are no more, to the id of the object that they became part of. movable: whether its objects can
+    move with a trajectory correction and leave the map.
     """
 
+    movable: bool
     merged: dict[str, str]
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
@@ -58,6 +57,18 @@ class ObjectMap(Protocol):
 
     def objects(self) -> list[MapObject]:
         """The objects as they stand now, ordered by id."""
+        ...
+
+    def moved(self, things: Mapping[int, ObjectShift]) -> None:
+        """What was observed of some landmarks lies elsewhere, by the landmark's number. Raises MapError if fixed."""
+        ...
+
+    def doubt(self, identity: str, most: float) -> None:
+        """Show an object with this confidence at most. Raises MapError if fixed."""
+        ...
+
+    def drop(self, identity: str) -> None:
+        """Remove an object; its id is not given again. Raises MapError if fixed."""
         ...
 
 
@@ -118,92 +129,3 @@ def id_order(identity: str) -> tuple[str, int]:
     """Sort key of ids such as `chair-12`: by label, then by number; a foreign id counts as a label with number 0."""
     label, _, number = identity.rpartition("-")
     return (label, int(number)) if number.isdecimal() else (identity, 0)
-
-
-def map_document(objects: list[MapObject]) -> dict:
-    """The map as the JSON document that `map.json` holds. `seen_from_m`, where known: id to places it was seen from."""
-    seen = [item for item in objects if item.seen_from_m]
-    views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
-    document = {
-        "format": FORMAT,
-        "frame": "map",
-        "objects": [
-            {
-                "id": item.id,
-                "label": item.label,
-                "x_m": round(float(item.position_m[0]), 6),
-                "y_m": round(float(item.position_m[1]), 6),
-                "covariance_m2": [[round(float(v), 9) for v in row] for row in item.covariance_m2],
-                "width_m": round(item.width_m, 4),
-                "height_m": round(item.height_m, 4),
-                "count": item.count,
-                "confidence": round(item.confidence, 6),
-                "first_seen_s": round(item.first_seen_s, 6),
-                "last_seen_s": round(item.last_seen_s, 6),
-            }
-            for item in objects
-        ],
-    }
-    return document | ({"seen_from_m": views} if views else {})
-
-
-def write_atomically(path: Path, text: str | bytes) -> None:
-    """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
-
-    Raises MapError where the folder cannot be written.
-    """
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(text.encode() if isinstance(text, str) else text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise MapError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def map_text(objects: list[MapObject]) -> str:
-    """The map as the text of `map.json`."""
-    return json.dumps(map_document(objects), indent=1) + "\n"
-
-
-def save_map(path: Path, objects: list[MapObject]) -> None:
-    """Write `map.json` atomically."""
-    write_atomically(path, map_text(objects))
-
-
-def load_map(path: Path) -> list[MapObject]:
-    """Read a map.json, or the one of a run folder. Raises MapError in one line for anything else."""
-    if path.is_dir():
-        path = path / "map.json"
-    try:
-        document = json.loads(path.read_text())
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise MapError(f"{path}: not a JSON map ({error})") from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise MapError(f"{path}: not an {FORMAT} document")
-    try:
-        views = document.get("seen_from_m", {})
-        return [_object_of(record, views.get(record["id"], ())) for record in document["objects"]]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise MapError(f"{path}: damaged map ({type(error).__name__}: {error})") from None
-
-
-def _object_of(record: dict, views: Sequence[Sequence[float]]) -> MapObject:
-    covariance = np.array(record["covariance_m2"], dtype=np.float64)
-    position = np.array([record["x_m"], record["y_m"]], dtype=np.float64)
-    if covariance.shape != (2, 2) or not (np.isfinite(covariance).all() and np.isfinite(position).all()):
-        raise ValueError(f"object {record['id']} needs a finite position and 2x2 covariance")
-    return MapObject(
-        str(record["id"]), str(record["label"]), position, covariance, float(record["width_m"]),
-        float(record["height_m"]), int(record["count"]), float(record["confidence"]),
-        float(record["first_seen_s"]), float(record["last_seen_s"]), tuple((float(x), float(y)) for x, y in views),
-    )  # fmt: skip

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject, SightingSums, id_order
+from edgemap.geometry.objects.observation_pool import ObjectShift
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.paper.single_linkage import SingleLinkage
 
@@ -28,8 +31,11 @@ class PaperMap:
     """Objects as the paper makes them: whatever lies within the threshold of its like becomes one object.
 
     Neighbouring chairs merge (its section 4.5). An object's id is the oldest of those that merged into it; its
-    covariance is the mean of its sightings', since the paper has none.
+    covariance is the mean of its sightings', since the paper has none. Its clusters are made of all sightings ever,
+    so nothing of it moves or leaves.
     """
+
+    movable = False
 
     def __init__(self, threshold_m: float = 1.0) -> None:
         self._threshold_m = threshold_m
@@ -51,6 +57,18 @@ class PaperMap:
                 identity = f"{label}-{cluster.number}"
                 found.append(cluster.sums.as_object(identity, label, position, cluster.covariance_sum / count))
         return sorted(found, key=lambda item: id_order(item.id))
+
+    def moved(self, things: Mapping[int, ObjectShift]) -> None:  # noqa: ARG002
+        """Raises MapError: sightings stay where they were placed."""
+        raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")
+
+    def doubt(self, identity: str, most: float) -> None:  # noqa: ARG002
+        """Raises MapError: see `drop`."""
+        self.drop(identity)
+
+    def drop(self, identity: str) -> None:
+        """Raises MapError: sightings stay for good."""
+        raise MapError(f"{identity}: the paper's clustering keeps every sighting for good")
 
     def _add(self, placed: PlacedSighting) -> str:
         label = placed.label

@@ -7,7 +7,8 @@ import math
 from collections.abc import Sequence
 
 from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject, map_document
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.map_file import map_document
 from edgemap.runtime.mapfiles.identity import DEFAULT_MAP_ID, object_uuid
 from edgemap.runtime.trajectory import Trajectory
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 
-from edgemap.geometry.objects.map_object import FORMAT
+from edgemap.runtime.map_file import FORMAT
 
 DEFAULT_MAP_ID = "map"
 

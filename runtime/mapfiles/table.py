@@ -7,7 +7,8 @@ import io
 from collections.abc import Sequence
 
 from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject, map_document
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.map_file import map_document
 
 COLUMNS = (
     "id", "label", "x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2", "width_m", "height_m",

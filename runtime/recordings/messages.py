@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.recordings.stamps import ros_time
+from edgemap.runtime.slam import StepResult
 
 MAP, BASE, OPTICAL = "map", "base_link", "camera_optical_frame"
 Message = dict[str, Any]

@@ -9,7 +9,6 @@ import cv2
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import RecordingError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.recordings import messages
 from edgemap.runtime.recordings.facts import (
     RECORD,
@@ -34,6 +33,7 @@ from edgemap.runtime.recordings.topics import (
     WHEEL,
 )
 from edgemap.runtime.recordings.writer import McapFile
+from edgemap.runtime.slam import StepResult
 from edgemap.runtime.trajectory import Trajectory
 
 JPEG_QUALITY = 90

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.slam import StepResult
 
 SIDE_PX = 200  # longer side of a kept picture
 MOST = 400  # pictures kept at a time, 3 MB or so

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from edgemap.geometry.objects.map_object import CHI2_95
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
-from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.slam import StepResult
 
 MOST_POSES = 4000
 MOST_STRETCHES = 240
@@ -45,52 +45,30 @@ class PoseSample:
 
 
 class History:
-    """Fed every step; at most `2 * MOST_POSES` poses and `2 * MOST_STRETCHES` stretches, however long it goes on."""
+    """Fed every step; at most `2 * MOST_POSES` poses and `2 * MOST_STRETCHES` windows, however long it goes on."""
 
     def __init__(self) -> None:
-        self.stops: list[PoseSample] = []
         self.stretches: list[Window] = []
         self.totals_ms: deque[float] = deque(maxlen=10_000)
         self.frames, self.way_m = 0, 0.0
-        self.last: PoseSample | None = None
-        self.start_s = 0.0
+        self.start_s = self.last_s = 0.0
+        self._bounds: list[tuple[float, float]] = []  # stamp_s, bound_m
+        self._last_bound_m = 0.0
         self._every = self._length = 1
-        self._past: TrajectoryCorrection | None = None  # how the stops moved since they were taken
+        self._journal: PoseJournal | None = None
 
     def add(self, result: StepResult) -> None:
         """Take in one step."""
-        stamp_s, pose = result.frame.stamp_s, result.pose_map_base
-        if self.last is None:
-            self.start_s = stamp_s
-        else:
-            before = self.last.pose_map_base
-            if result.corrected is not None:
-                past = result.corrected.past
-                before = result.corrected.moved(self.last.stamp_s, before)
-                self._past = past if self._past is None else self._past.then(past)
-            if result.relocated is not None:  # from here on in a saved map's frame: the way so far is told in it too
-                self._settle_past()
-                self.stops = [replace(stop, pose_map_base=result.relocated @ stop.pose_map_base) for stop in self.stops]
-            else:
-                self.way_m += float(np.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m))
-        self.last = PoseSample(stamp_s, pose, _bound_m(result.pose_covariance))
+        self.last_s, self._last_bound_m = result.frame.stamp_s, _bound_m(result.pose_covariance)
+        if self.frames == 0:
+            self.start_s = self.last_s
+        self._journal, self.way_m = result.trajectory, result.update.travelled_m
         if self.frames % self._every == 0:
-            self.stops.append(self.last)
-            if len(self.stops) >= 2 * MOST_POSES:
-                self.stops, self._every = self.stops[::2], self._every * 2
+            self._bounds.append((self.last_s, self._last_bound_m))
+            if len(self._bounds) >= 2 * MOST_POSES:
+                self._bounds, self._every = self._bounds[::2], self._every * 2
         self.frames += 1
         self._time(result)
-
-    def _settle_past(self) -> None:
-        """Move the stops to where they are known to be by now;"""
-        past, self._past = self._past, None
-        if past is None or not self.stops:
-            return
-        poses = past.poses([stop.stamp_s for stop in self.stops], [stop.pose_map_base.vector() for stop in self.stops])
-        moved = [replace(stop, pose_map_base=SE2(*pose)) for stop, pose in zip(self.stops, poses, strict=True)]
-        if self.stops[-1] is self.last:
-            self.last = moved[-1]
-        self.stops = moved
 
     def _time(self, result: StepResult) -> None:
         total_ms = sum(result.stages_ms.values())
@@ -108,11 +86,13 @@ class History:
             self.stretches, self._length = self.stretches[::2], self._length * 2
 
     def way(self) -> list[PoseSample]:
-        """The thinned way as it is known now, the last pose always in it."""
-        self._settle_past()
-        if self.last is not None and self.stops[-1] is not self.last:
-            return [*self.stops, self.last]
-        return self.stops
+        """The thinned trajectory as known now, the last pose always in it."""
+        if self._journal is None:
+            return []
+        bounds, last = self._bounds, (self.last_s, self._last_bound_m)
+        bounds = bounds if bounds[-1] == last else [*bounds, last]
+        poses = self._journal.at([stamp_s for stamp_s, _ in bounds])
+        return [PoseSample(stamp_s, SE2(*pose), bound) for (stamp_s, bound), pose in zip(bounds, poses, strict=True)]
 
 
 def _bound_m(covariance: np.ndarray) -> float:

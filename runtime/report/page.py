@@ -117,7 +117,7 @@ def _masthead(found: Findings, title: str) -> Markup:
 
 def _tiles(found: Findings, errors_m: list[float]) -> Markup:
     record, history = found.record, found.history
-    span_s = history.last.stamp_s - history.start_s if history.last else 0.0
+    span_s = history.last_s - history.start_s
     frames, seconds = record.get("frames", history.frames), record.get("seconds", 0.0)
     tiles = [
         ("objects", f"{len(found.objects)}"),

@@ -9,11 +9,12 @@ from pathlib import Path
 import cv2
 
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
-from edgemap.geometry.objects.map_object import MapObject, load_map, write_atomically
-from edgemap.runtime.pipeline import StepResult
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.map_file import load_map, write_atomically
 from edgemap.runtime.report.crops import BestCrops
 from edgemap.runtime.report.history import History
 from edgemap.runtime.report.page import Findings, report_page
+from edgemap.runtime.slam import StepResult
 from edgemap.runtime.trajectory import Trajectory
 
 _TIDY_EVERY = 50  # frames between two looks at which pictures are still wanted

@@ -7,7 +7,7 @@ import sys
 from tqdm import tqdm
 
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.slam import StepResult
 
 
 class Progress:

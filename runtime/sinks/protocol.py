@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.slam import StepResult
 
 
 class Sink(Protocol):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.recordings.recorder import Recorder
+from edgemap.runtime.slam import StepResult
 
 
 class RecordingSink:

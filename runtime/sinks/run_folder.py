@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -13,19 +12,14 @@ from typing import Any, TextIO
 import cv2
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.map_object import MapObject, save_map, write_atomically
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 from edgemap.runtime.errors import RunFolderError
 from edgemap.runtime.loop_closing import LoopCorrection
+from edgemap.runtime.map_file import save_map, write_atomically
 from edgemap.runtime.overlay import draw_floor_grid
-from edgemap.runtime.pipeline import StepResult
-from edgemap.runtime.sinks.relocated_files import (
-    corrected_sightings,
-    corrected_trajectory,
-    move_sightings,
-    move_trajectory,
-)
+from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.slam import StepResult
 from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import tum_line
 
@@ -36,9 +30,9 @@ MAX_FAULTS = 200  # in run.json; the count goes on
 class RunFolder:
     """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a folder of its own.
 
-    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Where
-    things seen again correct the way, trajectory and sightings are first written as known at the time, and anew at the
-    end as known then.
+    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Trajectory
+    and sightings are first written as known at the time; where loop closure or relocalisation moved the past, they are
+    written again at the end, as known then.
     Raises RunFolderError where the folder cannot be made or holds another run already.
     """
 
@@ -58,7 +52,8 @@ class RunFolder:
         self._merged: dict[str, str] = {}
         self._laps: dict[str, deque[float]] = {}
         self._faults: list[str] = []
-        self._past: TrajectoryCorrection | None = None
+        self._journal: PoseJournal | None = None
+        self._rewritten_at = 0  # revision of the journal that the files show
         self._fault_count = self._frames = 0
         self._started = perf_counter()
         self._closed = False
@@ -71,10 +66,13 @@ class RunFolder:
             cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
         self._objects, self._merged = objects, result.merged
-        if result.corrected is not None:
-            self._correct(result.corrected)
+        self._journal = result.trajectory
+        if result.correction is not None:
+            self._note_correction(result.correction)
         if result.relocated is not None:
-            self._relocate(result.relocated)
+            start = result.relocated.vector().tolist()
+            self._record = self._record | {"relocated": {"frame": self._frames, "pose_map_start": start}}
+            self._rewrite()
         self._append(self._trajectory, tum_line(result.frame.stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
@@ -99,7 +97,7 @@ class RunFolder:
         self._closed = True
         try:
             self._save()
-            self._settle_past()
+            self._rewrite()
         finally:
             with suppress(OSError):
                 self._trajectory.close()
@@ -107,41 +105,28 @@ class RunFolder:
                 self._sightings.close()
             self._write_record(finished=True)
 
-    def _relocate(self, pose_map_start: SE2) -> None:
-        """Move what has been written so far into the saved map's frame."""
-        self._settle_past()
-        self._record = self._record | {
-            "relocated": {"frame": self._frames, "pose_map_start": pose_map_start.vector().tolist()}
-        }
-        self._rewrite(
-            lambda text: move_trajectory(text, pose_map_start), lambda text: move_sightings(text, pose_map_start)
-        )
-
-    def _correct(self, corrected: LoopCorrection) -> None:
-        """Take note of how what has been written so far has moved."""
-        self._past = corrected.past if self._past is None else self._past.then(corrected.past)
+    def _note_correction(self, correction: LoopCorrection) -> None:
+        """Count a loop closure in run.json."""
         before = self._record.get("corrections", {"count": 0, "largest_m": 0.0})
         self._record = self._record | {
             "corrections": {
                 "count": before["count"] + 1,
-                "largest_m": max(before["largest_m"], round(corrected.moved_m, 4)),
-                "seen_again": corrected.links,
+                "largest_m": max(before["largest_m"], round(correction.moved_m, 4)),
+                "seen_again": correction.links,
             }
         }
 
-    def _settle_past(self) -> None:
-        """Write trajectory and sightings anew as they are known now."""
-        past, self._past = self._past, None
-        if past is not None:
-            self._rewrite(lambda text: corrected_trajectory(text, past), lambda text: corrected_sightings(text, past))
-
-    def _rewrite(self, trajectory: Callable[[str], str], sightings: Callable[[str], str]) -> None:
-        """Both files' text replaced, each atomically, and open again at its end."""
+    def _rewrite(self) -> None:
+        """Trajectory and sightings as known now, each replaced atomically and open again at its end."""
+        journal = self._journal
+        if journal is None or journal.revision == self._rewritten_at:
+            return
+        self._rewritten_at = journal.revision
         self._trajectory.close()
         self._sightings.close()
-        for name, change in (("trajectory.tum", trajectory), ("sightings.jsonl", sightings)):
+        for name, change in (("trajectory.tum", trajectory_now), ("sightings.jsonl", sightings_now)):
             path = self.folder / name
-            write_atomically(path, change(path.read_text()))
+            write_atomically(path, change(path.read_text(), journal))
         self._trajectory = (self.folder / "trajectory.tum").open("a")
         self._sightings = (self.folder / "sightings.jsonl").open("a")
 
@@ -194,3 +179,21 @@ def sighting_record(result: StepResult, detection: int, placed: Any, identity: s
         "width_m": round(sighting.width_m, 4),
         "height_m": round(sighting.height_m, 4),
     }
+
+
+def trajectory_now(text: str, journal: PoseJournal) -> str:
+    """TUM text of poses as known at the time to the same stamps' poses as known now."""
+    stamps_s = [float(line.split(maxsplit=1)[0]) for line in text.splitlines()]
+    poses = journal.at(stamps_s) if stamps_s else ()
+    return "".join(tum_line(stamp_s, SE2(*pose)) for stamp_s, pose in zip(stamps_s, poses, strict=True))
+
+
+def sightings_now(text: str, journal: PoseJournal) -> str:
+    """Lines of sightings.jsonl with `map_m` as known at the time to the same as known now."""
+    records = [json.loads(line) for line in text.splitlines()]
+    if not records:
+        return text
+    points = journal.points([record["stamp_s"] for record in records], [record["base_m"] for record in records])
+    for record, point in zip(records, points.tolist(), strict=True):
+        record["map_m"] = [round(value, 4) for value in point]
+    return "".join(json.dumps(record) + "\n" for record in records)

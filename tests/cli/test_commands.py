@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import load_map
+from edgemap.runtime.map_file import load_map
 
 
 def one_line(result, code=1):

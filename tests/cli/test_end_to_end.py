@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import load_map
 from edgemap.runtime.drives.pictures import read_picture
+from edgemap.runtime.map_file import load_map
 from edgemap.runtime.trajectory import read_tum
 
 
@@ -84,18 +84,19 @@ def test_the_online_map_of_the_demo_is_that_of_its_batch_version(real_bundles):
 
     from edgemap.geometry.batch import batch_objects
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.objects.floor_map import FloorMap
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.slam import SemanticSlam
 
     bundle = load_bundle(real_bundles / "yolox-nano")
     with open_camera("demo") as camera:
         assert camera.intrinsics is not None
         assert camera.mount is not None
         floor = FloorCamera(camera.intrinsics, camera.mount)
-        pipeline = Pipeline(bundle, floor, open_odometry("truth", bundle, camera, floor), FloorMap())
+        pipeline = SemanticSlam(Pipeline(bundle, floor, open_odometry("truth", bundle, camera, floor)), Mapper())
         frames = []
         while (frame := camera.read()) is not None:
             frames.append(pipeline.step(frame).sightings)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from support.rooms import furnished, mapped
 
-from edgemap.geometry.objects.map_object import load_map, save_map
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.map_file import load_map, save_map
 from edgemap.runtime.trajectory import tum_line
 
 

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import MapObject, save_map
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.map_file import save_map
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from support import painted
 
-from edgemap.geometry.objects.map_object import load_map
+from edgemap.runtime.map_file import load_map
 
 REPORT = {"time": 0.5, "processor": "Abacus 9", "ap50": {"float32": 0.7, "int8": 0.695}}
 

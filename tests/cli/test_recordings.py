@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import load_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.map_file import load_map
 from edgemap.runtime.recordings.wheel import read_wheel
 
 FRAMES = 25

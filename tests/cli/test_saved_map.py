@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from support.rooms import mapped
 
-from edgemap.geometry.objects.map_object import load_map, save_map
+from edgemap.runtime.map_file import load_map, save_map
 
 
 @pytest.fixture

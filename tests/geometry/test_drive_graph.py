@@ -2,8 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from support.drifting import drifting, integrated, sighted, worst_m
-from support.drives import round_trip
+from support.drifting import drifting, integrated, worst_m
+from support.drives import round_trip, sighted
 from support.rooms import furnished, mapped
 
 from edgemap.geometry.se2 import SE2

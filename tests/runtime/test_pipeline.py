@@ -9,7 +9,6 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.objects.map_object import load_map
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
@@ -18,9 +17,12 @@ from edgemap.runtime.errors import CameraError, RunFolderError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop import run
 from edgemap.runtime.loop_closing import LoopCloser
+from edgemap.runtime.map_file import load_map
+from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.recorded import RecordedOdometry
 from edgemap.runtime.pipeline import Pipeline
 from edgemap.runtime.sinks.run_folder import RunFolder
+from edgemap.runtime.slam import SemanticSlam
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
@@ -53,7 +55,7 @@ def bundle(tmp_path_factory):
 def pipeline(bundle, object_map=None, poses=None):
     poses = poses or [SE2()] * 100
     trajectory = Trajectory(np.arange(len(poses)) / 10, tuple(poses))
-    return Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test"), object_map or FloorMap())
+    return SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test")), Mapper(object_map))
 
 
 @pytest.mark.parametrize("kind", [FloorMap, PaperMap])
@@ -71,15 +73,16 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind
 
 def test_stages_stand_in_the_order_of_the_step(bundle):
     result = pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
-    assert list(result.stages_ms) == ["preprocess", "backbone", "decode", "floor", "odometry", "correct", "map"]
+    stages = ["preprocess", "backbone", "decode", "floor", "odometry", "closure", "map", "relocalisation"]
+    assert list(result.stages_ms) == stages
 
 
 @pytest.mark.parametrize(("kind", "corrects"), [(FloorMap, True), (PaperMap, False)])
 def test_only_a_map_that_can_move_is_corrected(bundle, kind, corrects):
     still = RecordedOdometry(Trajectory(np.arange(2.0), (SE2(), SE2())), "test")
-    pipe = Pipeline(bundle, FLOOR, still, kind(), loop_closer=LoopCloser())
-    result = pipe.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
-    assert pipe.loop_closer.corrects is corrects
+    slam = SemanticSlam(Pipeline(bundle, FLOOR, still), Mapper(kind(), loop_closer=LoopCloser()))
+    result = slam.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
+    assert slam.mapper.loop_closer.closes_loops is corrects
     assert [placed.thing for placed in result.sightings] == [0 if corrects else -1]
 
 

@@ -1,11 +1,10 @@
-"""A drive through a room of labelled points whose odometry drifts: motions as measured, and what was seen."""
+"""Odometry that drifts: motions as measured between true poses."""
 
 import math
 from itertools import pairwise
 
 import numpy as np
 
-from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.odometry.protocol import Motion
 
@@ -32,21 +31,6 @@ def integrated(motions):
     for motion in motions[1:]:
         poses.append(poses[-1] @ motion.motion)
     return poses
-
-
-def sighted(room, pose, index, random, sigma_m=0.05, reach_m=4.0, half_rad=0.7):
-    """Things (label, x_m, y_m) of the room in view from a true pose."""
-    seen = []
-    for label, x, y in room:
-        place = pose.inverse().apply([x, y])
-        distance = float(np.hypot(*place))
-        if 0.4 < distance < reach_m and abs(math.atan2(place[1], place[0])) < half_rad:
-            at = place + random.normal(0.0, sigma_m, 2)
-            spread = np.eye(2) * sigma_m**2
-            seen.append(
-                Sighting(label, 0.8, at, spread, spread / 4, 0.5, 0.9, 0.5, distance, len(seen), index, index / 10)
-            )
-    return seen
 
 
 def worst_m(found, true):

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.frame_observations import FrameObservations
+from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.pipeline import StepResult
 from edgemap.runtime.sinks.protocol import Sink
+from edgemap.runtime.slam import StepResult
 
 NAMES = ("chair", "couch", "person")
 THINGS = (("chair", 3.0, 1.0), ("couch", 4.0, -1.5))  # label and place on the map, metres
@@ -22,7 +23,7 @@ class Steps:
     """Drives straight ahead by 5 cm a step past a chair and a couch; a person stands by, boxed and never mapped."""
 
     def __init__(self, width: int = 320, height: int = 240) -> None:
-        self.map = FloorMap()
+        self.mapper = Mapper()
         self.index = 0
         self._picture = np.random.default_rng(0).integers(0, 255, (height, width, 3), dtype=np.uint8)
 
@@ -31,21 +32,18 @@ class Steps:
         index, pose = self.index, SE2(0.05 * self.index, 0.0, 0.0)
         boxes = np.array([[40.0, 60, 90, 160], [150, 80, 260, 170], [270, 20, 310, 200]])
         detections = Detections(boxes, np.array([0.9, 0.8, 0.7]), np.array([0, 1, 2]), NAMES)
-        placed = []
+        sightings = []
         for row, (label, x_m, y_m) in enumerate(THINGS):
             at = np.array([x_m - pose.x_m, y_m])
             small, size = 0.01 * np.eye(2), (0.5, 0.9, 0.5)
-            sighting = Sighting(
-                label, 0.9, at, small, 0.1 * small, *size, float(np.hypot(*at)), row, index, 0.1 * index
-            )
-            placed.append(sighting.placed(pose, np.diag([1e-4, 1e-4, 1e-5])))
+            distance_m = float(np.hypot(*at))
+            sightings.append(Sighting(label, 0.9, at, small, 0.1 * small, *size, distance_m, row, index, 0.1 * index))
         frame = Frame(index, 0.1 * index, self._picture.copy(), f"made#{index}")
-        ids = self.map.update(placed)
-        stages_ms = {"preprocess": 1.0, "backbone": 10.0, "map": 0.5}
         motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-4, fault)
+        stages_ms = {"preprocess": 1.0, "backbone": 10.0}
+        observed = FrameObservations(index, frame.stamp_s, detections, sightings, motion, stages_ms)
         self.index += 1
-        result = StepResult(frame, detections, placed, ids, {}, motion, pose, np.diag([1e-4, 1e-4, 1e-5]), stages_ms)
-        return result, self.map.objects()
+        return StepResult(frame, observed, self.mapper.step(observed)), self.mapper.objects()
 
     def into(self, sink: Sink, count: int = 1) -> None:
         """Write so many steps."""

@@ -3,7 +3,7 @@
 import pytest
 from support.browser import Browser, find_chromium
 
-from edgemap.geometry.objects.map_object import save_map
+from edgemap.runtime.map_file import save_map
 from edgemap.view.viewer import IN_FLIGHT
 
 pytestmark = pytest.mark.skipif(find_chromium() is None, reason="no chromium: apt-get install chromium")

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.steps import Steps
 
-from edgemap.geometry.objects.map_object import load_map, save_map
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.map_file import load_map, save_map
 from edgemap.view.page import LivePage
 from edgemap.view.pause import PausableCamera, Pause
 from edgemap.view.tail import Tail
@@ -80,10 +80,12 @@ def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_pa
     page, steps = LivePage({}, tmp_path), Steps()
     steps.into(page, 3)
     result, objects = steps.next()
-    found = replace(
-        result, relocated=SE2(10.0, 0.0, math.pi / 2), pose_map_base=SE2(10.0, 0.15, math.pi / 2), sightings=[]
+    turn = SE2(10.0, 0.0, math.pi / 2)
+    result.trajectory.transform(turn)
+    update = replace(
+        result.update, relocated=turn, pose_map_base=SE2(10.0, 0.15, math.pi / 2), sightings=[], object_ids=[]
     )
-    page.write(replace(found, object_ids=[]), objects)
+    page.write(replace(result, update=update), objects)
     trail, _ = page.trail.since(0, 99)
     np.testing.assert_allclose(trail, [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)
     sightings, _ = page.sightings.since(0, 99)

@@ -20,13 +20,16 @@ from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frame_observations import FrameObservations
+from edgemap.runtime.mapper import MapUpdate
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.pipeline import StepResult
+from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.recordings.facts import Facts
 from edgemap.runtime.recordings.map_messages import markers
 from edgemap.runtime.recordings.messages import mount_transform
 from edgemap.runtime.recordings.recorder import Recorder
 from edgemap.runtime.recordings.schemas import FIELDS, definition
+from edgemap.runtime.slam import StepResult
 from edgemap.runtime.trajectory import Trajectory
 
 highlevel: Any = pytest.importorskip("rosbags.highlevel")
@@ -52,7 +55,9 @@ def recording(tmp_path_factory) -> Path:
         placed = [sighting.placed(pose, COVARIANCE) for sighting in seen]
         assert len(placed) == 1
         motion = Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
-        result = StepResult(frame, detections, placed, ["chair-1"], {}, motion, pose, COVARIANCE, {})
+        observed = FrameObservations(frame.index, frame.stamp_s, detections, seen, motion)
+        update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {})
+        result = StepResult(frame, observed, update)
         recorder.results(recorder.picture(frame), result, [CHAIR])
     recorder.close()
     return path

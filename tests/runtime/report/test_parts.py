@@ -12,6 +12,7 @@ import pytest
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.report.charts import duration, nice_top
 from edgemap.runtime.report.crops import MOST, SIDE_PX, BestCrops
 from edgemap.runtime.report.floor_svg import floor_svg
@@ -77,26 +78,28 @@ def test_merged_objects_hand_on_their_picture_and_memory_is_bounded():
     assert crops.of(["a-1", "b-7"]).keys() == {"a-1", "b-7"}
 
 
-def step(index, labels=("chair",), lap_ms=2.0, x_m=0.0, relocated=None) -> Any:
+def step(journal, index, labels=("chair",), lap_ms=2.0, x_m=0.0, travelled_m=0.0) -> Any:
     detections = Detections(
         np.zeros((len(labels), 4)), np.ones(len(labels)), np.arange(len(labels), dtype=np.int64), tuple(labels)
     )
+    journal.append(index / 10, SE2(x_m, 0, 0))
     return SimpleNamespace(
         frame=SimpleNamespace(stamp_s=index / 10),
         pose_map_base=SE2(x_m, 0, 0),
         pose_covariance=np.diag([0.04, 0.01, 0.0]),
         stages_ms={"backbone": lap_ms, "map": 1.0},
         detections=detections,
-        relocated=relocated,
-        corrected=None,
+        trajectory=journal,
+        update=SimpleNamespace(travelled_m=travelled_m),
     )
 
 
 def test_a_history_is_bounded_and_loses_no_sum():
-    history, count = History(), 20_001
+    history, journal, count = History(), PoseJournal(), 20_001
     for index in range(count):
-        history.add(step(index, lap_ms=50.0 if index == 777 else 2.0, x_m=0.001 * index))
-    assert len(history.stops) <= 2 * MOST_POSES
+        driven_m = 0.001 * index
+        history.add(step(journal, index, ("chair",), 50.0 if index == 777 else 2.0, driven_m, driven_m))
+    assert len(history.way()) <= 2 * MOST_POSES + 1
     assert len(history.stretches) <= 2 * MOST_STRETCHES
     assert sum(one.frames for one in history.stretches) == count
     assert sum(one.seen["chair"] for one in history.stretches) == count
@@ -111,10 +114,11 @@ def test_a_history_is_bounded_and_loses_no_sum():
 
 
 def test_a_way_that_finds_its_saved_map_is_told_in_that_map():
-    history = History()
-    history.add(step(0))
-    history.add(step(1, x_m=1.0))
-    history.add(step(2, x_m=9.0, relocated=SE2(7.0, 2.0, 0.0)))
+    history, journal = History(), PoseJournal()
+    history.add(step(journal, 0))
+    history.add(step(journal, 1, x_m=1.0))
+    journal.transform(SE2(7.0, 2.0, 0.0))
+    history.add(step(journal, 2, x_m=9.0, travelled_m=1.0))
     assert [(stop.pose_map_base.x_m, stop.pose_map_base.y_m) for stop in history.way()] == [(7, 2), (8, 2), (9, 0)]
     assert history.way_m == 1.0
 

@@ -14,18 +14,19 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop import run
+from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.recorded import RecordedOdometry
 from edgemap.runtime.pipeline import Pipeline
 from edgemap.runtime.report import sink as sink_module
 from edgemap.runtime.report.sink import ReportFile
 from edgemap.runtime.sinks.run_folder import RunFolder
+from edgemap.runtime.slam import SemanticSlam
 from edgemap.runtime.trajectory import Trajectory
 
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
@@ -88,7 +89,7 @@ def bundle(tmp_path_factory):
 def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judge=None):
     way = Trajectory(1e9 + np.arange(count) / 10, tuple(SE2(0.002 * i, 0, 0) for i in range(count)))
     real = Trajectory(way.stamps_s, tuple(SE2(0.002 * i, 0.01 * i, 0) for i in range(count)))
-    pipeline = Pipeline(bundle, FLOOR, RecordedOdometry(way, "test"), FloorMap())
+    pipeline = SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(way, "test")), Mapper())
     report = ReportFile(folder, real if truth else None, judge)
     record = {"camera": "memory", "mapped": ["chair"], **(record or {})}
     run(Pictures(count, fails_at), pipeline, [RunFolder(folder, FLOOR, record), report])

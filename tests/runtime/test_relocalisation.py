@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from support.drives import Drive, frames, round_trip
+from support.drives import drive, exact, round_trip
 from support.rooms import furnished, mapped
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -10,9 +10,9 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.objects.map_object import load_map, map_document
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.relocalisation import Relocaliser, start_in
+from edgemap.runtime.map_file import load_map, map_document
+from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import read_tum
 
@@ -20,15 +20,15 @@ ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 
 
-def drive(start_rad=0.0, seed=1, room=None):
-    return Drive(room or ROOM, round_trip(80, start_rad=start_rad), seed)
+def go(mapper, start_rad=0.0, seed=1, room=None):
+    """Results and maps of a round through the room, from an exact odometry."""
+    poses = round_trip(80, start_rad=start_rad)
+    return drive(mapper, room or ROOM, poses, exact(poses), seed)
 
 
 def first_drive():
-    steps = drive(seed=7)
-    for frame in frames(80):
-        steps.step(frame)
-    return steps.objects()
+    *_, (_, objects) = go(Mapper(), seed=7)
+    return objects
 
 
 def in_room(objects, origin):
@@ -54,14 +54,14 @@ def test_a_known_start_goes_on_with_the_ids(tmp_path):
     saved, start = first_drive(), round_trip(80)[0]
     known = in_room(saved, start)
     there = round_trip(80, start_rad=2.0)[0]
-    steps = start_in(drive(start_rad=2.0), saved, start.inverse() @ there)
-    for frame in frames(80):
-        result = steps.step(frame)
-    now = in_room(steps.objects(), start)
+    mapper = Mapper()
+    mapper.start_in(saved, start.inverse() @ there)
+    *_, (result, objects) = go(mapper, start_rad=2.0)
+    now = in_room(objects, start)
     assert {identity: now[identity] for identity in known} == known
     assert len(set(now.values())) == len(now)  # nothing twice
     counts = {item.id: item.count for item in saved}
-    assert all(item.count > counts[item.id] for item in steps.objects() if item.id in counts)
+    assert all(item.count > counts[item.id] for item in objects if item.id in counts)
     assert result.relocated is None
 
 
@@ -69,15 +69,15 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
     saved, start = first_drive(), round_trip(80)[0]
     known = in_room(saved, start)
     way = round_trip(80, start_rad=2.0)
-    steps = Relocaliser(drive(start_rad=2.0), saved)
+    mapper = Mapper()
+    mapper.relocalise_in(saved)
     folder = RunFolder(tmp_path / "run", FLOOR, {})
     moved = []
-    for frame in frames(80):
-        result = steps.step(frame)
-        folder.write(result, steps.objects())
-        moved += [frame.index] if result.relocated else []
+    for index, (result, objects) in enumerate(go(mapper, start_rad=2.0)):
+        folder.write(result, objects)
+        moved += [index] if result.relocated else []
         if moved:
-            at, truth = result.pose_map_base, start.inverse() @ way[frame.index]
+            at, truth = result.pose_map_base, start.inverse() @ way[index]
             assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.15
             for placed, identity in zip(result.sightings, result.object_ids, strict=True):
                 if identity in known:
@@ -86,7 +86,7 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
     folder.close()
     assert len(moved) == 1
     assert 3 < moved[0] < 70
-    now = in_room(steps.objects(), start)
+    now = in_room(mapper.objects(), start)
     assert {identity: now[identity] for identity in known} == known
     assert len(set(now.values())) == len(now)
     # What was written before the place was known is in the saved map's frame too.
@@ -106,11 +106,11 @@ def test_an_unknown_start_is_found_by_the_objects(tmp_path):
 
 def test_an_id_means_one_thing_before_and_after():
     saved = first_drive()
-    steps = Relocaliser(drive(start_rad=2.0), saved)
+    mapper = Mapper()
+    mapper.relocalise_in(saved)
     taken, own = {item.id for item in saved}, set()
-    for frame in frames(80):
-        result = steps.step(frame)
-        if steps.alignment is None:
+    for result, _ in go(mapper, start_rad=2.0):
+        if mapper.relocaliser.alignment is None:
             own |= set(result.object_ids)
     assert not own & taken
     assert {new for old, new in result.merged.items() if old in own} & taken
@@ -118,20 +118,22 @@ def test_an_id_means_one_thing_before_and_after():
 
 def test_another_room_is_not_taken_for_the_saved_one():
     other = furnished(np.random.default_rng(12), 16, apart_m=0.8)
-    steps = Relocaliser(drive(room=other), first_drive())
-    for frame in frames(80):
-        assert steps.step(frame).relocated is None
-    assert steps.alignment is None
-    assert "objects with a common label" in steps.reason
-    assert len(steps.objects()) > 5
+    mapper = Mapper()
+    mapper.relocalise_in(first_drive())
+    for result, _ in go(mapper, room=other):
+        assert result.relocated is None
+    assert mapper.relocaliser.alignment is None
+    assert "objects with a common label" in mapper.relocaliser.reason
+    assert len(mapper.objects()) > 5
 
 
 def test_saved_chairs_side_by_side_stay_two():
     saved = mapped([("chair", 2.0, 0.0), ("chair", 2.3, 0.0)])
-    steps = start_in(Drive([("chair", 2.0, 0.0), ("chair", 2.3, 0.0)], [SE2()] * 30), saved, SE2())
-    for frame in frames(30):
-        steps.step(frame)
-    assert [item.id for item in steps.objects()] == ["chair-1", "chair-2"]
+    mapper = Mapper()
+    mapper.start_in(saved, SE2())
+    still = [SE2()] * 30
+    *_, (_, objects) = drive(mapper, [("chair", 2.0, 0.0), ("chair", 2.3, 0.0)], still, exact(still))
+    assert [item.id for item in objects] == ["chair-1", "chair-2"]
 
 
 def test_ids_given_twice_are_refused():

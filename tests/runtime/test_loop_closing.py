@@ -1,20 +1,17 @@
 import json
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from support.drifting import drifting, integrated, sighted, worst_m
-from support.drives import round_trip
+from support.drifting import drifting, integrated, worst_m
+from support.drives import drive, round_trip
 from support.rooms import furnished
 
-from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.se2 import SE2, compose_covariance
-from edgemap.runtime.frame import Frame
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
-from edgemap.runtime.pipeline import StepResult
-from edgemap.runtime.relocalisation import START_SIGMAS
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.report.history import History
 from edgemap.runtime.sinks.run_folder import RunFolder
 from edgemap.runtime.trajectory import read_tum
@@ -25,30 +22,8 @@ WAY = round_trip(260, turns=2.4)
 
 
 def steps(loop_closer, way=WAY, room=ROOM, seed=0, **drift):
-    """Results and maps of a drive, made as the pipeline makes them, without pictures."""
-    random, floor_map = np.random.default_rng(seed), FloorMap()
-    pose, covariance = SE2(), np.zeros((3, 3))
-    for index, motion in enumerate(drifting(way, seed, **drift)):
-        if index:
-            covariance = compose_covariance(pose, covariance, motion.motion, motion.covariance)
-            pose = pose @ motion.motion
-        sightings = sighted(room, way[index], index, random)
-        corrected = loop_closer.look(pose, covariance, motion, sightings, index / 10)
-        if corrected is not None:
-            pose, covariance = corrected.pose_map_base, corrected.pose_covariance
-            floor_map.moved(corrected.things)
-        placed = [
-            sighting.placed(pose, covariance, thing)
-            for sighting, thing in zip(sightings, loop_closer.things, strict=True)
-        ]
-        ids = floor_map.update(placed)
-        frame = Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8))
-        count = len(placed)
-        found = Detections(np.zeros((count, 4)), np.full(count, 0.8), np.zeros(count, dtype=np.int64), ("thing",))
-        result = StepResult(
-            frame, found, placed, ids, floor_map.merged, motion, pose, covariance, {}, corrected=corrected
-        )
-        yield result, floor_map.objects()
+    """Results and maps of a drive."""
+    return drive(Mapper(loop_closer=loop_closer), room, way, drifting(way, seed, **drift), seed)
 
 
 def errors_m(objects):
@@ -109,7 +84,7 @@ def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path)
     last = written.poses[-1].vector()
     assert last == pytest.approx(at_the_time[-1].vector(), abs=1e-6)
     record = json.loads((tmp_path / "run" / "run.json").read_text())["corrections"]
-    times = [result.corrected for result, _ in corrected if result.corrected]
+    times = [result.correction for result, _ in corrected if result.correction]
     assert record["count"] == len(times)
     assert record["largest_m"] == pytest.approx(max(item.moved_m for item in times), abs=1e-3)
     assert record["seen_again"] == times[-1].links > 5
@@ -141,36 +116,25 @@ def test_report_and_page_tell_the_way_as_it_is_known_now(corrected, tmp_path):
     assert page.epoch > 0
 
 
-def test_a_start_told_roughly_is_put_right_by_the_saved_maps_things():
+def test_a_start_told_roughly_is_corrected_by_the_saved_maps_objects():
     saved = list(steps(NoLoopClosure(), yaw_share=0.0, way_share=0.0))[-1][1]
-    told = SE2(0.15, -0.1, 0.06)  # the robot stands at the origin
-    loop_closer, random, pose = LoopCloser(), np.random.default_rng(5), told
-    loop_closer.begin_in(saved)
-    covariance = np.diag(np.square(START_SIGMAS))
-    for index, motion in enumerate(drifting(WAY[:120], 5, yaw_share=0.01)):
-        pose = pose @ motion.motion if index else pose
-        sightings = sighted(ROOM, WAY[index], index, random)
-        corrected = loop_closer.look(pose, covariance, motion, sightings, index / 10)
-        pose = corrected.pose_map_base if corrected else pose
-    truth = WAY[0].inverse() @ WAY[119]
-    off = truth.inverse() @ pose
+    mapper, way = Mapper(loop_closer=LoopCloser()), WAY[:120]
+    mapper.start_in(saved, SE2(0.15, -0.1, 0.06))  # the robot stands at the origin
+    *_, (result, _) = drive(mapper, ROOM, way, drifting(way, 5, yaw_share=0.01), 5)
+    off = (WAY[0].inverse() @ WAY[119]).inverse() @ result.pose_map_base
     assert np.hypot(off.x_m, off.y_m) < 0.1
     assert abs(off.yaw_rad) < 0.03
 
 
-def test_a_way_put_right_in_the_step_that_finds_the_saved_map_moves_before_it_turns(corrected, tmp_path):
+def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before_it_turns():
     """First the past moves in the run's own frame, then all of it into the saved map's."""
-    first = next(row for row, (result, _) in enumerate(corrected) if result.corrected)
-    turn = SE2(4.0, 1.0, 1.5)
-    history = History()
-    for result, _ in corrected[:first]:
-        history.add(result)
-    told = history.way()[0].pose_map_base, history.way()[-1]
-    result = corrected[first][0]
-    assert result.corrected is not None
-    history.add(replace(result, relocated=turn, pose_map_base=turn @ result.pose_map_base))
-    way = history.way()
-    assert way[0].pose_map_base.vector() == pytest.approx((turn @ told[0]).vector(), abs=1e-9)
-    before = result.corrected.moved(told[1].stamp_s, told[1].pose_map_base)
-    assert way[-2].pose_map_base.vector() == pytest.approx((turn @ before).vector(), abs=1e-9)
-    assert history.way_m < 1.1 * 0.1 * first
+    turn, journal = SE2(4.0, 1.0, 1.5), PoseJournal()
+    told = [SE2(0.1 * k, 0.0, 0.0) for k in range(4)]
+    for index, pose in enumerate(told):
+        journal.append(float(index), pose)
+    journal.correct(TrajectoryCorrection(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])))
+    journal.transform(turn)
+    journal.append(4.0, turn @ SE2(0.4, 0.5, 0.0))
+    now = journal.at([0.0, 1.0, 2.0, 3.0, 4.0])
+    true = [*told[:2], SE2(0.2, 0.5, 0.0), SE2(0.3, 0.5, 0.0), SE2(0.4, 0.5, 0.0)]
+    np.testing.assert_allclose(now, [(turn @ pose).vector() for pose in true], atol=1e-12)

@@ -1,0 +1,158 @@
+"""The back end: observations and motions in, pose and map out. It never sees a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.objects.map_object import MapObject, ObjectMap
+from edgemap.geometry.objects.merge import merge_maps
+from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.registration.alignment import Alignment
+from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.runtime.frame_observations import FrameObservations
+from edgemap.runtime.loop_closing import LoopCloser, LoopCorrection, NoLoopClosure
+from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.relocalisation import NoRelocalisation, Relocaliser
+from edgemap.runtime.timing import Stopwatch
+
+Array = NDArray[np.float64]
+
+START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapUpdate:
+    """What one frame changed in the back end.
+
+    object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
+    trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
+    this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of
+    the frame before (`pose_map_start`).
+    """
+
+    sightings: list[PlacedSighting]
+    object_ids: list[str]
+    merged: dict[str, str]
+    pose_map_base: SE2
+    pose_covariance: Array
+    trajectory: PoseJournal
+    travelled_m: float
+    stages_ms: dict[str, float]
+    correction: LoopCorrection | None = None
+    relocated: SE2 | None = None
+
+
+class Mapper:
+    """Data association, landmarks, loop closure, relocalisation and forgetting behind one method.
+
+    Depends on what it is given and on nothing else: the same observations make the same map.
+    """
+
+    def __init__(
+        self,
+        object_map: ObjectMap | None = None,
+        *,
+        loop_closer: LoopCloser | NoLoopClosure | None = None,
+        forgetter: Forgetter | NoForgetting | None = None,
+    ) -> None:
+        self.map: ObjectMap = object_map or FloorMap()
+        self.loop_closer = loop_closer if loop_closer and self.map.movable else NoLoopClosure()
+        self.forgetter = forgetter if forgetter and self.map.movable else NoForgetting()
+        self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
+        self.trajectory = PoseJournal()
+        self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
+        self.travelled_m = 0.0
+        self._started = False
+        self._watch = Stopwatch()
+
+    def start_in(self, saved: Sequence[MapObject], start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
+        """Go on with a saved map from a known pose. sigmas: of the start pose, m, m, rad."""
+        self.map = FloorMap.continued(saved)
+        self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
+        self.loop_closer.begin_in(saved)
+
+    def relocalise_in(self, saved: Sequence[MapObject]) -> None:
+        """Make a map of its own until its objects show where in the saved map the robot is, then go on with that one.
+
+        New objects are numbered after the saved ones, so an id means one thing throughout; `merged` tells which of
+        them turned out to be saved ones.
+        """
+        self.relocaliser = Relocaliser(saved)
+        self.map = self.relocaliser.own
+
+    def step(self, observed: FrameObservations) -> MapUpdate:
+        """Take in one frame's observations: advance, close loops, associate, forget, relocalise."""
+        self._watch.start()
+        stage = self._watch.stage
+        self._advance(observed.motion)
+        correction, landmarks = self._close_loops(observed)
+        stage("closure")
+        sightings = [
+            sighting.placed(self.pose_map_base, self.pose_covariance, landmark)
+            for sighting, landmark in zip(observed.sightings, landmarks, strict=True)
+        ]
+        object_ids = self.map.update(sightings)
+        self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids)
+        stage("map")
+        update = MapUpdate(
+            sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,
+            self.travelled_m, {}, correction,
+        )  # fmt: skip
+        alignment = self.relocaliser.align()
+        if alignment is not None:
+            update = self._enter_saved_map(update, alignment)
+        self.trajectory.append(observed.stamp_s, self.pose_map_base)
+        stage("relocalisation")
+        return replace(update, stages_ms=self._watch.stages_ms)
+
+    def objects(self) -> list[MapObject]:
+        """The map as it stands."""
+        return self.map.objects()
+
+    def _advance(self, motion: Motion) -> None:
+        """Carry the pose on; the first frame's pose is the map's origin, known exactly."""
+        if self._started:
+            self.pose_covariance = compose_covariance(
+                self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
+            )
+            self.pose_map_base = self.pose_map_base @ motion.motion
+            self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
+        self._started = True
+
+    def _close_loops(self, observed: FrameObservations) -> tuple[LoopCorrection | None, list[int]]:
+        """Where landmarks observed again tell how far the pose has drifted, pose, trajectory and map move."""
+        correction, landmarks = self.loop_closer.observe(self.pose_map_base, self.pose_covariance, observed)
+        if correction is not None:
+            self.pose_map_base, self.pose_covariance = correction.pose_map_base, correction.pose_covariance
+            self.trajectory.correct(correction.past)
+            self.map.moved(correction.shifts)
+        return correction, landmarks
+
+    def _enter_saved_map(self, update: MapUpdate, alignment: Alignment) -> MapUpdate:
+        """Both maps become one, and the robot and this frame's sightings move into the saved one's frame."""
+        merged, became = merge_maps(self.relocaliser.saved, self.map.objects(), alignment)
+        self.map = FloorMap.continued(merged, before=self.relocaliser.own, merged=became)
+        self.pose_covariance = compose_covariance(
+            alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
+        )
+        self.pose_map_base = alignment.pose_a_b @ self.pose_map_base
+        self.loop_closer.begin_in(merged)
+        self.trajectory.transform(alignment.pose_a_b)
+        pose, covariance = self.pose_map_base, self.pose_covariance
+        return replace(
+            update,
+            sightings=[placed.sighting.placed(pose, covariance) for placed in update.sightings],
+            object_ids=[became.get(identity, identity) for identity in update.object_ids],
+            merged=self.map.merged,
+            pose_map_base=pose,
+            pose_covariance=covariance,
+            relocated=alignment.pose_a_b,
+        )

@@ -1,0 +1,75 @@
+"""Every pose of a drive as it is known now: loop closure and relocalisation move the past, and readers ask here."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+
+Array = NDArray[np.float64]
+
+SETTLE_AT = 4096  # stamps of corrections that wait to be applied
+
+
+class PoseJournal:
+    """Poses of the base in the map frame by stamp; a pose equal to the one before takes no room.
+
+    revision: how often the past has moved. Corrections are composed and applied when somebody reads.
+    """
+
+    def __init__(self) -> None:
+        self.revision = 0
+        self._rows = np.zeros((1024, 4))  # stamp_s, x_m, y_m, yaw_rad
+        self._count = 0
+        self._pending: TrajectoryCorrection | None = None
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, stamp_s: float, pose_map_base: SE2) -> None:
+        """The pose of the newest step; stamps must not run backwards."""
+        row = np.array([stamp_s, *pose_map_base.vector()])
+        if self._count and self._pending is None and (row[1:] == self._rows[self._count - 1, 1:]).all():
+            return
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        self._rows[self._count] = row
+        self._count += 1
+
+    def correct(self, correction: TrajectoryCorrection) -> None:
+        """A loop closure moved the past."""
+        self._pending = correction if self._pending is None else self._pending.then(correction)
+        self.revision += 1
+        if len(self._pending.stamps_s) > SETTLE_AT:
+            self._settle()
+
+    def transform(self, pose_map_start: SE2) -> None:
+        """Everything so far is in another frame, whose view of the old one is `pose_map_start`."""
+        self._settle()
+        rows = self._rows[: self._count]
+        rows[:, 1:3] = pose_map_start.apply(rows[:, 1:3])
+        rows[:, 3] = np.angle(np.exp(1j * (rows[:, 3] + pose_map_start.yaw_rad)))
+        self.revision += 1
+
+    def at(self, stamps_s: ArrayLike) -> Array:
+        """Poses (N, 3), x, y, yaw, of these stamps (N,): each the newest not after it, the first before all."""
+        self._settle()
+        rows = self._rows[: self._count]
+        found = np.searchsorted(rows[:, 0], np.asarray(stamps_s, dtype=np.float64), side="right") - 1
+        return rows[np.maximum(found, 0), 1:]
+
+    def points(self, stamps_s: ArrayLike, points_base_m: ArrayLike) -> Array:
+        """Points (N, 2) of the base frame at those stamps (N,), in the map frame as known now."""
+        poses = self.at(stamps_s)
+        points = np.asarray(points_base_m, dtype=np.float64).reshape(-1, 2)
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x, y = points.T
+        return np.column_stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y])
+
+    def _settle(self) -> None:
+        pending, self._pending = self._pending, None
+        if pending is not None and self._count:
+            rows = self._rows[: self._count]
+            rows[:, 1:] = pending.poses(rows[:, 0], rows[:, 1:])
