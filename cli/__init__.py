@@ -42,7 +42,7 @@ def overview() -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Entry point. Exit code 0, 1 for a known failure (one line on stderr), 2 for wrong usage."""
+    """Entry point. Exit code 0; 2 for wrong usage; 1 for a known failure (one line), 3 camera lost, 4 disk."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait in circles
     arguments = sys.argv[1:] if arguments is None else arguments
     if not arguments or arguments[0] in ("-h", "--help"):
@@ -86,7 +86,7 @@ def _command(words: str, rest: list[str]) -> None:
         tyro.cli(command, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except EdgemapError as error:
         print(f"edgemap {words}: {error}", file=sys.stderr)
-        sys.exit(1)
+        sys.exit(error.exit_code)
     except BrokenPipeError:  # `edgemap ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

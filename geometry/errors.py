@@ -2,7 +2,12 @@
 
 
 class EdgemapError(Exception):
-    """A known failure: its text is one line that says what, where, and the numbers with their units."""
+    """A known failure: its text is one line that says what, where, and the numbers with their units.
+
+    exit_code: with which the command line ends.
+    """
+
+    exit_code = 1
 
 
 class GeometryError(EdgemapError):

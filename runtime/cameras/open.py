@@ -6,14 +6,17 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.cameras.device import Driver
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import CameraError
 
 UNDERSTOOD = (
-    "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, a video file, a folder of pictures, "
+    "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
+    "a video file, a folder of pictures, "
     "a recording FILE.mcap[#/topic], "
     "or KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo"
 )
+STREAMS = ("rtsp", "rtsps", "http", "https")
 KINDS = ("kitti", "tum", "c2w", "drive", "locobot", "yolo")
 DEMO = Path(__file__).parents[1] / "demo"
 
@@ -43,9 +46,14 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Came
     if kind == "realsense":
         return _open_realsense(rest, spec, intrinsics, mount)
     if spec.isdecimal() or spec.startswith("/dev/video"):
-        from edgemap.runtime.cameras.webcam import open_webcam
+        from edgemap.runtime.cameras.webcam import WebcamDriver
 
-        return open_webcam(Path(f"/dev/video{spec}" if spec.isdecimal() else spec), spec, intrinsics, mount)
+        device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
+        return _open_live(WebcamDriver(device, spec, intrinsics), intrinsics, mount)
+    if kind in STREAMS:
+        from edgemap.runtime.cameras.stream import StreamDriver
+
+        return _open_live(StreamDriver(spec), intrinsics, mount)
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.cameras.recording import RecordingCamera
 
@@ -72,8 +80,14 @@ def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Moun
 
 
 def _open_realsense(rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
-    from edgemap.runtime.cameras.realsense import RealSenseRecording, open_realsense
+    from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording
 
     if rest.endswith((".db3", ".bag")) or "/" in rest:
         return RealSenseRecording(Path(rest).expanduser(), name, intrinsics, mount)
-    return open_realsense(rest or None, name, intrinsics, mount)
+    return _open_live(RealSenseDriver(name, rest or None), intrinsics, mount)
+
+
+def _open_live(driver: Driver, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+    from edgemap.runtime.cameras.live import LiveCamera
+
+    return LiveCamera(driver, intrinsics, mount)

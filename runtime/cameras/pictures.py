@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ, read_setup
 from edgemap.runtime.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 
 
 class PicturesCamera(CameraBase):
-    """Pictures on disk at stamps in seconds, one each. Raises CameraError where the first one is not a picture."""
+    """Pictures on disk at stamps in seconds, one each. Raises CameraError where none can be read."""
 
     def __init__(
         self,
@@ -31,20 +33,44 @@ class PicturesCamera(CameraBase):
         super().__init__(name, intrinsics, mount)
         self.rate_hz = rate_hz
         self.frame_count: int | None = len(pictures)
-        height, width = read_picture(pictures[0]).shape[:2]
-        self.size = (width, height)
+        self.size = _first_size(pictures)
         self._pictures, self._stamps_s = pictures, stamps_s
+        self._next = 0
 
     def read(self) -> Frame | None:
-        """The next picture; None after the last. Raises CameraError for a damaged or wrongly sized one."""
-        if self._delivered >= len(self._pictures):
+        """The next picture; None after the last. Raises CameraFault for a damaged or wrongly sized one."""
+        number, self._next = self._next, self._next + 1
+        if number >= len(self._pictures):
             return None
-        path = self._pictures[self._delivered]
-        return self.frame(read_picture(path), float(self._stamps_s[self._delivered]), str(path))
+        path = self._pictures[number]
+        try:
+            image = read_picture(path)
+        except CameraError as error:
+            raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
+        height, width = image.shape[:2]
+        if (width, height) != self.size:
+            raise CameraFault(
+                FaultKind.SIZE,
+                f"{path}: picture is {width}x{height}, the others are {self.size[0]}x{self.size[1]}, skipped",
+            )
+        return self.frame(image, float(self._stamps_s[number]), str(path))
 
     def close(self) -> None:
         """Deliver nothing more."""
         self._pictures = ()
+
+
+def _first_size(pictures: Sequence[Path]) -> tuple[int, int]:
+    """(width, height) of the first picture that can be read. Raises the first one's CameraError where none can."""
+    failure: CameraError | None = None
+    for path in pictures:
+        try:
+            height, width = read_picture(path).shape[:2]
+        except CameraError as error:
+            failure = failure or error
+            continue
+        return width, height
+    raise failure or CameraError("no pictures")
 
 
 def open_folder(folder: Path, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> PicturesCamera:

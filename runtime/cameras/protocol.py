@@ -33,8 +33,11 @@ class Camera(Protocol):
     wheel: Path | None
 
     def read(self) -> Frame | None:
-        """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet
-        delivered, waiting for it. Raises CameraError where the device stops delivering or a picture is damaged."""
+        """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.
+
+        Raises CameraFault in place of what was wrong with the delivery, and FrameTimeout where a live camera has
+        nothing yet: reading may go on. Any other CameraError is the end.
+        """
         ...
 
     def object_records(self) -> list[dict[str, Any]] | None:

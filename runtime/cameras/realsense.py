@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,7 +13,8 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.latest import LatestFrameCamera, Picture
+from edgemap.runtime.cameras.device import Picture
+from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.cameras.realsense_picture import to_bgr
 from edgemap.runtime.errors import CameraError, MissingExtraError
 from edgemap.runtime.frame import Frame
@@ -72,49 +74,87 @@ def devices() -> list[tuple[str, str]]:
     return [(d.get_info(info.serial_number), d.get_info(info.name)) for d in rs.context().query_devices()]
 
 
-def open_realsense(
-    serial: str | None, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
-) -> LatestFrameCamera:
-    """Open a device, the first one or the one with this serial: colour, 640x480 at 30 Hz or what it offers.
+class RealSenseDevice:
+    """A running colour stream: of a device, or of what stands for one."""
 
-    Stamps are the device's. Raises CameraError where no such device is found or it cannot start.
-    """
-    rs = import_realsense()
-    serials = [number for number, _ in devices()]
-    if not serials:
-        raise CameraError("no RealSense device found (check the cable, a USB 3 port, and librealsense's udev rules)")
-    if serial is not None and serial not in serials:
-        raise CameraError(f"no RealSense device with serial {serial} found; connected: {', '.join(serials)}")
-    pipeline, profile = _start_device(rs, serial or serials[0])
-    try:
-        lens = intrinsics or lens_of(profile, name)
-    except EdgemapError:
-        pipeline.stop()
-        raise
+    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, name: str) -> None:
+        self.size = picture_size(profile)
+        self.rate_hz: float | None = float(profile.fps())
+        self.intrinsics: Intrinsics | None = lens_of(profile, name)
+        self._rs, self._pipeline, self._name = rs, pipeline, name
 
-    def grab() -> Picture | None:
-        try:
-            there, frames = pipeline.try_wait_for_frames(POLL_MS)
-        except RuntimeError as error:
-            raise CameraError(f"{name}: the camera stopped delivering ({error})") from None
+    def grab(self) -> Picture | None:
+        """The next colour frame at the device's stamp."""
+        there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
         colour = frames.get_color_frame() if there else None
-        return (colour.get_timestamp() / 1000.0, to_bgr(rs, colour, name)) if colour else None
+        return (colour.get_timestamp() / 1000.0, to_bgr(self._rs, colour, self._name)) if colour else None
 
-    return LatestFrameCamera(name, grab, pipeline.stop, picture_size(profile), lens, mount, float(profile.fps()))
+    def close(self) -> None:
+        """Stop the stream."""
+        self._pipeline.stop()
 
 
-def _start_device(rs: ModuleType, serial: str) -> tuple[Any, Any]:
-    wishes = [(rs.stream.color, WIDTH, HEIGHT, rs.format.bgr8, RATE_HZ), (rs.stream.color,)]
-    failure: Exception | None = None
-    for wish in wishes:
-        pipeline, config = rs.pipeline(), rs.config()
-        config.enable_device(serial)
-        config.enable_stream(*wish)
-        try:
-            return pipeline, pipeline.start(config).get_stream(rs.stream.color)
-        except RuntimeError as error:
-            failure = error
-    raise CameraError(f"RealSense {serial} does not start its colour stream ({failure})")
+class RealSenseDriver:
+    """A RealSense, the one with this serial or the first one: colour, 640x480 at 30 Hz or what it offers."""
+
+    def __init__(self, name: str, serial: str | None = None) -> None:
+        self.name = name
+        self._rs = import_realsense()
+        self._context = self._rs.context()
+        self._serial = serial
+
+    def open(self) -> RealSenseDevice:
+        """Start the colour stream. Raises CameraError where no such device is found or it does not start."""
+        rs, failure = self._rs, None
+        config = self.config()
+        for wish in ((rs.stream.color, WIDTH, HEIGHT, rs.format.bgr8, RATE_HZ), (rs.stream.color,)):
+            pipeline = rs.pipeline(self._context)
+            config.disable_all_streams()
+            config.enable_stream(*wish)
+            try:
+                profile = pipeline.start(config).get_stream(rs.stream.color)
+            except RuntimeError as error:
+                failure = " ".join(str(error).split())
+                continue
+            try:
+                return RealSenseDevice(rs, pipeline, profile, self.name)
+            except EdgemapError:
+                pipeline.stop()
+                raise
+        raise CameraError(f"{self.name} does not start its colour stream ({failure})")
+
+    def config(self) -> Any:
+        """A configuration that names the device. Raises CameraError where there is none."""
+        serials = [number for number, _ in devices()]
+        if not serials:
+            raise CameraError(
+                "no RealSense device found (check the cable, a USB 3 port, and librealsense's udev rules)"
+            )
+        if self._serial is not None and self._serial not in serials:
+            raise CameraError(f"no RealSense device with serial {self._serial} found; connected: {', '.join(serials)}")
+        self._serial = self._serial or serials[0]  # the same one when it is opened again
+        config = self._rs.config()
+        config.enable_device(self._serial)
+        return config
+
+    def reset(self) -> bool:
+        """librealsense's hardware reset: the device leaves the bus and comes back. False where it is not there."""
+        for device in self._context.query_devices():
+            if device.get_info(self._rs.camera_info.serial_number) == self._serial:
+                device.hardware_reset()
+                return True
+        return False
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """librealsense's device-change callback, for any device that comes and for this one where it goes."""
+
+        def told(event: Any) -> None:
+            if len(event.get_new_devices()):
+                changed(True)
+            elif self._serial not in [number for number, _ in devices()]:
+                changed(False)
+
+        self._context.set_devices_changed_callback(told)
 
 
 class RealSenseRecording(CameraBase):
@@ -175,8 +215,8 @@ class RealSenseRecording(CameraBase):
     def _frame(self, colour: Any) -> Frame:
         stamp_s = colour.get_timestamp() / 1000.0
         if stamp_s <= self._last_s:
-            raise CameraError(
-                f"{self._path}: frame {self._delivered} at {stamp_s:.4f} s does not come after {self._last_s:.4f} s"
+            raise CameraFault(
+                FaultKind.CLOCK, f"{self._path}: a frame at {stamp_s:.4f} s does not come after {self._last_s:.4f} s"
             )
         self._last_s = stamp_s
         image = to_bgr(self._rs, colour, str(self._path))

@@ -10,6 +10,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, read_facts, read_trajectory_file
@@ -71,7 +72,9 @@ class RecordingCamera(CameraBase):
         stamp_ns, image, _ = decoded
         name = f"{self.name}#{self._delivered}"
         if self._last_ns is not None and stamp_ns <= self._last_ns:
-            raise CameraError(f"{name}: at {to_s(stamp_ns):.6f} s, not after {to_s(self._last_ns):.6f} s")
+            raise CameraFault(
+                FaultKind.CLOCK, f"{name}: at {to_s(stamp_ns):.6f} s, not after {to_s(self._last_ns):.6f} s, skipped"
+            )
         self._last_ns = stamp_ns
         return self.frame(image, self._exact.get(stamp_ns, to_s(stamp_ns)), name)
 
@@ -103,7 +106,10 @@ class RecordingCamera(CameraBase):
             return None
         log_ns, decode = found
         message = decode()
-        image = self._picture(message, f"{self.name} picture {self._delivered}")
+        try:
+            image = self._picture(message, f"{self.name} picture {self._delivered}")
+        except CameraError as error:
+            raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
         return ns_of(message.header.stamp) or log_ns, image, message.header.frame_id
 
     def _describe(self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -105,14 +106,20 @@ class VideoCamera(CameraBase):
 
 
 def _open_quietly(path: Path) -> cv2.VideoCapture:
-    # Without a named backend OpenCV also takes the path for a picture pattern. What fails is said in our own line,
-    # so OpenCV's and FFmpeg's are kept off the terminal.
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    # Without a named backend OpenCV also takes the path for a picture pattern.
     known = cv2.videoio_registry.getBackends()
+    with quietly():
+        return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """What fails is said in our own line, so OpenCV's and FFmpeg's are kept off the terminal."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     logging: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV before 4.10 keeps both functions at its top
     level = logging.getLogLevel()
     logging.setLogLevel(LOG_SILENT)
     try:
-        return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
+        yield
     finally:
         logging.setLogLevel(level)

@@ -1,0 +1,80 @@
+"""When to open a camera again, when to reset it, and when to give up: numbers and a clock, no hardware."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryRule:
+    """How patient the supervisor of a live camera is.
+
+    first_frame_limit_s: silence allowed before the first frame: devices wake slowly. stall_intervals, stall_limit_s:
+    a frame is late after this many of the camera's own median frame intervals, at least so many seconds.
+    retries: failed grabs in a row before the device is opened again. reset_every: each so many-th opening is preceded
+    by a hardware reset, where the camera has one. back_off_s, back_off_limit_s: wait before the second opening in a
+    row, doubled each time, and its limit; settle_s of frames end the row. restarts: openings that may be spent;
+    refill_s of frames give one back.
+    """
+
+    first_frame_limit_s: float = 10.0
+    stall_intervals: float = 10.0
+    stall_limit_s: float = 1.0
+    retries: int = 3
+    reset_every: int = 2
+    back_off_s: float = 0.5
+    back_off_limit_s: float = 30.0
+    settle_s: float = 5.0
+    restarts: int = 20
+    refill_s: float = 30.0
+
+
+class RecoveryClock:
+    """Keeps the intervals between frames, the restarts that are left, and when the next one is due."""
+
+    def __init__(self, rule: RecoveryRule, now_s: float) -> None:
+        self.rule = rule
+        self.restarts = 0  # in a row
+        self.spent = 0.0
+        self.heard_s = now_s
+        self._intervals_s: deque[float] = deque(maxlen=30)
+        self._fresh = True  # no frame since the device was opened
+        self._restarted_s = now_s
+
+    @property
+    def stall_limit_s(self) -> float:
+        """How long the device may be silent, s."""
+        if not self._intervals_s:
+            return self.rule.first_frame_limit_s
+        running = max(self.rule.stall_limit_s, self.rule.stall_intervals * statistics.median(self._intervals_s))
+        return min(self.rule.first_frame_limit_s, 3.0 * running) if self._fresh else running
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the budget is spent."""
+        return self.spent > self.rule.restarts - 1
+
+    def frame(self, now_s: float) -> None:
+        """A good frame has arrived."""
+        if not self._fresh:
+            self._intervals_s.append(now_s - self.heard_s)
+            self.spent = max(0.0, self.spent - (now_s - self.heard_s) / self.rule.refill_s)
+        self.heard_s, self._fresh = now_s, False
+        if now_s - self._restarted_s >= self.rule.settle_s:
+            self.restarts = 0
+
+    def restart(self, now_s: float) -> bool:
+        """Take one restart; whether it should begin with a hardware reset."""
+        self.restarts += 1
+        self.spent += 1.0
+        self.heard_s = self._restarted_s = now_s
+        self._fresh = True
+        return self.restarts % self.rule.reset_every == 0
+
+    def back_off_s(self) -> float:
+        """How long to wait before the next restart, s: none before the first in a row."""
+        if self.restarts == 0:
+            return 0.0
+        return min(self.rule.back_off_limit_s, self.rule.back_off_s * 2.0 ** (self.restarts - 1))

@@ -1,0 +1,40 @@
+"""A network camera: `rtsp://` or `http(s)://`, through OpenCV's FFmpeg."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from urllib.parse import urlsplit
+
+import cv2
+
+from edgemap.runtime.cameras.video import quietly
+from edgemap.runtime.cameras.webcam import CaptureDevice
+from edgemap.runtime.errors import CameraError
+
+OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
+
+
+class StreamDriver:
+    """Opens the address. Its password, where it has one, stays out of every message."""
+
+    def __init__(self, url: str) -> None:
+        host = urlsplit(url)
+        self.name = url.replace(f"{host.username}:{host.password}@", "") if host.password else url
+        self._url = url
+
+    def open(self) -> CaptureDevice:
+        """Connect, within 5 s, and decode the header. Raises CameraError."""
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_LIMIT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
+        with quietly():
+            capture = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, limits)
+        if not capture.isOpened():
+            capture.release()
+            raise CameraError(f"{self.name}: no stream that FFmpeg reads (is the address right, and the camera on?)")
+        return CaptureDevice(capture, self.name)
+
+    def reset(self) -> bool:
+        """There is none."""
+        return False
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """A stream that ends says so by failing reads."""

@@ -1,0 +1,114 @@
+"""The newest-frame mailbox and its thread, with a source that a test drives in real time."""
+
+# pyright: reportOptionalMemberAccess=false
+
+import queue
+import time
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.cameras.fault import CameraFault, FaultKind, FrameTimeout
+from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.errors import CameraError
+
+
+class Source:
+    """A driver and its device: gives what a test puts in; an exception put in is raised."""
+
+    name, size, rate_hz, intrinsics = "fake", (6, 4), None, None
+
+    def __init__(self):
+        self.items = queue.Queue()
+        self.taken = self.closed = 0
+
+    def open(self):
+        return self
+
+    def reset(self):
+        return False
+
+    def watch(self, changed):
+        pass
+
+    def grab(self):
+        try:
+            item = self.items.get(timeout=0.02)
+        except queue.Empty:
+            return None
+        self.taken += 1
+        if isinstance(item, Exception):
+            raise item
+        return item
+
+    def put(self, stamp_s):
+        self.items.put((stamp_s, np.full((4, 6, 3), round(20 * stamp_s) % 256, np.uint8)))
+
+    def settle(self, count):
+        until = time.monotonic() + 5
+        while self.taken < count and time.monotonic() < until:
+            time.sleep(0.005)
+        time.sleep(0.05)
+
+    def close(self):
+        self.closed += 1
+
+
+@pytest.fixture
+def source():
+    return Source()
+
+
+def test_a_slow_reader_gets_the_newest_and_none_twice(source):
+    with LiveCamera(source) as camera:
+        for number in range(10):
+            source.put(number / 20)
+        source.put(9.0 / 20 + 0.05)
+        source.settle(11)
+        first = camera.read()
+        assert (first.index, first.stamp_s) == (0, 0.5)
+        source.put(1.0)
+        second = camera.read()
+        assert (second.index, second.stamp_s) == (1, 1.0)
+    assert source.closed == 1
+
+
+def test_a_failing_grab_is_a_fault_and_the_next_frame_comes(source):
+    with LiveCamera(source) as camera:
+        source.put(1.0)
+        assert camera.read().stamp_s == 1.0
+        source.items.put(MemoryError("cannot allocate"))
+        with pytest.raises(CameraFault, match=r"fake: stopped delivering \(MemoryError: cannot allocate\)") as caught:
+            camera.read()
+        assert caught.value.kind is FaultKind.FAILED
+        source.put(1.1)
+        with pytest.raises(CameraFault, match=r"delivers again after 0\.\d s \(opened 0 times, reset 0 times\)"):
+            camera.read()
+        assert camera.read().index == 1
+
+
+def test_a_read_without_a_frame_comes_back_soon(source):
+    with LiveCamera(source) as camera:
+        source.put(1.0)
+        camera.read()
+        start = time.monotonic()
+        with pytest.raises(FrameTimeout, match=r"no frame within 0\.5 s") as caught:
+            camera.read()
+        assert 0.4 < time.monotonic() - start < 0.9
+        assert caught.value.stamp_s == pytest.approx(1.5, abs=0.3)
+
+
+def test_a_picture_of_another_size_than_the_lens_is_refused(source):
+    with LiveCamera(source, Intrinsics(640, 480, 500, 500, 320, 240)) as camera:
+        source.put(1.0)
+        with pytest.raises(CameraError, match="6x4, the intrinsics are for 640x480"):
+            camera.read()
+
+
+def test_reading_after_close_is_the_end(source):
+    camera = LiveCamera(source)
+    camera.close()
+    camera.close()
+    assert camera.read() is None
+    assert source.closed == 1

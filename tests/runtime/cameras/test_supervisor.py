@@ -1,0 +1,203 @@
+"""The ladder from a late frame to a lost camera, on a clock that the test owns."""
+
+# pyright: reportOptionalMemberAccess=false
+
+import cv2
+import numpy as np
+import pytest
+from support.live_camera import drain, picture, scripted
+
+from edgemap.runtime.cameras.fault import CameraFault, CameraLostError, CameraState, FaultKind, FrameTimeout
+from edgemap.runtime.cameras.recovery import RecoveryRule
+
+
+def kinds(told):
+    return [fault.kind.value for fault in told]
+
+
+def increasing(frames):
+    stamps = [frame.stamp_s for frame in frames]
+    assert np.isfinite(stamps).all()
+    assert (np.diff(stamps) > 0).all()
+    return np.diff(stamps)
+
+
+def test_a_three_second_stall_is_told_and_recovers():
+    silent = dict.fromkeys(range(20, 50))  # 3 s at 10 Hz
+    camera, driver, _ = scripted(silent)
+    told = []
+    frames = drain(camera, 40, told)
+    assert kinds(told) == ["late", "recovered"]
+    assert "no frame for 1.0 s (limit 1.0 s)" in str(told[0])
+    assert increasing(frames).max() == pytest.approx(3.1, abs=0.3)  # opened again meanwhile: the host's clock counts
+    assert camera.state is CameraState.RUNNING
+    assert driver.calls == ["open", "close", "open"]
+
+
+def test_the_stall_limit_follows_the_frame_rate():
+    camera, driver, _ = scripted({}, rate_hz=2.0)
+    drain(camera, 30)
+    assert camera._supervisor.stall_limit_s == pytest.approx(5.0, abs=0.2)
+    driver.script = {driver.grabs + i: None for i in range(8)}  # 4 s
+    told = []
+    drain(camera, 3, told)
+    assert told == []
+
+
+def test_a_process_that_stood_still_opens_nothing_again():
+    camera, driver, clock = scripted()
+    drain(camera, 20)
+    clock.now_s += 2.0  # SIGSTOP: the host's clock goes on, the grab under way finds nothing
+    driver.script = {driver.grabs: None}
+    told = []
+    drain(camera, 5, told)
+    assert kinds(told) == ["late", "recovered"]
+    assert driver.calls == ["open"]
+
+
+@pytest.mark.parametrize(
+    "error", [RuntimeError("USB"), OSError(19, "No such device"), MemoryError(), cv2.error("decode"), ValueError("?")]
+)
+def test_whatever_a_grab_raises_is_a_fault(error):
+    camera, driver, _ = scripted({5: error})
+    told = []
+    frames = drain(camera, 20, told)
+    assert kinds(told) == ["failed", "recovered"]
+    assert type(error).__name__ in str(told[0])
+    assert "\n" not in str(told[0])
+    assert driver.calls == ["open"]  # retried, not opened again
+    increasing(frames)
+
+
+def test_a_device_that_stays_dead_is_opened_then_reset_with_growing_waits():
+    errors = {number: RuntimeError("dead") for number in range(10, 14)}
+    camera, driver, clock = scripted(errors, closed=4)
+    told, before = [], clock()
+    drain(camera, 20, told)
+    assert driver.calls == ["open", "close", "open", "reset", "open", "open", "reset", "open", "open"]
+    assert kinds(told) == ["failed", *["closed"] * 4, "recovered"]
+    assert "opened 5 times, reset 2 times" in str(told[-1])
+    assert clock() - before == pytest.approx(2.0 + 0.4 + 0.15 + 0.5 + 1.0 + 2.0 + 4.0, abs=0.5)
+
+
+def test_an_unplugged_device_is_noticed_at_once_and_one_plugged_in_is_opened_at_once():
+    camera, driver, clock = scripted(closed=6)
+    drain(camera, 20)
+    driver.changed(False)
+    told, before = [], clock()
+    with pytest.raises(CameraFault) as caught:
+        camera.read()
+    assert caught.value.kind is FaultKind.REMOVED
+    while driver.closed > 1:
+        with pytest.raises((CameraFault, FrameTimeout)):
+            camera.read()
+    driver.closed, waited = 0, clock()
+    driver.changed(True)
+    drain(camera, 1, told)
+    assert clock() - waited < 0.5  # and not the 16 s of its back-off
+    assert waited - before > 7.0
+
+
+def test_a_camera_that_never_comes_back_is_lost_after_its_budget():
+    rule = RecoveryRule(restarts=4)
+    camera, driver, _ = scripted({n: RuntimeError("dead") for n in range(10, 20)}, rule)
+    driver.closed = 1000
+    drain(camera, 10)
+    told = []
+    with pytest.raises(CameraLostError, match=r"lost, no frame for \d+ s and 4 restarts are spent") as caught:
+        drain(camera, 1, told)
+    assert kinds(told) == ["failed", *["closed"] * 4]
+    assert camera.state is CameraState.LOST
+    assert caught.value.exit_code == 3
+    with pytest.raises(CameraLostError):
+        camera.read()
+
+
+def test_a_device_that_delivers_one_frame_each_time_backs_off_too():
+    dead = {n: RuntimeError("dead") for n in range(1000) if n % 5}
+    camera, driver, clock = scripted(dead)
+    before = clock()
+    with pytest.raises(CameraLostError):
+        drain(camera, 1000)
+    assert clock() - before > 300.0
+    assert driver.calls.count("open") == 21
+
+
+def test_the_budget_grows_again_while_frames_come():
+    rule = RecoveryRule(restarts=3, refill_s=10.0)
+    errors = {start + n: RuntimeError("dead") for start in range(0, 3000, 300) for n in range(4)}
+    camera, driver, _ = scripted(errors, rule)
+    assert len(drain(camera, 2900)) == 2900
+    assert driver.calls.count("open") == 11
+
+
+def test_away_the_stream_time_goes_on():
+    camera, _, _ = scripted(dict.fromkeys(range(10, 30)))
+    last = drain(camera, 10)[-1].stamp_s
+    with pytest.raises(FrameTimeout) as caught:
+        camera.read()
+    assert caught.value.stamp_s == pytest.approx(last + 0.5, abs=0.11)
+    assert caught.value.state is CameraState.RUNNING
+    with pytest.raises(CameraFault, match="no frame for"):
+        camera.read()
+    with pytest.raises(FrameTimeout) as caught:
+        camera.read()
+    assert caught.value.state is CameraState.DEGRADED
+
+
+STILL = picture(77)
+
+
+@pytest.mark.parametrize(
+    ("script", "expected", "delivered"),
+    [
+        ({5: (100.55, picture(4)), 6: (100.55, picture(4))}, ["stamp", "stale"], 1),
+        ({5: (float("nan"), picture(5))}, ["stamp"], 1),
+        ({5: (float("inf"), picture(5))}, ["stamp"], 1),
+        ({5: (1e308, picture(5))}, ["clock"], 1),
+        ({5: (3.0, picture(5))}, ["clock"], 1),
+        ({5: (5000.0, picture(5))}, ["clock"], 1),
+        ({5: (100.6, picture(5, (8, 4)))}, ["size"], 0),
+        ({5: (100.6, picture(5).astype(np.float32))}, ["format"], 0),
+        ({5: (100.6, np.zeros((4, 6, 4), np.uint8))}, ["format"], 0),
+        ({5: (100.6, picture(5)[..., 1])}, ["grey"], 1),
+        ({5: (100.6, np.full((4, 6, 3), 128, np.uint8))}, ["grey"], 1),
+        ({5: (100.6, STILL), 6: (100.7, STILL), 7: (100.8, STILL)}, ["stale"], 3),
+    ],
+)
+def test_what_is_wrong_with_a_picture_is_named_and_stamps_go_on(script, expected, delivered):
+    camera, driver, _ = scripted(script)
+    told = []
+    frames = drain(camera, 30, told)
+    assert kinds(told) == expected or (kinds(told) == ["stale"] and expected == ["stamp", "stale"])
+    assert driver.calls == ["open"]
+    assert driver.grabs == 30 + len(script) - delivered
+    assert increasing(frames).max() < 0.35
+
+
+def test_a_camera_that_stays_at_another_size_is_opened_again():
+    script = {n: (100.0 + n / 10, picture(n, (8, 4))) for n in range(10, 40)}
+    camera, driver, _ = scripted(script)
+    told = []
+    drain(camera, 20, told)
+    assert kinds(told) == ["size", "late", "recovered"]
+    assert driver.calls[:3] == ["open", "close", "open"]
+
+
+def test_a_restarted_device_clock_is_no_fault():
+    errors = {number: RuntimeError("dead") for number in range(10, 14)}
+    script = errors | {n: ((n - 14) / 10.0, picture(n)) for n in range(14, 30)}
+    camera, _, _ = scripted(script)
+    told = []
+    frames = drain(camera, 25, told)
+    assert kinds(told) == ["failed", "recovered"]
+    np.testing.assert_allclose(increasing(frames)[11:], 0.1, atol=1e-6)
+
+
+def test_drift_between_the_clocks_is_no_fault():
+    script = {n: (50.0 + n * 0.1001, picture(n)) for n in range(2000)}
+    camera, _, _ = scripted(script)
+    told = []
+    frames = drain(camera, 2000, told)
+    assert told == []
+    np.testing.assert_allclose(increasing(frames), 0.1001, atol=1e-9)

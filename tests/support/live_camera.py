@@ -1,0 +1,96 @@
+"""Cameras that a test drives on a clock of its own: what a device does is a script, what time it is a number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.errors import CameraError
+
+
+class Clock:
+    """Seconds that pass when somebody waits."""
+
+    def __init__(self, now_s=1000.0):
+        self.now_s = now_s
+
+    def __call__(self):
+        return self.now_s
+
+    def wait(self, seconds):
+        self.now_s += max(seconds, 1e-3)
+
+
+def picture(level, size=(6, 4)):
+    """Colourful, so that it is neither grey nor a repeat of another level's."""
+    image = np.full((size[1], size[0], 3), level % 256, np.uint8)
+    image[..., 0] = (level + 100) % 256
+    return image
+
+
+class ScriptedDriver:
+    """A camera at `rate_hz`. script: what the n-th grabs give: a value to raise, a picture to deliver, or None for
+    silence; a frame with the device's own clock else. closed: how often `open` fails after the first time."""
+
+    name = "fake"
+
+    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, resets=True):
+        self.clock, self.script, self.closed, self.resets = clock, dict(script or {}), closed, resets
+        self.period_s, self.size, self.rate_hz, self.intrinsics = 1.0 / rate_hz, (6, 4), rate_hz, None
+        self.calls, self.opened, self.grabs, self.changed = [], 0, 0, None
+
+    def open(self):
+        self.calls.append("open")
+        if self.opened and self.closed:
+            self.closed -= 1
+            raise RuntimeError("failed to set power state")
+        self.opened += 1
+        return self
+
+    def grab(self):
+        self.clock.wait(self.period_s)
+        number, self.grabs = self.grabs, self.grabs + 1
+        planned = self.script.pop(number, "frame")
+        if planned is None:
+            return None
+        if isinstance(planned, Exception):
+            raise planned
+        if isinstance(planned, tuple):
+            return planned
+        return self.clock() - 900.0, picture(number)
+
+    def close(self):
+        self.calls.append("close")
+
+    def reset(self):
+        self.calls.append("reset")
+        return self.resets
+
+    def watch(self, changed):
+        self.changed = changed
+
+
+def scripted(script=None, rule=None, **options):
+    """(camera, driver, clock)."""
+    clock = Clock()
+    driver = ScriptedDriver(clock, script, **options)
+    return LiveCamera(driver, rule=rule, clock_s=clock, wait=clock.wait), driver, clock
+
+
+def drain(camera, frames, told=None, limit=100_000):
+    """The next frames; faults go to `told`, and timeouts are waited through."""
+    from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout
+
+    got = []
+    while len(got) < frames:
+        limit -= 1
+        if limit < 0:
+            raise CameraError("no frames any more")
+        try:
+            got.append(camera.read())
+        except CameraFault as fault:
+            if told is not None:
+                told.append(fault)
+        except FrameTimeout:
+            pass
+    return got
