@@ -12,6 +12,7 @@ import psutil
 from numpy.typing import NDArray
 
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.cameras.reading import next_frame
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.slam import SemanticSlam
@@ -42,7 +43,7 @@ class Ring:
 def read_ring(camera: Camera, first: Frame) -> Ring:
     """Fill a ring from a camera whose first frame was read already. Raises CameraError for fewer than two frames."""
     frames, start = [first], time.perf_counter()
-    while len(frames) < RING and (frame := camera.read()) is not None:
+    while len(frames) < RING and (frame := next_frame(camera, lambda _: None)) is not None:
         frames.append(frame)
     if len(frames) < 2:
         raise CameraError(f"bench needs two frames or more, {camera.name} gave {len(frames)}")

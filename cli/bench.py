@@ -48,6 +48,7 @@ def command(
 
     from edgemap.benchmarks.bench import compare, measure, read_ring
     from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.cameras.reading import next_frame
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.mapper import Mapper
@@ -68,7 +69,7 @@ def command(
             return SemanticSlam(Pipeline(loaded, floor, odometry), Mapper())
 
         pipeline = new_slam()
-        first = source.read()
+        first = next_frame(source, lambda _: None)
         if first is None:
             raise CameraError(f"{camera}: no frames")
         pipeline.step(first)

@@ -20,6 +20,8 @@ from edgemap.cli.options import (
 )
 from edgemap.geometry.errors import EdgemapError
 
+WAIT_S = 20.0  # for the first frame of a camera
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -187,16 +189,23 @@ def _camera(
     spec: str, mount: str | None, intrinsics: str | None, camera_file: Path | None, plot: Path | None
 ) -> Iterator[Finding]:
     from math import degrees
+    from time import monotonic
 
     from edgemap.cli.options import lens_and_mount, open_described
     from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.cameras.fault import CameraFault
+    from edgemap.runtime.cameras.reading import next_frame
 
+    faults: list[CameraFault] = []
     try:
         with open_described(spec, camera_file) as source:
-            frame = source.read()
+            until_s = monotonic() + WAIT_S
+            frame = next_frame(source, faults.append, lambda: monotonic() > until_s)
             if frame is None:
-                yield Finding("camera", "broken", f"{spec}: no frames")
+                yield Finding("camera", "broken", f"{spec}: no frames within {WAIT_S:.0f} s")
                 return
+            for fault in faults:
+                yield Finding("camera", "broken", str(fault))
             rate = f"{source.rate_hz:.1f} Hz" if source.rate_hz else "rate unknown"
             width, height = source.size
             yield Finding("camera", "ok", f"{spec}: {width}x{height}, {rate}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,6 +52,7 @@ def command(
     RealSense recording or another MCAP file as --camera is converted.
     """
     from edgemap.geometry.errors import EdgemapError
+    from edgemap.runtime.cameras.reading import next_frame
     from edgemap.runtime.loop import stop_on_signals
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
@@ -66,12 +68,13 @@ def command(
         with stop_on_signals() as stop:
             try:
                 while (frames is None or recorder.frames < frames) and not stop.is_set():
-                    frame = source.read()
+                    frame = next_frame(source, lambda fault: print(fault, file=sys.stderr), stop.is_set)
                     if frame is None:
                         break
                     recorder.picture(frame)
             except EdgemapError as error:
-                raise type(error)(f"{error}; the {recorder.frames} pictures so far are in {out}") from None
+                error.args = (f"{error}; the {recorder.frames} pictures so far are in {out}",)
+                raise
             finally:
                 recorder.close()
     unknown = [name for name, known in (("lens", facts.intrinsics), ("mount", facts.mount)) if known is None]

@@ -84,6 +84,9 @@ def command(
     lossless: Annotated[bool, tyro.conf.arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     threads: Threads = None,
     precision: PrecisionName = "float32",
+    strict: Annotated[
+        bool, tyro.conf.arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
+    ] = False,
     allow_untrained: Annotated[
         bool, tyro.conf.arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
     ] = False,
@@ -139,12 +142,13 @@ def command(
             sinks = [RunFolder(folder, floor, record), report, progress, latest, *page.sinks, *tape]
             with stop_on_signals() as stop:
                 try:
-                    done = run(page.camera(source, stop), SemanticSlam(pipeline, mapper), sinks, frames, stop)
+                    done = run(page.camera(source, stop), SemanticSlam(pipeline, mapper), sinks, frames, stop, strict)
                 except EdgemapError as error:
                     if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                         raise
                     so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
-                    raise type(error)(f"{error}; {so_far}") from None
+                    error.args = (f"{error}; {so_far}",)
+                    raise
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
             _summary(done, latest, stop.is_set(), report.evaluation_rows)
             if line := where_it_was(mapper, saved):

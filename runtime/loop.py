@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam
@@ -20,16 +21,27 @@ def run(
     sinks: Sequence[Sink],
     frames: int | None = None,
     stop: threading.Event | None = None,
+    strict: bool = False,
 ) -> int:
     """Drive until the camera ends, `frames` are done or `stop` is set; the number of frames done.
 
-    Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure on the way is told to
-    the sinks before it is raised again.
+    A camera fault is told to the sinks and driving goes on; strict: it ends the run. Sinks are closed whatever
+    happens, so the map gathered so far is on disk. A known failure on the way is told to the sinks before it is raised
+    again.
     """
     done = 0
     try:
         while (frames is None or done < frames) and not (stop and stop.is_set()):
-            frame = camera.read()
+            try:
+                frame = camera.read()
+            except FrameTimeout:
+                continue
+            except CameraFault as fault:
+                if strict:
+                    raise
+                for sink in sinks:
+                    sink.fault(str(fault))
+                continue
             if frame is None:
                 break
             result = slam.step(frame)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.cameras.reading import next_frame
 from edgemap.runtime.errors import CalibrationError
 from edgemap.runtime.frame import Frame
 
@@ -101,7 +102,7 @@ def board_views(
 def frames_of(camera: Camera, pictures: int | None, stopped: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
     """A camera's frames, at most so many, until somebody says stop."""
     while (pictures is None or pictures > 0) and not stopped():
-        frame = camera.read()
+        frame = next_frame(camera, lambda _: None, stopped)
         if frame is None:
             return
         yield frame

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from edgemap.runtime.cameras.live import LiveCamera
@@ -70,10 +72,10 @@ class ScriptedDriver:
         self.changed = changed
 
 
-def scripted(script=None, rule=None, **options):
+def scripted(script=None, rule=None, **options) -> Any:
     """(camera, driver, clock)."""
     clock = Clock()
-    driver = ScriptedDriver(clock, script, **options)
+    driver: Any = ScriptedDriver(clock, script, **options)
     return LiveCamera(driver, rule=rule, clock_s=clock, wait=clock.wait), driver, clock
 
 

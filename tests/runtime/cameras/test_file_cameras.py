@@ -209,3 +209,21 @@ def test_opening_a_folder_imports_no_realsense(tmp_path):
         "print([m for m in ('pyrealsense2', 'torch', 'onnx', 'matplotlib') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "[]\n"
+
+
+def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path):
+    from edgemap.runtime.cameras.reading import next_frame
+
+    write_pictures(tmp_path / "p", 5)
+    (tmp_path / "p" / "0.png").write_bytes(b"broken")
+    (tmp_path / "p" / "2.png").unlink()
+    write_pictures(tmp_path / "q", 3, size=(20, 30))
+    (tmp_path / "q" / "2.png").rename(tmp_path / "p" / "3.png")
+    faults, frames = [], []
+    with open_camera(str(tmp_path / "p")) as camera:
+        assert camera.size == (64, 48)
+        (tmp_path / "p" / "1.png").unlink()
+        while (frame := next_frame(camera, faults.append)) is not None:
+            frames.append(frame)
+    assert [fault.kind.value for fault in faults] == ["damaged", "damaged", "size"]
+    assert [(frame.index, frame.stamp_s) for frame in frames] == [(0, 0.3)]  # stamps stay where the files are

@@ -1,0 +1,41 @@
+"""A network camera that stalls, leaves the network and comes back, in real time."""
+
+import time
+
+import numpy as np
+import pytest
+from support.live_camera import drain
+from support.mjpeg import MjpegServer
+
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.fault import CameraState
+from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.errors import CameraError
+
+
+def test_a_stream_that_goes_away_comes_back():
+    with MjpegServer() as server, open_camera(server.url) as camera:
+        assert isinstance(camera, LiveCamera)
+        assert camera.live
+        assert camera.size == (64, 48)
+        told = []
+        frames = drain(camera, 20, told)
+        assert told == []
+        server.stop()
+        time.sleep(0.5)
+        server.start()
+        frames += drain(camera, 20, told)
+        stamps = [frame.stamp_s for frame in frames]
+        assert (np.diff(stamps) > 0).all()
+        assert told[0].kind.value == "failed"
+        assert told[-1].kind.value == "recovered"
+        assert camera.state is CameraState.RUNNING
+        assert server.connections >= 2
+
+
+def test_no_stream_is_one_line_without_the_password():
+    with MjpegServer() as server:
+        port = server.port
+    with pytest.raises(CameraError, match=rf"^http://127\.0\.0\.1:{port}/x: no stream that FFmpeg reads") as caught:
+        open_camera(f"http://user:secret@127.0.0.1:{port}/x")
+    assert "secret" not in str(caught.value)
