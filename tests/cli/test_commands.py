@@ -148,9 +148,20 @@ def test_an_untrained_head_runs_when_forced(edgemap, painted_bundle, pictures, t
     assert edgemap("run", "--camera", pictures, "--bundle", painted_bundle, *flags).returncode == 0
 
 
-def test_a_picture_that_is_none_ends_the_run_with_the_map_saved(edgemap, painted_bundle, pictures, tmp_path):
+def test_a_picture_that_is_none_is_skipped_and_counted(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
     result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    faults = [
+        fault for fault in record["faults"] if "8.png: not a picture that OpenCV reads (13 bytes), skipped" in fault
+    ]
+    assert len(faults) == 1
+
+
+def test_a_picture_that_is_none_ends_a_strict_run_with_the_map_saved(edgemap, painted_bundle, pictures, tmp_path):
+    (pictures / "8.png").write_bytes(b"not a picture")
+    result = edgemap("run", "--camera", pictures, "--strict", "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert "8.png: not a picture" in one_line(result)
     assert load_map(tmp_path / "run")[0].count == 8
 
