@@ -14,8 +14,8 @@ def command(
         tyro.conf.Positional,
         tyro.conf.arg(
             metavar="NAME|URL|FOLDER",
-            help="yolov3-tiny, yolov3 or yolox-nano (needs the extra 'export'); or a finished bundle: its folder, or "
-            "the URL of one (needs nothing).",
+            help="yolov3-tiny, yolov3, yolox-nano or picodet-s (needs the extra 'export'); or a finished bundle: its "
+            "folder, or the URL of one (needs nothing).",
         ),
     ],
     given: Annotated[

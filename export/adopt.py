@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import onnx
 from google.protobuf.message import DecodeError
@@ -12,6 +14,7 @@ from onnx import ModelProto, version_converter
 from edgemap.export.coco import class_entries
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
+from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.manifest import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
 
 YOLOX_STRIDES = (8, 16, 32)
@@ -87,24 +90,41 @@ def find_tap(tensors: list[Tensor4], stride: int, width: int, height: int) -> Te
 def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]:
     """Recognise a detector and tap its feature tensor as one more output.
 
-    feature: a tensor's name, or `stride8`, `stride16`, `stride32`; None taps nothing. The only known rule is
-    YOLOX's: one output (1, cells of strides 8, 16, 32, 5 + classes). Its pictures are BGR, 0..255, letterboxed to the
-    top left with grey 114. Raises ExportError.
+    feature: a tensor's name, or `stride8`, `stride16`, `stride32`; None taps nothing. Known are YOLOX's output, (1,
+    cells of strides 8, 16, 32, 5 + classes) of BGR pictures, 0..255, letterboxed to the top left with grey 114; and
+    PicoDet's (`export.picodet`). Raises ExportError.
     """
     model = load_onnx(path)
-    spec, head, classes = _yolox(model, path)
+    if is_picodet(model):
+        model = trim(model)
+        spec, heads, classes = picodet_contract(model)
+        decode: Literal["yolox", "dfl"] = "dfl"
+    else:
+        spec, head, classes = _yolox(model, path)
+        heads, decode = (head,), "yolox"
     features: tuple[FeatureSpec, ...] = ()
     if feature is not None:
         features = (_tap(model, path, feature, spec),)
     detector = Detector(
         file="backbone.onnx",
         input=spec,
-        decode="yolox",
-        heads=(head,),
+        decode=decode,
+        heads=heads,
         features=features,
         classes=class_entries(classes),
     )
     return model, detector
+
+
+def with_outputs(path: Path, names: Sequence[str]) -> bytes:
+    """The file's network with these tensors as its outputs, for a comparison."""
+    model = load_onnx(path)
+    shapes = {tensor.name: (1, tensor.channels, tensor.height, tensor.width) for tensor in static_tensors(model)}
+    del model.graph.output[:]
+    model.graph.output.extend(
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shapes[name]) for name in names
+    )
+    return model.SerializeToString()
 
 
 def _yolox(model: ModelProto, path: Path) -> tuple[InputSpec, HeadSpec, int]:

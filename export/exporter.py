@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from edgemap.export import parity
-from edgemap.export.backbones import Backbone, adopted_backbone, darknet_backbone
+from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone
 from edgemap.export.bundle_writer import write_bundle
 from edgemap.export.calibration import read_calibration
 from edgemap.export.detector.backbone import NAME as NANO
@@ -119,7 +119,7 @@ def _file_of(backbone: str) -> str:
 
 def is_onnx(backbone: str) -> bool:
     """Whether a backbone, by name or file, is adopted from its ONNX graph and not built here."""
-    return backbone.endswith(".onnx") or backbone == "yolox-nano"
+    return backbone.endswith(".onnx") or backbone in ADOPTED
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:

@@ -150,9 +150,10 @@ def random_geometry(generator: np.random.Generator, record: OdometryHead) -> Ten
     return {spec.cells: cells, spec.mount: seat, spec.dt: np.array([[0.1]], dtype=np.float32)}
 
 
-def open_network(path: Path, threads: int = 2) -> Network:
-    """An ONNX file from elsewhere in onnxruntime, as a parity reference. Raises ExportError."""
+def open_network(source: Path | bytes, threads: int = 2) -> Network:
+    """An ONNX file or model from elsewhere in onnxruntime, as a parity reference. Raises ExportError."""
     try:
-        return open_onnxruntime(path, Compute(threads, spin=threads > 1))
+        return open_onnxruntime(source, Compute(threads, spin=threads > 1))
     except Exception as error:  # onnxruntime's exceptions share no public base
-        raise ExportError(f"{path}: onnxruntime does not load it ({str(error).splitlines()[0][:160]})") from None
+        name = "its model" if isinstance(source, bytes) else source
+        raise ExportError(f"{name}: onnxruntime does not load it ({str(error).splitlines()[0][:160]})") from None

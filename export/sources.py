@@ -29,7 +29,10 @@ class SourceArchive:
 
 @dataclass(frozen=True)
 class KnownModel:
-    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right; bytes: more than its size."""
+    """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right; bytes: more than its size.
+
+    confidence: least score of a box, as in the manifest.
+    """
 
     name: str
     file: str
@@ -37,6 +40,7 @@ class KnownModel:
     bytes: int
     licence: str
     sources: tuple[Web | SourceArchive, ...]
+    confidence: float = 0.3
 
 
 KNOWN = {
@@ -78,6 +82,16 @@ KNOWN = {
             bytes=4_000_000,
             licence="Apache-2.0 (Megvii, YOLOX)",
             sources=(Web("https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx"),),
+        ),
+        KnownModel(
+            name="picodet-s",
+            file="picodet_s_416.onnx",
+            # An export of PaddleDetection's picodet_s_416_coco_lcnet, 4,032,467 bytes, its weights no graph inputs.
+            sums=("72269b1d271af656e8c9a100d4ca1147b17356fac0d7d012acacaf3e94c0f371",),
+            bytes=4_500_000,
+            licence="Apache-2.0 (PaddlePaddle, PaddleDetection)",
+            sources=(),
+            confidence=0.5,
         ),
     )
 }

@@ -1,4 +1,4 @@
-"""Raw heads become boxes: YOLOv3 and YOLOX decode rules, then class-wise non-maximum suppression."""
+"""Raw heads become boxes: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from edgemap.runtime.preprocess import Placement
 
 Array = NDArray[np.float64]
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay
+DFL_BINS = 8  # per side of a box, whole strides 0 to 7
 
 
 class Decoder:
@@ -27,7 +28,7 @@ class Decoder:
     def __init__(self, detector: Detector, confidence: float = 0.3, nms_iou: float = 0.45) -> None:
         self._heads = detector.heads
         self._names = tuple(entry.name for entry in detector.classes)
-        self._rule = {"yolov3": _yolov3, "yolox": _yolox}[detector.decode]
+        self._rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
         self._size = (detector.input.width, detector.input.height)
         self.confidence = confidence
         self.nms_iou = nms_iou
@@ -90,6 +91,25 @@ def _yolox(output: NDArray[np.float32], head: HeadSpec, confidence: float, size:
         centres[here, 2:] = np.exp(picked[here, 2:4]) * stride
         first += columns * lines
     return centres, scores[scores >= confidence], classes
+
+
+def _dfl(output: NDArray[np.float32], head: HeadSpec, confidence: float, _size: tuple[int, int]) -> tuple:
+    """Generalized focal loss's heads (Li et al. 2020), as PicoDet has them: logits (1, C+32, H, W) to centre boxes.
+
+    No objectness: score = sigmoid of the best class. A side's distance from the cell's centre is the mean of its bins,
+    in strides.
+    """
+    columns, classes = output.shape[3], output.shape[1] - 4 * DFL_BINS
+    grid = output[0].reshape(output.shape[1], -1)
+    cell = np.flatnonzero(grid[:classes].max(axis=0) >= _logit(confidence))
+    logits = grid[:, cell].astype(np.float64)
+    labels = logits[:classes].argmax(axis=0)
+    bins = logits[classes:].reshape(4, DFL_BINS, len(cell))
+    weights = np.exp(bins - bins.max(axis=1, keepdims=True))
+    left, top, right, bottom = np.einsum("sbn,b->sn", weights / weights.sum(axis=1, keepdims=True), np.arange(DFL_BINS))
+    x, y = cell % columns + 0.5, cell // columns + 0.5
+    boxes = np.stack([x + (right - left) / 2.0, y + (bottom - top) / 2.0, left + right, top + bottom], axis=1)
+    return boxes * head.strides[0], _sigmoid(logits[labels, np.arange(len(cell))]), labels
 
 
 def _sigmoid(x: Array) -> Array:

@@ -56,6 +56,7 @@ class HeadSpec(Strict):
 
     yolov3: (1, A*(5+C), H, W) logits, anchors (w, h) in input pixels, scale_xy as Darknet's `scale_x_y`.
     yolox: (1, N, 5+C) for all strides in one tensor, rows ordered stride by stride; scores already sigmoid.
+    dfl: (1, C+32, H, W): class logits, then 8 bins for each side of the box (left, top, right, bottom).
     """
 
     name: str
@@ -87,7 +88,7 @@ class Detector(Strict):
 
     file: str
     input: InputSpec
-    decode: Literal["yolov3", "yolox"]
+    decode: Literal["yolov3", "yolox", "dfl"]
     heads: tuple[HeadSpec, ...]
     features: tuple[FeatureSpec, ...]
     classes: tuple[ClassEntry, ...]

@@ -21,9 +21,10 @@ def session_options(compute: Compute) -> ort.SessionOptions:
     return options
 
 
-def open_onnxruntime(path: Path, compute: Compute) -> Network:
-    """Load an ONNX file. Raises what onnxruntime raises, which shares no public base."""
-    session = ort.InferenceSession(str(path), session_options(compute), providers=PROVIDERS)
+def open_onnxruntime(source: Path | bytes, compute: Compute) -> Network:
+    """Load an ONNX file, or a model in memory. Raises what onnxruntime raises, which shares no public base."""
+    model = source if isinstance(source, bytes) else str(source)
+    session = ort.InferenceSession(model, session_options(compute), providers=PROVIDERS)
     outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
     names = list(outputs)
     return Network(

@@ -54,6 +54,26 @@ def test_yolox_rows_by_hand():
     np.testing.assert_allclose(found.boxes[0, 2:] - found.boxes[0, :2], [16, 24], atol=1e-4)
 
 
+def test_dfl_bins_by_hand():
+    """Two cells of a head of stride 8 in a 64x64 input: three classes, then eight bins for each of four sides."""
+    head = np.full((1, 3 + 32, 8, 8), -20.0, dtype=np.float32)
+    head[0, [1, 2], 2, 3] = [painted.logit(0.6), painted.logit(0.8)]  # row 2, column 3: its centre is (28, 20)
+    sides = head[0, 3:, 2, 3].reshape(4, 8)
+    sides[0, 1] = sides[1, 2] = sides[2, 3] = 20.0  # left 1 stride, top 2, right 3
+    sides[3, [4, 5]] = 20.0  # bottom: halfway between 4 and 5
+    head[0, 3:, 2, 3] = sides.ravel()
+    head[0, 0, 7, 7] = painted.logit(0.29)  # too weak
+    base = painted.detector_spec()
+    spec = Detector(
+        file="x.onnx", input=base.input, decode="dfl", features=(), classes=base.classes,
+        heads=(HeadSpec(name="out", shape=(1, 35, 8, 8), strides=(8,)),),
+    )  # fmt: skip
+    found = Decoder(spec, 0.3)({"out": head}, place(base.input, 64, 64))
+    assert found.class_ids.tolist() == [2]
+    assert found.scores == pytest.approx([0.8], abs=1e-5)
+    np.testing.assert_allclose(found.boxes, [[20, 4, 52, 56]], atol=1e-3)
+
+
 def overlap(a, b):
     low, high = np.maximum(a[:2], b[:2]), np.minimum(a[2:], b[2:])
     shared = np.prod(np.clip(high - low, 0, None))

@@ -1,0 +1,104 @@
+"""PicoDet (PaddleDetection, Yu et al. 2021) as a bundle's backbone: its raw heads, and hard-swish as one operator."""
+
+from __future__ import annotations
+
+import onnx
+from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
+
+from edgemap.runtime.decode import DFL_BINS
+from edgemap.runtime.manifest import HeadSpec, InputSpec
+
+STRIDES = (8, 16, 32, 64)
+SIDES = 4 * DFL_BINS
+OPSET = 14  # the first with HardSwish; written as add, clip, multiply, divide it takes a third of the network's time
+MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+
+
+def is_picodet(model: ModelProto) -> bool:
+    """Whether the outputs are PicoDet's: scores (1, cells, C) of four strides, then (1, cells, 32) of the same."""
+    shapes = [_shape(value) for value in model.graph.output]
+    if len(shapes) != 2 * len(STRIDES) or any(len(shape) != 3 for shape in shapes):
+        return False
+    scores, sides = shapes[: len(STRIDES)], shapes[len(STRIDES) :]
+    return all(s[1] == b[1] and b[2] == SIDES for s, b in zip(scores, sides, strict=True))
+
+
+def trim(model: ModelProto) -> ModelProto:
+    """The same network: its heads' last convolutions, (1, C+32, H, W), are the outputs, hard-swish is one operator."""
+    model = version_converter.convert_version(model, OPSET)
+    _fuse_hard_swish(model)
+    graph = model.graph
+    makers = {name: node for node in graph.node for name in node.output}
+    heads = [_convolution_before(value.name, makers) for value in graph.output[len(STRIDES) :]]
+    inferred = onnx.shape_inference.infer_shapes(model)
+    shapes = {value.name: _shape(value) for value in inferred.graph.value_info}
+    del graph.output[:]
+    graph.output.extend(
+        helper.make_tensor_value_info(node.output[0], onnx.TensorProto.FLOAT, shapes[node.output[0]]) for node in heads
+    )
+    _drop_unused(model)
+    return model
+
+
+def picodet_contract(model: ModelProto) -> tuple[InputSpec, tuple[HeadSpec, ...], int]:
+    """Input, heads and number of classes of a trimmed network: RGB, ImageNet's mean and deviation, stretched."""
+    constants = {item.name for item in model.graph.initializer}
+    picture = next(value for value in model.graph.input if value.name not in constants)
+    _, _, height, width = _shape(picture)
+    heads = tuple(
+        HeadSpec(name=value.name, shape=tuple(_shape(value)), strides=(stride,))
+        for value, stride in zip(model.graph.output, STRIDES, strict=False)
+    )
+    spec = InputSpec(
+        name=picture.name, width=width, height=height, resize="stretch", colour="rgb", scale=1.0 / 255.0,
+        mean=MEAN, std=STD,
+    )  # fmt: skip
+    return spec, heads, heads[0].shape[1] - SIDES
+
+
+def _fuse_hard_swish(model: ModelProto) -> None:
+    """x * clip(x + 3, 0, 6) / 6, four operators, is one."""
+    graph = model.graph
+    makers = {name: node for node in graph.node for name in node.output}
+    values = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
+    values |= {n.output[0]: numpy_helper.to_array(n.attribute[0].t) for n in graph.node if n.op_type == "Constant"}
+
+    def constant(node: NodeProto, *expected: float) -> bool:
+        found = [values.get(name) for name in node.input[1:]]
+        return all(v is not None and v.size == 1 and v.item() == e for v, e in zip(found, expected, strict=True))
+
+    for position, divide in enumerate(graph.node):
+        multiply = makers.get(divide.input[0]) if divide.op_type == "Div" and constant(divide, 6.0) else None
+        if multiply is None or multiply.op_type != "Mul":
+            continue
+        clip = makers.get(multiply.input[1])
+        if clip is None or clip.op_type != "Clip" or not constant(clip, 0.0, 6.0):
+            continue
+        add = makers[clip.input[0]]
+        if add.op_type == "Add" and add.input[0] == multiply.input[0] and constant(add, 3.0):
+            graph.node[position].CopyFrom(helper.make_node("HardSwish", [add.input[0]], [divide.output[0]]))
+
+
+def _convolution_before(name: str, makers: dict[str, NodeProto]) -> NodeProto:
+    node = makers[name]
+    while node.op_type != "Conv":
+        node = makers[node.input[0]]
+    return node
+
+
+def _drop_unused(model: ModelProto) -> None:
+    graph = model.graph
+    wanted = {value.name for value in graph.output}
+    kept = []
+    for node in reversed(graph.node):
+        if wanted & set(node.output):
+            wanted |= set(node.input)
+            kept.append(node)
+    nodes, constants = kept[::-1], [item for item in graph.initializer if item.name in wanted]
+    del graph.node[:], graph.initializer[:]
+    graph.node.extend(nodes)
+    graph.initializer.extend(constants)
+
+
+def _shape(value: onnx.ValueInfoProto) -> list[int]:
+    return [axis.dim_value for axis in value.type.tensor_type.shape.dim]

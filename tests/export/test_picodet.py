@@ -1,0 +1,48 @@
+"""PicoDet's file becomes raw heads and fused hard-swish, with the numbers that it had."""
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+
+from edgemap.export.adopt import adopt
+from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.manifest import read_manifest
+from edgemap.runtime.store import bundle_folder
+
+
+@pytest.fixture(scope="module")
+def file(shared_data):
+    return shared_data / "weights" / "picodet_s_416.onnx"
+
+
+def test_heads_are_scores_and_bins_of_the_file(file):
+    model, detector = adopt(file)
+    assert (detector.decode, detector.input.resize, len(detector.classes)) == ("dfl", "stretch", 80)
+    assert [(head.strides, head.shape) for head in detector.heads] == [
+        ((8,), (1, 112, 52, 52)), ((16,), (1, 112, 26, 26)), ((32,), (1, 112, 13, 13)), ((64,), (1, 112, 7, 7))
+    ]  # fmt: skip
+    kinds = [node.op_type for node in model.graph.node]
+    assert kinds.count("HardSwish") == 87
+    assert not {"Div", "Clip"} & set(kinds)
+    picture = np.random.default_rng(0).standard_normal((1, 3, 416, 416)).astype(np.float32)
+    whole = ort.InferenceSession(file, providers=["CPUExecutionProvider"]).run(None, {"image": picture})
+    ours = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"]).run(
+        None, {"image": picture}
+    )
+    for head, scores, bins in zip(ours, whole[:4], whole[4:], strict=True):
+        rows = np.asarray(head)[0].reshape(112, -1).T
+        np.testing.assert_allclose(1.0 / (1.0 + np.exp(-rows[:, :80])), np.asarray(scores)[0], atol=1e-5)
+        np.testing.assert_allclose(rows[:, 80:], np.asarray(bins)[0], atol=1e-3)
+
+
+def test_the_shipped_bundle_is_that_file(tmp_path, monkeypatch, file):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
+    folder = bundle_folder("picodet-s")
+    manifest = read_manifest(folder)
+    load_bundle(folder)
+    assert manifest.detector.decode == "dfl"
+    model, _ = adopt(file, manifest.detector.features[0].name)
+    weights = {item.name: item.raw_data for item in model.graph.initializer}
+    shipped = onnx.load(folder / "backbone.onnx").graph.initializer
+    assert {item.name: item.raw_data for item in shipped} == weights
