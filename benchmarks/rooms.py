@@ -1,38 +1,56 @@
 """`python -m edgemap.benchmarks.rooms --seeds 9100:9110`: maps of simulated homes against the truth, side by side.
 
 Every home is rendered once by `edgemap simulate` (kept, and resumed, in the folder), or `--data` names drives that
-exist already. Each is mapped by `edgemap eval map` with both clusterings, from true poses and from the odometry's.
-Figures are means over the homes, and those of the worst home.
+exist already. Each is mapped from true poses, from the hybrid with and without wheels, both without loop closure too,
+and with the paper's clustering. Figures are means over the homes, and those of the worst home. `--frozen` takes the
+homes that decide nothing, 9200-9219 with 600 pictures, and refuses any whose truth is not the one that was committed.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import degrees
 from pathlib import Path
 from statistics import fmean
 from typing import Annotated, Any, Literal
 
 import tyro
 
-FIGURES = ("f1", "precision", "recall", "median_error_m", "covered95")
+FIGURES = ("f1", "precision", "recall", "median_error_m", "covered95", "anees", "ellipse_m2")
 LOW_IS_WORSE = ("f1", "precision", "recall", "covered95")
-CLUSTERINGS, POSES = ("default", "paper"), ("true", "estimated")
+# Name, odometry (None: the one asked for), wheels, loop closure, clustering.
+VARIANTS = {
+    "true poses": ("truth", True, False, "default"),
+    "with wheels": (None, True, True, "default"),
+    "without wheels": (None, False, True, "default"),
+    "with wheels, no closure": (None, True, False, "default"),
+    "without wheels, no closure": (None, False, False, "default"),
+    "paper, true poses": ("truth", True, False, "paper"),
+    "paper, with wheels": (None, True, False, "paper"),
+}
+CLOSURES = (("with wheels", "with wheels, no closure"), ("without wheels", "without wheels, no closure"))
+FROZEN_SEEDS, FROZEN_FRAMES = "9200:9220", 600
+SUMS = Path(__file__).with_name("frozen.json")
 
 
 @dataclass(frozen=True)
 class Options:
     """data: drive folders that exist, or folders of them; then nothing is rendered. seeds: A:B, homes from A up to, not
-    including, B. light: as of `simulate`, else drawn. out: where rendered drives go."""
+    including, B. light: as of `simulate`, else drawn. out: where rendered drives go. only: names of variants, all by
+    default."""
 
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR...")] = ()
     seeds: str = "9100:9110"
     frames: int = 450
+    frozen: bool = False
     bundle: str = "edgemap-nano"
     odometry: str = "hybrid"
+    only: tuple[str, ...] = ()
     light: Literal["day", "lamp", "mixed", "dim", "changing"] | None = None
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/rooms")
     json: bool = False
@@ -40,24 +58,32 @@ class Options:
 
 def main(options: Options) -> None:
     """Render where needed, map, score, and print one table."""
+    from edgemap.benchmarks.map_variants import Variant
+    from edgemap.runtime.bundle import load_bundle
+    from edgemap.runtime.store import bundle_folder
+
+    if options.frozen:
+        options = replace(options, seeds=FROZEN_SEEDS, frames=FROZEN_FRAMES, light=None)
+    if unknown := sorted(set(options.only) - set(VARIANTS)):
+        sys.exit(f"--only {', '.join(unknown)}: expected some of {', '.join(VARIANTS)}")
+    chosen = {name: rule for name, rule in VARIANTS.items() if name in (options.only or VARIANTS)}
+    variants = {name: Variant(odometry or options.odometry, *rest) for name, (odometry, *rest) in chosen.items()}
+    bundle = load_bundle(bundle_folder(options.bundle))
     rows: list[dict[str, Any]] = []
-    for drive in drives_in(options.data) if options.data else _rendered(options):
-        for clustering in CLUSTERINGS:
-            found = _edgemap(
-                "eval", "map", "--data", f"drive:{drive}", "--frames", str(options.frames), "--bundle", options.bundle,
-                "--odometry", options.odometry, "--clustering", clustering, "--json",
-            )  # fmt: skip
-            rows.append({"home": drive.name, **json.loads(found)})
+    for folder in drives_in(options.data) if options.data else _rendered(options):
+        if options.frozen:
+            check_sums(folder)
+        rows.append(_scored(folder, bundle, variants, options.frames))
         if not options.json:
-            print(_home(rows[-2]), flush=True)
-    variants = [(clustering, poses) for clustering in CLUSTERINGS for poses in POSES]
+            print(_home(rows[-1]), flush=True)
     if options.json:
         document = {"bundle": options.bundle, "frames": options.frames, "light": options.light, "homes": rows}
         for name, over in (("mean", mean), ("worst", worst)):
-            document[name] = {f"{clustering} {poses}": over(rows, clustering, poses) for clustering, poses in variants}
+            document[name] = {variant: over(rows, variant) for variant in variants}
+        document["closure_f1"] = {closed: gains(rows, closed, none) for closed, none in CLOSURES if none in variants}
         print(json.dumps(document, indent=1))
         return
-    for line in table(rows, options.odometry):
+    for line in table(rows):
         print(line)
 
 
@@ -74,32 +100,69 @@ def drives_in(folders: tuple[Path, ...]) -> list[Path]:
     return found
 
 
-def table(rows: list[dict[str, Any]], odometry: str) -> list[str]:
-    """Means and worst homes of every clustering and kind of poses, a line each."""
-    lines = [f"{'':<18} {'':<5} " + " ".join(f"{key:>14}" for key in FIGURES)]
-    for clustering in CLUSTERINGS:
-        for poses in POSES:
-            name = f"{clustering} {'true' if poses == 'true' else odometry}"
-            for told, over in (("mean", mean), ("worst", worst)):
-                figures = over(rows, clustering, poses)
-                lines.append(f"{name:<18} {told:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
-                name = ""
+def sums_of(folder: Path) -> dict[str, str]:
+    """SHA-256 of a drive's truth, by file name."""
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in ("objects.json", "poses.tum")}
+
+
+def check_sums(folder: Path) -> None:
+    """Ends the program where a drive is not the frozen home of its folder's name."""
+    known = json.loads(SUMS.read_text()).get(folder.name)
+    if sums_of(folder) != known:
+        sys.exit(f"{folder}: objects.json or poses.tum are not those of frozen home {folder.name} ({SUMS.name})")
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """Means and worst homes of every variant, a line each, and what loop closure gave at worst."""
+    lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>14}" for key in FIGURES)]
+    for variant in rows[0]["maps"]:
+        for told, over in (("mean", mean), ("worst", worst)):
+            figures = over(rows, variant)
+            name = variant if told == "mean" else ""
+            lines.append(f"{name:<28} {told:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
+    for closed, none in CLOSURES:
+        if found := gains(rows, closed, none):
+            home = min(found, key=lambda name: found[name])
+            lines.append(f"loop closure {closed}: F1 {fmean(found.values()):+.3f}, worst {found[home]:+.3f} in {home}")
     return lines
 
 
-def mean(rows: list[dict[str, Any]], clustering: str, poses: str) -> dict[str, float | None]:
-    """Means over the homes of one clustering and kind of poses; null figures are left out."""
-    return {key: fmean(own) if (own := _known(rows, clustering, poses, key)) else None for key in FIGURES}
+def mean(rows: list[dict[str, Any]], variant: str) -> dict[str, float | None]:
+    """Means over the homes of one variant; null figures are left out."""
+    return {key: fmean(own) if (own := _known(rows, variant, key)) else None for key in FIGURES}
 
 
-def worst(rows: list[dict[str, Any]], clustering: str, poses: str) -> dict[str, float | None]:
+def worst(rows: list[dict[str, Any]], variant: str) -> dict[str, float | None]:
     """Every figure's worst home: the least share, the largest error; null figures are left out."""
     extreme = {key: min if key in LOW_IS_WORSE else max for key in FIGURES}
-    return {key: extreme[key](_known(rows, clustering, poses, key), default=None) for key in FIGURES}
+    return {key: extreme[key](_known(rows, variant, key), default=None) for key in FIGURES}
 
 
-def _known(rows: list[dict[str, Any]], clustering: str, poses: str, key: str) -> list[float]:
-    return [row[poses][key] for row in rows if row["clustering"] == clustering and row[poses][key] is not None]
+def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
+    """By how much loop closure raises F1, home by home."""
+    both = {row["home"]: (row["maps"].get(closed), row["maps"].get(none)) for row in rows}
+    return {
+        home: round(a["f1"] - b["f1"], 4)
+        for home, (a, b) in both.items()
+        if a and b and a["f1"] is not None and b["f1"] is not None
+    }
+
+
+def _known(rows: list[dict[str, Any]], variant: str, key: str) -> list[float]:
+    return [row["maps"][variant][key] for row in rows if row["maps"][variant][key] is not None]
+
+
+def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
+    from edgemap.benchmarks.map_variants import map_drive, true_objects
+    from edgemap.evaluation.objects import score_map, scored
+    from edgemap.runtime.drives import open_drive
+
+    drive = open_drive(f"drive:{folder}")
+    truth = true_objects(drive, frames)
+    maps = map_drive(drive, bundle, variants, frames)
+    mount = drive.mount and {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)}
+    facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
+    return {**facts, "maps": {name: score_map(objects, truth) for name, objects in maps.items()}}
 
 
 def _rendered(options: Options) -> Iterator[Path]:
@@ -117,12 +180,9 @@ def _number(value: float | None) -> str:
 
 
 def _home(row: dict[str, Any]) -> str:
-    true, estimated = row["true"], row["estimated"]
     mount = f"{row['mount']['height_m']:.2f} m {row['mount']['pitch_deg']:.0f} deg"
-    return (
-        f"{row['home']}: {row['path_m']:.1f} m, {row['objects_true']} objects, camera {mount}; true poses F1 "
-        f"{true['f1']} median {true['median_error_m']} m, {row['odometry']} F1 {estimated['f1']}"
-    )
+    scores = "  ".join(f"{name} {_number(figures['f1'])}" for name, figures in row["maps"].items())
+    return f"{row['home']}: {row['objects_true']} objects, camera {mount}; F1 {scores}"
 
 
 def _edgemap(*arguments: str) -> str:

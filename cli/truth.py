@@ -2,42 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Sequence
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from edgemap.evaluation.objects import TrueObject
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.drives import Drive
 
 DRIVES_WITH_OBJECTS = ("drive",)
 
 
-def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
-    """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
-    from collections import Counter
-
-    seen: Counter[str] = Counter()
-    for boxes in drive.boxes[:frames]:
-        seen.update(boxes.seen_ids())
-    frames_seen = seen if drive.boxes else None
-    return [_true_object(item, frames_seen) for item in drive.objects]
-
-
 def _shown(camera: Camera) -> list[TrueObject]:
     """What sim:SEED knows, which is more with every picture that it renders."""
-    return [_true_object(record) for record in camera.object_records() or []]
+    from edgemap.benchmarks.map_variants import true_object
 
-
-def _true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:
-    """A record of objects.json; seen: in how many frames each id was seen, None to believe the record."""
-    from edgemap.evaluation.objects import TrueObject
-
-    frames = int(record.get("visible_frames") or 0) if seen is None else seen.get(str(record["id"]), 0)
-    footprint = tuple((float(x_m), float(y_m)) for x_m, y_m in record.get("footprint_m") or ())
-    return TrueObject(record["label"], record["x_m"], record["y_m"], record["on_floor"], frames, footprint)
+    return [true_object(record) for record in camera.object_records() or []]
 
 
 def judge_of(
@@ -47,6 +28,7 @@ def judge_of(
 
     labels: those that were to be mapped, None for all; others are not asked for.
     """
+    from edgemap.benchmarks.map_variants import true_objects
     from edgemap.evaluation.rows import evaluation_rows
     from edgemap.runtime.cameras.open import DEMO
     from edgemap.runtime.drives import open_drive

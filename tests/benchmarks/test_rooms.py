@@ -1,32 +1,45 @@
-"""Means and worst homes of the rooms benchmark by hand, and which drives it finds."""
+"""Means, worst homes and what loop closure gives, by hand; which drives are found; a frozen home is the committed one."""
+
+import json
 
 import pytest
 
-from edgemap.benchmarks.rooms import drives_in, mean, table, worst
+from edgemap.benchmarks import rooms
+from edgemap.benchmarks.rooms import SUMS, check_sums, drives_in, gains, mean, sums_of, table, worst
+
+CLOSED, OPEN = "with wheels", "with wheels, no closure"
 
 
-def row(clustering, f1, error_m):
-    figures = {"f1": f1, "precision": f1, "recall": f1, "median_error_m": error_m, "covered95": 0.9}
-    return {"clustering": clustering, "true": figures, "estimated": figures | {"f1": None}}
+def figures(f1, error_m=None):
+    shares = {"f1": f1, "precision": f1, "recall": f1, "covered95": 0.9}
+    return shares | {"median_error_m": error_m, "anees": 1.5, "ellipse_m2": 0.4}
 
 
-ROWS = [row("default", 0.8, 0.10), row("paper", 0.1, 1.0), row("default", 0.6, None), row("default", 0.4, 0.30)]
+def row(home, f1, error_m, unclosed):
+    return {"home": home, "maps": {CLOSED: figures(f1, error_m), OPEN: figures(unclosed)}}
+
+
+ROWS = [row("1", 0.8, 0.10, 0.7), row("2", 0.6, None, None), row("3", 0.4, 0.30, 0.44)]
 
 
 def test_means_and_the_worst_home_of_each_figure():
-    assert mean(ROWS, "default", "true")["f1"] == pytest.approx(0.6)
-    assert mean(ROWS, "default", "true")["median_error_m"] == pytest.approx(0.2)
-    assert worst(ROWS, "default", "true")["f1"] == 0.4
-    assert worst(ROWS, "default", "true")["median_error_m"] == 0.30
-    assert worst(ROWS, "default", "estimated")["f1"] is None
+    assert mean(ROWS, CLOSED)["f1"] == pytest.approx(0.6)
+    assert mean(ROWS, CLOSED)["median_error_m"] == pytest.approx(0.2)
+    assert worst(ROWS, CLOSED)["f1"] == 0.4
+    assert worst(ROWS, CLOSED)["median_error_m"] == 0.30
+    assert worst(ROWS, OPEN)["median_error_m"] is None
 
 
-def test_the_table_has_two_lines_for_each_clustering_and_kind_of_poses():
-    lines = table(ROWS, "hybrid")
-    assert len(lines) == 9
-    assert lines[1].split() == ["default", "true", "mean", "0.600", "0.600", "0.600", "0.200", "0.900"]
-    assert lines[3].split()[:4] == ["default", "hybrid", "mean", "–"]
-    assert lines[6].split() == ["worst", "0.100", "0.100", "0.100", "1.000", "0.900"]
+def test_what_loop_closure_gives_home_by_home():
+    assert gains(ROWS, CLOSED, OPEN) == {"1": 0.1, "3": -0.04}
+    assert table(ROWS)[-1] == "loop closure with wheels: F1 +0.030, worst -0.040 in 3"
+
+
+def test_the_table_has_two_lines_for_each_variant():
+    lines = table(ROWS)
+    assert len(lines) == 1 + 2 * 2 + 1
+    assert lines[1].split() == ["with", "wheels", "mean", "0.600", "0.600", "0.600", "0.200", "0.900", "1.500", "0.400"]
+    assert lines[2].split() == ["worst", "0.400", "0.400", "0.400", "0.300", "0.900", "1.500", "0.400"]
 
 
 def test_a_folder_of_drives_is_all_of_them(tmp_path):
@@ -40,3 +53,21 @@ def test_a_folder_of_drives_is_all_of_them(tmp_path):
 def test_a_folder_without_drives_is_told(tmp_path):
     with pytest.raises(SystemExit, match="neither a drive"):
         drives_in((tmp_path,))
+
+
+def test_a_frozen_home_with_another_truth_is_refused(tmp_path, monkeypatch):
+    home = tmp_path / "9200"
+    home.mkdir()
+    for name in ("objects.json", "poses.tum"):
+        (home / name).write_text(name)
+    with pytest.raises(SystemExit, match="not those of frozen home 9200"):
+        check_sums(home)
+    (tmp_path / "sums.json").write_text(json.dumps({"9200": sums_of(home)}))
+    monkeypatch.setattr(rooms, "SUMS", tmp_path / "sums.json")
+    check_sums(home)
+
+
+def test_the_committed_sums_are_of_frozen_homes():
+    known = json.loads(SUMS.read_text())
+    assert set(known) <= {str(seed) for seed in range(9200, 9220)}
+    assert {len(value) for sums in known.values() for value in sums.values()} <= {64}

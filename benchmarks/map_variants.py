@@ -1,0 +1,107 @@
+"""Maps of one drive made in several ways at once: its pictures are read and the backbone runs once for all of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from edgemap.evaluation.objects import TrueObject
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.paper.paper_map import PaperMap
+from edgemap.runtime.bundle import Bundle, Tensors
+from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.drives import Drive
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.odometry import Motion, Odometry, open_odometry
+from edgemap.runtime.pipeline import Pipeline
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """odometry: as of `open_odometry`; wheels: whether hybrid may use the drive's. clustering: default or paper."""
+
+    odometry: str = "hybrid"
+    wheels: bool = True
+    loop_closure: bool = True
+    clustering: str = "default"
+
+    def mapper(self) -> Mapper:
+        """An empty back end. Loops close where the map can move and the poses are not given."""
+        if self.clustering == "paper":
+            return Mapper(PaperMap())
+        given = self.odometry == "truth" or self.odometry.endswith(".tum")
+        closer = LoopCloser() if self.loop_closure and not given else NoLoopClosure()
+        return Mapper(FloorMap(), loop_closer=closer)
+
+
+class SideBySide:
+    """Several odometries on the same frames; `motions` holds what each made of the last one."""
+
+    name = "several"
+
+    def __init__(self, odometries: Mapping[Any, Odometry]) -> None:
+        self.odometries, self.motions = dict(odometries), dict[Any, Motion]()
+
+    def step(self, frame: Frame, features: Tensors) -> Motion:
+        """All of them; the first one's motion."""
+        self.motions = {key: odometry.step(frame, features) for key, odometry in self.odometries.items()}
+        return next(iter(self.motions.values()))
+
+    def reset(self, reason: str) -> None:
+        """All of them."""
+        for odometry in self.odometries.values():
+            odometry.reset(reason)
+
+
+def map_drive(
+    drive: Drive,
+    bundle: Bundle,
+    variants: Mapping[str, Variant],
+    frames: int | None = None,
+    confidence: float | None = None,
+    progress: Callable[[], object] = lambda: None,
+) -> dict[str, list[MapObject]]:
+    """The map that each variant makes of the drive's first frames, as `run` would.
+
+    Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
+    """
+    mappers = {name: variant.mapper() for name, variant in variants.items()}
+    with drive_camera(drive, str(drive.folder)) as camera:
+        if camera.intrinsics is None or camera.mount is None:
+            raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
+        odometry = SideBySide(
+            {(spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels) for spec, wheels in sources}
+        )
+        pipeline = Pipeline(bundle, floor, odometry, confidence=confidence)
+        while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
+            observed = pipeline.step(frame)
+            for name, variant in variants.items():
+                motion = odometry.motions[variant.odometry, variant.wheels]
+                mappers[name].step(replace(observed, motion=motion))
+            progress()
+    return {name: mapper.objects() for name, mapper in mappers.items()}
+
+
+def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:
+    """The drive's objects, each with the number of frames in which it was seen: in boxes.json where that is known."""
+    seen: Counter[str] = Counter()
+    for boxes in drive.boxes[:frames]:
+        seen.update(boxes.seen_ids())
+    frames_seen = seen if drive.boxes else None
+    return [true_object(item, frames_seen) for item in drive.objects]
+
+
+def true_object(record: Mapping[str, Any], seen: Mapping[str, int] | None = None) -> TrueObject:
+    """A record of objects.json; seen: in how many frames each id was seen, None to believe the record."""
+    frames = int(record.get("visible_frames") or 0) if seen is None else seen.get(str(record["id"]), 0)
+    footprint = tuple((float(x_m), float(y_m)) for x_m, y_m in record.get("footprint_m") or ())
+    return TrueObject(record["label"], record["x_m"], record["y_m"], record["on_floor"], frames, footprint)

@@ -1,0 +1,39 @@
+"""Maps made side by side are those that each would be alone."""
+
+import numpy as np
+import pytest
+
+from edgemap.benchmarks.map_variants import Variant, map_drive
+from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras.open import DEMO
+from edgemap.runtime.drives import open_drive
+from edgemap.runtime.loop_closing import LoopCloser
+from edgemap.runtime.store import bundle_folder
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return open_drive(f"drive:{DEMO}"), load_bundle(bundle_folder("edgemap-nano"))
+
+
+def places(objects):
+    return {item.id: np.round(item.position_m, 9).tolist() for item in objects}
+
+
+def test_side_by_side_is_the_same_as_alone(demo):
+    variants = {"wheels": Variant("hybrid"), "none": Variant("hybrid", wheels=False), "true": Variant("truth")}
+    together = map_drive(*demo, variants, frames=40)
+    assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
+    for name, variant in variants.items():
+        assert places(map_drive(*demo, {name: variant}, frames=40)[name]) == places(together[name])
+
+
+def test_loops_close_only_where_poses_are_not_given():
+    def closes(**variant):
+        return isinstance(Variant(**variant).mapper().loop_closer, LoopCloser)
+
+    assert closes(odometry="hybrid")
+    assert not closes(odometry="truth")
+    assert not closes(odometry="poses.tum")
+    assert not closes(clustering="paper")
+    assert not closes(loop_closure=False)

@@ -1,0 +1,144 @@
+"""What each line of the back end is there for, through the real Mapper: numbers by hand, or the room as it stands."""
+
+import math
+
+import numpy as np
+import pytest
+from support.drifting import drifting
+from support.drives import drive, exact, observed, round_trip
+from support.rooms import furnished, mapped
+
+from edgemap.geometry.observations.sighting import Sighting
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.loop_closing import LoopCloser
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.odometry.protocol import Motion
+
+ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
+POSES = round_trip(260, turns=2.4)
+
+
+def sight(label, x_m, y_m, sigma_m=0.05, index=0):
+    """A sighting at a place of the base frame."""
+    covariance = np.eye(2) * sigma_m**2
+    place = np.array([x_m, y_m])
+    return Sighting(label, 0.9, place, covariance, covariance / 4, 0.5, 0.9, 0.5, math.hypot(x_m, y_m), 0, index)
+
+
+@pytest.fixture(scope="module")
+def closed():
+    """A drive of two rounds with drifting odometry, loops closed: updates and maps."""
+    return list(drive(Mapper(loop_closer=LoopCloser()), ROOM, POSES, drifting(POSES), 0))
+
+
+def test_the_covariance_of_a_motion_is_turned_by_the_pose_before_it():
+    """A robot that drives 1 m along x and turns left meanwhile is unsure along x, where it came from, not along y."""
+    mapper = Mapper()
+    mapper.step(observed(0, [], Motion()))
+    motion = Motion(SE2(1.0, 0.0, math.pi / 2), np.diag([0.04, 0.0, 0.0]))
+    first = mapper.step(observed(1, [], motion))
+    assert first.pose_covariance == pytest.approx(np.diag([0.04, 0.0, 0.0]))
+    second = mapper.step(observed(2, [], Motion(SE2(1.0, 0.0, 0.0), np.diag([0.09, 0.0, 0.0]))))
+    assert second.pose_map_base.vector() == pytest.approx([1.0, 1.0, math.pi / 2])
+    assert second.pose_covariance == pytest.approx(np.diag([0.04, 0.09, 0.0]))
+
+
+def test_a_yaw_error_grows_with_the_way_driven_after_it():
+    mapper = Mapper()
+    mapper.step(observed(0, [], Motion()))
+    mapper.step(observed(1, [], Motion(SE2(), np.diag([0.0, 0.0, 0.01]))))
+    update = mapper.step(observed(2, [], Motion(SE2(3.0, 0.0, 0.0), np.zeros((3, 3)))))
+    assert update.pose_covariance[1, 1] == pytest.approx(0.09)  # 0.1 rad over 3 m
+    assert update.pose_covariance[1, 2] == pytest.approx(0.03)
+
+
+def test_what_the_pose_drifted_in_between_joins_two_visits_of_one_chair():
+    """Seen again after 0.4 m of stated drift, 0.5 m beside: one chair. Had the pose been sure, two."""
+    counts = {}
+    for sigma_m in (0.4, 0.001):
+        mapper = Mapper()
+        for index in range(12):
+            drift = np.diag([sigma_m**2, sigma_m**2, 0.0]) if index == 6 else np.zeros((3, 3))
+            motion = Motion(SE2(0.5, 0.0, 0.0) if index == 6 else SE2(), drift)
+            mapper.step(observed(index, [sight("chair", 2.0, 0.0, 0.03, index)], motion))
+        counts[sigma_m] = len(mapper.objects())
+    assert counts == {0.4: 1, 0.001: 2}
+
+
+def test_objects_move_with_a_closure(closed):
+    """In the step that corrects, objects keep their place relative to the robot that sees them."""
+    largest = max((result for result, _ in closed if result.correction), key=lambda r: r.correction.moved_m)
+    row = largest.observed.index
+    (_, before), (result, after) = closed[row - 1], closed[row]
+    assert result.correction.moved_m > 0.25  # or this drive shows nothing
+    places = {item.id: item.position_m for item in before}
+    moved = [
+        float(np.linalg.norm(item.position_m - places[item.id]))
+        for item in after
+        if item.id in places and item.last_seen_s > result.frame.stamp_s - 3.0
+    ]
+    assert max(moved) > 0.5 * result.correction.moved_m
+
+
+def test_the_places_an_object_was_seen_from_move_with_a_closure(closed):
+    """They are corners of a half-metre grid: within 0.36 m of the trajectory, and a little for what moves later."""
+    result, objects = closed[-1]
+    poses = result.trajectory.at([step.frame.stamp_s for step, _ in closed])[:, :2]
+    off = [
+        float(np.linalg.norm(poses - np.array(view), axis=1).min()) for item in objects for view in item.seen_from_m
+    ]
+    assert len(off) > 40
+    assert np.percentile(off, 90) < 0.36
+    true = np.array([(p.x_m, p.y_m) for p in (POSES[0].inverse() @ pose for pose in POSES)])
+    assert np.linalg.norm(true - poses, axis=1).max() < 0.6
+
+
+def test_a_track_is_found_again_after_a_detour_that_odometry_drifts_on():
+    """Out of view for 2.5 m of path, then 0.55 m beside: within the gate for what drifts on that path, outside it for
+    what a standing robot sees."""
+    landmarks = {}
+    for detour_m in (2.5, 0.0):
+        mapper, seen = Mapper(loop_closer=LoopCloser()), []
+        for index in range(24):
+            away = 8 <= index < 16
+            step_m = detour_m / 8 if away else 0.0
+            motion = Motion(SE2(step_m if index < 12 else -step_m, 0.0, 0.0), np.eye(3) * 1e-6)
+            sightings = [] if away else [sight("chair", 2.0, 0.0 if index < 8 else 0.55, 0.03, index)]
+            update = mapper.step(observed(index, sightings, motion))
+            seen += [placed.thing for placed in update.sightings]
+        landmarks[detour_m] = len(set(seen))
+    assert landmarks == {2.5: 1, 0.0: 2}
+
+
+def test_saved_chairs_whose_covariances_overlap_are_not_one_chair_seen_again():
+    """Two chairs 0.5 m apart at a sigma of 0.25 m would join, had the saved map not told them apart."""
+    chairs = [("chair", 2.0, 0.0), ("chair", 2.0, 0.5)]
+    mapper = Mapper()
+    mapper.start_in(mapped(chairs, told_sigma_m=0.25), SE2())
+    for index in range(8):
+        mapper.step(observed(index, [sight("chair", 2.0, 0.0, 0.1, index)], Motion(SE2(), np.zeros((3, 3)))))
+    assert [item.id for item in mapper.objects()] == ["chair-1", "chair-2"]
+
+
+def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
+    """By hand: the alignment's covariance reaches the robot over its lever arm; the drive's own part is turned."""
+    *_, (_, saved) = drive(Mapper(), ROOM, (poses := round_trip(80)), exact(poses), 7)
+    poses = round_trip(80, start_rad=2.0)
+    mapper = Mapper()
+    mapper.relocalise_in(saved)
+    motions = [Motion(motion.motion, np.diag([1e-6, 1e-6, 1e-7])) for motion in exact(poses)]
+    before = None
+    for result, _ in drive(mapper, ROOM, poses, motions, 1):
+        if result.relocated is not None:
+            break
+        before = result
+    assert before is not None
+    alignment = mapper.relocaliser.alignment
+    assert alignment is not None
+    own = alignment.pose_a_b.inverse() @ result.pose_map_base
+    x_m, y_m = alignment.pose_a_b.rotation() @ [own.x_m, own.y_m]
+    lever = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m], [0.0, 0.0, 1.0]])
+    excess = result.pose_covariance - lever @ alignment.covariance @ lever.T
+    assert np.linalg.eigvalsh(alignment.covariance).min() > 1e-6
+    assert np.linalg.eigvalsh(excess).min() > -1e-9  # at least the alignment's
+    assert np.trace(excess) < 2.0 * np.trace(before.pose_covariance) + 1e-4  # and the drive's own little
