@@ -25,6 +25,16 @@ def test_five_percent_too_long_is_five_percent_of_drift():
     np.testing.assert_allclose(errors, [[0.105, 0.0]] * 8, atol=1e-9)
 
 
+def test_a_segment_ends_at_the_first_frame_beyond_its_length_not_at_it():
+    """Frames of half a metre, exact in binary: 2 m are reached at frame 4 and exceeded at frame 5, 2.5 m from the start.
+    The last of 21 frames ends the segment that starts at frame 15, where frames count as starts."""
+    true = [SE2(0.5 * i, 0, 0) for i in range(21)]
+    longer = [SE2(0.55 * i, 0, 0) for i in range(21)]
+    np.testing.assert_allclose(segment_errors(true, longer, 2.0, step=5)[:, 0], [0.25] * 4)
+    assert len(segment_errors(true, longer, 2.0, step=1)) == 16  # starts 0 to 15
+    assert len(segment_errors(true, longer, 9.5)) == 1  # frame 20 alone is farther than 9.5 m
+
+
 def test_a_constant_turn_adds_up_over_a_segment():
     turning = integrated([SE2(0.1, 0, math.radians(0.05))] * 100)
     np.testing.assert_allclose(segment_errors(STRAIGHT, turning, 0.95)[:, 1], math.radians(0.5))

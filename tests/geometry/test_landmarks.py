@@ -120,6 +120,18 @@ def test_fewer_tracks_mean_a_larger_covariance():
     assert np.trace(few.covariance[:2, :2]) > 3 * np.trace(many.covariance[:2, :2])
 
 
+def test_the_mount_holds_the_tilt_where_tracks_know_it_little():
+    """20 tracks of 0.01 rad say 0.004 rad of pitch with a weight of 20 / 0.01^2; the mount says 0 with 1 / (0.2 deg)^2:
+    so 0.71 of it is believed."""
+    points, loose = scene(6, floor=0, walls=20), Noise(track_rad=0.01, drift_rad=0.0)
+    known = landmarks_of(points)
+    known.inverse_m[:], known.variance[:] = 1.0 / np.linalg.norm(points - CAMERA.mount.position_base_m(), axis=1), 1e-9
+    seen = seen_from(points, View(SE2(), AttitudeError(0.004, 0.0)))
+    found = locate(known, seen, CAMERA, View(), loose)
+    tracks, mount = 20 / 0.01**2, 1.0 / math.radians(0.2) ** 2
+    assert found.view.tilt.pitch_rad == pytest.approx(0.004 * tracks / (tracks + mount), rel=0.15)
+
+
 def test_levelling_keeps_the_floor_on_the_floor_and_takes_a_share_of_the_tilt():
     view = View(SE2(0.1, 0.0, 0.1), AttitudeError(0.01, -0.004))
     known = landmarks_of(scene(5), view)

@@ -74,6 +74,13 @@ def test_a_vase_on_a_table_is_not_on_the_floor_and_one_beside_it_is():
     assert on_floor(seen(table, ("vase", 500, 300, 530, 380)), FloorRule()) == [0, 1]
 
 
+@pytest.mark.parametrize(("lower_edge", "rows"), [(370, [0]), (390, [0, 1])])
+def test_what_ends_in_the_lowest_part_of_a_table_s_box_stands_before_its_feet(lower_edge, rows):
+    """The table ends at row 400 and is 150 rows high; its lowest 15 % begin at row 377.5."""
+    boxes = seen(("dining table", 200, 250, 440, 400), ("vase", 300, lower_edge - 60, 330, lower_edge))
+    assert on_floor(boxes, FloorRule()) == rows
+
+
 def test_far_sightings_are_dropped_and_near_ones_are_surer():
     far, near = seen(("chair", 300, 230, 340, 250)), seen(("chair", 270, 240, 370, 400))
     assert sightings_of(far, CAMERA, FloorRule()) == []

@@ -7,9 +7,13 @@ import pytest
 from support.drifting import drifting
 from support.drives import drive, exact, observed, round_trip
 from support.rooms import furnished, mapped
+from support.seen import CAMERA, look
 
-from edgemap.geometry.observations.sighting import Sighting
+from edgemap.geometry.objects.forgetting import Forgetter
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import FloorRule, Sighting, sightings_of
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.loop_closing import LoopCloser
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.protocol import Motion
@@ -93,21 +97,38 @@ def test_the_places_an_object_was_seen_from_move_with_a_closure(closed):
     assert np.linalg.norm(true - poses, axis=1).max() < 0.6
 
 
-def test_a_track_is_found_again_after_a_detour_that_odometry_drifts_on():
+def test_a_landmark_is_found_again_after_a_detour_that_odometry_drifts_on():
     """Out of view for 2.5 m of path, then 0.55 m beside: within the gate for what drifts on that path, outside it for
     what a standing robot sees."""
-    landmarks = {}
+    found = {}
     for detour_m in (2.5, 0.0):
-        mapper, seen = Mapper(loop_closer=LoopCloser()), []
-        for index in range(24):
+        mapper = Mapper(loop_closer=LoopCloser())
+        for index in range(17):
             away = 8 <= index < 16
-            step_m = detour_m / 8 if away else 0.0
-            motion = Motion(SE2(step_m if index < 12 else -step_m, 0.0, 0.0), np.eye(3) * 1e-6)
+            step_m = detour_m / 8 if index < 12 else -detour_m / 8
+            motion = Motion(SE2(step_m if away else 0.0, 0.0, 0.0), np.eye(3) * 1e-6)
             sightings = [] if away else [sight("chair", 2.0, 0.0 if index < 8 else 0.55, 0.03, index)]
             update = mapper.step(observed(index, sightings, motion))
-            seen += [placed.thing for placed in update.sightings]
-        landmarks[detour_m] = len(set(seen))
-    assert landmarks == {2.5: 1, 0.0: 2}
+            if index == 7:
+                first = update.sightings[0].thing
+        found[detour_m] = update.sightings[0].thing == first
+    assert found == {2.5: True, 0.0: False}
+
+
+def test_what_was_always_seen_may_be_missed_for_a_while_before_it_is_gone():
+    """After 12 looks that show it, a miss weighs 0.6 ln(0.2 / 0.95) = -0.93: from 2.5 it takes five to come below -2.
+    By the rate alone it would weigh -1.77, and three be enough. A look of a standing robot is 15 frames."""
+    random, chair = np.random.default_rng(0), [("chair", 2.0, 0.0)]
+    mapper, left, look_frames = Mapper(forgetter=Forgetter(CAMERA)), {}, 15
+    for frame in range(-13 * look_frames, 8 * look_frames + 1):
+        pose = SE2() if frame < -12 * look_frames else SE2(0.3, 0.0, 0.0)  # nearer, so in plain view
+        boxes = look(chair, pose, random, 1.0)[0] if frame < 0 else Detections.none(("chair",))
+        sightings = sightings_of(boxes, CAMERA, FloorRule(), frame, frame / 10)
+        motion = Motion(pose if frame == -12 * look_frames else SE2(), np.zeros((3, 3)))
+        mapper.step(FrameObservations(frame, frame / 10, boxes, sightings, motion))
+        left[frame / look_frames] = len(mapper.objects())
+    assert left[4.0] == 1
+    assert left[8.0] == 0
 
 
 def test_saved_chairs_whose_covariances_overlap_are_not_one_chair_seen_again():

@@ -1,6 +1,10 @@
 import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from support import painted
@@ -10,11 +14,14 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry import open_odometry
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
+from edgemap.runtime.store import bundle_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
 
 CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12))
@@ -89,6 +96,36 @@ def test_planar_carries_the_last_motion_through_a_short_gap_with_large_covarianc
     assert gap.fault
     assert gap.motion.x_m == pytest.approx(0.04, abs=0.004)
     assert np.trace(gap.covariance) > 100 * np.trace(seen.covariance)
+
+
+def test_planar_is_less_sure_where_part_of_the_picture_moves_by_itself():
+    """Who agrees says how well it is known; that some do not says that the picture is not what it was taken for."""
+    frames, _ = drive(MOTIONS["straight"])
+    sliding = []
+    for frame in frames:
+        picture = frame.image.copy()
+        picture[60:, :60] = np.roll(TEXTURE[300:480, 300:360], 12 * frame.index, axis=1)
+        sliding.append(Frame(frame.index, frame.stamp_s, picture))
+    traces = []
+    for pictures in (frames, sliding):
+        odometry = PlanarOdometry(CAMERA)
+        found = [odometry.step(frame, {}) for frame in pictures]
+        assert found[-1].motion.x_m == pytest.approx(0.04, abs=0.004)
+        traces.append(np.median([np.trace(motion.covariance[:2, :2]) for motion in found[8:]]))
+    assert traces[1] > 1.5 * traces[0]
+
+
+def test_the_hybrid_takes_planars_covariance_four_times():
+    """Its NEES was 10 where 3 is consistent."""
+    bundle = load_bundle(bundle_folder("edgemap-nano"))
+    alone = replace(bundle, manifest=msgspec.structs.replace(bundle.manifest, odometry={}))
+    camera = cast(Camera, SimpleNamespace(wheel=None, name="made"))
+    hybrid, planar = open_odometry("hybrid", alone, camera, CAMERA), PlanarOdometry(CAMERA)
+    frames, _ = drive(MOTIONS["left arc"])
+    for frame in frames:
+        fused, own = hybrid.step(frame, {}), planar.step(frame, {})
+    assert fused.motion.vector() == pytest.approx(own.motion.vector())
+    assert fused.covariance == pytest.approx(4.0 * own.covariance)
 
 
 def test_planar_bridges_a_picture_that_is_missing():
