@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from edgemap.evaluation.objects import TrueObject
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import MapObject
@@ -53,6 +54,12 @@ class SideBySide:
         """All of them; the first one's motion."""
         self.motions = {key: odometry.step(frame, features) for key, odometry in self.odometries.items()}
         return next(iter(self.motions.values()))
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+        """All of them without a picture; the first one's motion."""
+        blind = {key: odometry.step_blind(stamp_s, reason, attitude) for key, odometry in self.odometries.items()}
+        self.motions = blind
+        return next(iter(blind.values()))
 
     def reset(self, reason: str) -> None:
         """All of them."""

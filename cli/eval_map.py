@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -19,15 +19,7 @@ from edgemap.cli.options import (
     at_least,
     find_bundle,
     in_unit,
-    lens_and_mount,
-    new_loop_closer,
-    new_map,
 )
-
-if TYPE_CHECKING:
-    from edgemap.geometry.objects.map_object import MapObject
-    from edgemap.runtime.bundle import Bundle
-    from edgemap.runtime.drives import Drive
 
 
 def command(
@@ -59,16 +51,18 @@ def command(
 ) -> None:
     """Compare maps with what really stands there: once with the drive's true poses, once with the odometry's.
 
+    Where the drive brings wheels, the hybrid's map without them stands beside (`without_wheels`).
     Objects are matched by class, one to one, within 0.5 m, in the start-pose frame, without alignment. True objects
     seen in fewer than 10 frames (30 % visible, 24 px) do not count; a mapped object that is not on the floor is wrong.
     covered95 is the share of true positions inside the mapped 95 % ellipse; ANEES (1 is consistent) and the mean area
     of that ellipse are over all mapped objects with a true one of their class within 1.5 m.
     """
+    from dataclasses import replace
     from itertools import pairwise
     from math import degrees
 
+    from edgemap.benchmarks.map_variants import Variant, map_drive, true_objects
     from edgemap.cli.simulated import as_data
-    from edgemap.cli.truth import true_objects
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.drives import open_drive
 
@@ -97,8 +91,11 @@ def command(
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
-        for name, poses in (("true", "truth"), ("estimated", odometry)):
-            objects = _map_of(drive, loaded, poses, clustering, confidence, count, loop_closure, not without_wheels)
+        ways = {"true": Variant("truth", clustering=clustering)}
+        ways["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
+        if odometry == "hybrid" and document["wheels"]:
+            ways["without_wheels"] = replace(ways["estimated"], wheels=False)
+        for name, objects in map_drive(drive, loaded, ways, count, confidence).items():
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map
@@ -112,40 +109,12 @@ def command(
         return
     room = f"{count} frames, {path_m:.1f} m, {document['objects_true']} objects on the floor"
     print(f"{document['bundle']} on {data}: {room}")
-    for name in ("true", "estimated"):
+    for name in ways:
         figures = document[name]
-        poses = "true poses" if name == "true" else f"{odometry} poses"
+        poses = {"true": "true poses", "estimated": f"{odometry} poses"}.get(name, "without wheels")
         print(f"  {poses:<14} {_line(figures)}")
         for label, own in figures["per_class"].items():
             print(f"    {label:<14} {_line(own)}")
-
-
-def _map_of(
-    drive: Drive,
-    loaded: Bundle,
-    odometry: str,
-    clustering: str,
-    confidence: float | None,
-    frames: int,
-    loop_closure: bool,
-    wheels: bool,
-) -> list[MapObject]:
-    """The map that a pipeline makes of the drive's first frames, without a run folder."""
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.cameras.drive_camera import drive_camera
-    from edgemap.runtime.loop import run
-    from edgemap.runtime.mapper import Mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
-    from edgemap.runtime.slam import SemanticSlam
-
-    with drive_camera(drive, str(drive.folder)) as source:
-        floor = FloorCamera(*lens_and_mount(source, None, None))
-        motion = open_odometry(odometry, loaded, source, floor, wheels=wheels)
-        loop_closer = new_loop_closer(loop_closure, odometry, clustering)
-        mapper = Mapper(new_map(clustering), loop_closer=loop_closer)
-        run(source, SemanticSlam(Pipeline(loaded, floor, motion, confidence=confidence), mapper), [], frames)
-    return mapper.objects()
 
 
 def _line(figures: dict[str, Any]) -> str:

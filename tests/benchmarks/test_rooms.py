@@ -1,4 +1,4 @@
-"""Means, worst homes and what loop closure gives, by hand; which drives are found; a frozen home is the committed one."""
+"""Means, worst homes and what loop closure gives, by hand; drives that are found; frozen homes."""
 
 import json
 

@@ -26,8 +26,7 @@ def test_five_percent_too_long_is_five_percent_of_drift():
 
 
 def test_a_segment_ends_at_the_first_frame_beyond_its_length_not_at_it():
-    """Frames of half a metre, exact in binary: 2 m are reached at frame 4 and exceeded at frame 5, 2.5 m from the start.
-    The last of 21 frames ends the segment that starts at frame 15, where frames count as starts."""
+    """Frames of half a metre, exact in binary: 2 m are reached at frame 4 and exceeded at frame 5, 2.5 m away."""
     true = [SE2(0.5 * i, 0, 0) for i in range(21)]
     longer = [SE2(0.55 * i, 0, 0) for i in range(21)]
     np.testing.assert_allclose(segment_errors(true, longer, 2.0, step=5)[:, 0], [0.25] * 4)
