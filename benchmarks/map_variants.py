@@ -13,13 +13,14 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.paper.paper_map import PaperMap
-from edgemap.runtime.bundle import Bundle, Tensors
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.drives import Drive
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
 from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry import Motion, Odometry, open_odometry
 from edgemap.runtime.pipeline import Pipeline
 

@@ -21,11 +21,12 @@ def places(objects):
 
 
 def test_side_by_side_is_the_same_as_alone(demo):
+    drive, bundle = demo
     variants = {"wheels": Variant("hybrid"), "none": Variant("hybrid", wheels=False), "true": Variant("truth")}
-    together = map_drive(*demo, variants, frames=40)
+    together = map_drive(drive, bundle, variants, frames=40)
     assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
     for name, variant in variants.items():
-        assert places(map_drive(*demo, {name: variant}, frames=40)[name]) == places(together[name])
+        assert places(map_drive(drive, bundle, {name: variant}, frames=40)[name]) == places(together[name])
 
 
 def test_loops_close_only_where_poses_are_not_given():
