@@ -9,8 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.number_rows import STAMP, TABLE_BYTES, NumberTable, columns
+from edgemap.runtime.reading import read_bytes
+
+TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
+QUATERNION_TOLERANCE = 0.02  # of its length: files keep few digits
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,38 +53,33 @@ class Trajectory:
 
 def read_tum(path: Path) -> Trajectory:
     """Read planar poses from a TUM file. Raises OdometryError as `parse_tum` does."""
-    try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise OdometryError(f"{path}: cannot be read ({error})") from None
-    return parse_tum(text, str(path))
+    return parse_tum(read_bytes(path, TABLE_BYTES, OdometryError), str(path))
 
 
-def parse_tum(text: str, path: str) -> Trajectory:
+def parse_tum(data: bytes | str, path: str) -> Trajectory:
     """Planar poses from TUM text: `stamp x y z qx qy qz qw` per line, z up, `#` starts a comment. path: for messages.
 
-    Raises OdometryError with the line number for a line that is not eight finite numbers.
+    Raises OdometryError with the line number for a line that is not eight finite numbers with a unit quaternion.
     """
-    stamps, poses = [], []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        try:
-            values = [float(word) for word in line.split()]
-        except ValueError:
-            values = []
-        if len(values) != 8 or not all(map(math.isfinite, values)):
-            raise OdometryError(f"{path}:{number}: need 8 numbers: stamp x y z qx qy qz qw, found {line.strip()!r}")
-        stamp, x, y, _, qx, qy, qz, qw = values
-        stamps.append(stamp)
-        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        poses.append(SE2(x, y, yaw))
-    if not poses:
-        raise OdometryError(f"{path}: no poses in it")
+    rows = tum_rows(data.encode() if isinstance(data, str) else data, path, OdometryError)
+    qx, qy, qz, qw = rows[:, 4:].T
+    yaws = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    poses = tuple(SE2(*pose) for pose in np.column_stack([rows[:, 1:3], yaws]).tolist())
     try:
-        return Trajectory(np.array(stamps), tuple(poses))
+        return Trajectory(rows[:, 0], poses)
     except OdometryError as error:
         raise OdometryError(f"{path}: {error}") from None
+
+
+def tum_rows(data: bytes, path: str, error: type[EdgemapError]) -> NDArray[np.float64]:
+    """The numbers of TUM text, (N, 8), quaternions scaled to length 1. Raises `error` with the line number."""
+    numbers, rows = TUM.parse(data, path, error)
+    norms = np.linalg.norm(rows[:, 4:], axis=1)
+    wrong = np.flatnonzero(np.abs(norms - 1.0) > QUATERNION_TOLERANCE)
+    if len(wrong):
+        raise error(f"{path}:{numbers[wrong[0]]}: quaternion has length {norms[wrong[0]]:.3f}, must be 1")
+    rows[:, 4:] /= norms[:, None]
+    return rows
 
 
 def tum_line(stamp_s: float, pose: SE2) -> str:

@@ -10,8 +10,11 @@ from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.layout import read_setup, stamps_for
 from edgemap.runtime.drives.pictures import first_folder, list_pictures, read_picture
 from edgemap.runtime.drives.planarise import planarise_camera, upright_camera
-from edgemap.runtime.drives.pose_files import check_count, read_matrices, read_text, trajectory
+from edgemap.runtime.drives.pose_files import check_count, read_matrices, trajectory
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import read_text
+
+K_BYTES = 4096
 
 
 def read_c2w(folder: Path) -> Drive:
@@ -40,9 +43,11 @@ def read_c2w(folder: Path) -> Drive:
 def _read_k(path: Path, first_picture: Path) -> Intrinsics:
     height, width = read_picture(first_picture).shape[:2]
     try:
-        numbers = [float(word) for word in read_text(path).split()]
+        numbers = [float(word) for word in read_text(path, K_BYTES, CameraError).split()]
         if len(numbers) != 9:
             raise CameraError(f"{path}: {len(numbers)} numbers, expected a 3x3 matrix")
         return Intrinsics(width, height, numbers[0], numbers[4], numbers[2], numbers[5])
-    except (ValueError, GeometryError) as error:
+    except ValueError:
+        raise CameraError(f"{path}: not numbers, expected a 3x3 matrix") from None
+    except GeometryError as error:
         raise CameraError(f"{path}: {error}") from None

@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-import msgspec
 import yaml
+from msgspec import Meta
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.plain_yaml import read_yaml
+from edgemap.runtime.reading import Coordinate, Name, Side, Strict, convert
 
-UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFile:
-    """What a `camera.yaml` says. world_up: the axis of the recorded poses that points up, one of UP_AXES;
+    """What a `camera.yaml` says. world_up: the axis of the recorded poses that points up, e.g. `-y`;
     None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: how
     lens and mount were measured, and how well, by what was calibrated; for people."""
 
@@ -31,33 +33,34 @@ class CameraFile:
     calibration: dict[str, Any] = field(default_factory=dict)
 
 
-class _Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
-    pass
+Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
+Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
+Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
 
 
-class _Distortion(_Strict):
-    model: str = "none"
-    coefficients: list[float] = []
+class _Distortion(Strict):
+    model: Name = "none"
+    coefficients: Annotated[list[Annotated[float, Meta(ge=-1e3, le=1e3)]], Meta(max_length=5)] = []
 
 
-class _Mount(_Strict):
-    height_m: float
-    pitch_deg: float
-    roll_deg: float = 0.0
-    forward_m: float = 0.0
-    left_m: float = 0.0
+class _Mount(Strict):
+    height_m: Annotated[float, Meta(gt=0.0, le=100.0)]
+    pitch_deg: Angle
+    roll_deg: Angle = 0.0
+    forward_m: Arm = 0.0
+    left_m: Arm = 0.0
 
 
-class _CameraYaml(_Strict):
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+class _CameraYaml(Strict):
+    width: Side
+    height: Side
+    fx: Focal
+    fy: Focal
+    cx: Coordinate
+    cy: Coordinate
     distortion: _Distortion | None = None
-    fps: float | None = None
-    world_up: str | None = None
+    fps: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
+    world_up: UpAxis | None = None
     mount: _Mount | None = None
     calibration: dict[str, Any] | None = None
 
@@ -67,16 +70,10 @@ def read_camera_yaml(path: Path) -> CameraFile:
 
     Raises CameraError, one line with the path, for text that is no YAML, wrong fields, and numbers that cannot be.
     """
+    # Lax, because YAML 1.1 reads 1e-3 as text.
+    record = convert(read_yaml(path, CameraError), _CameraYaml, path, CameraError, strict=False)
+    distortion = record.distortion or _Distortion()
     try:
-        tree = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise CameraError(f"{path}: cannot be read ({error})") from None
-    except yaml.YAMLError as error:
-        raise CameraError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
-    try:
-        # Lax, because YAML 1.1 reads 1e-3 as text.
-        record = msgspec.convert(tree, _CameraYaml, strict=False)
-        distortion = record.distortion or _Distortion()
         intrinsics = Intrinsics(
             record.width,
             record.height,
@@ -93,12 +90,8 @@ def read_camera_yaml(path: Path) -> CameraFile:
             record.mount.forward_m,
             record.mount.left_m,
         )
-    except (msgspec.ValidationError, GeometryError) as error:
+    except GeometryError as error:
         raise CameraError(f"{path}: {error}") from None
-    if record.fps is not None and not (math.isfinite(record.fps) and record.fps > 0):
-        raise CameraError(f"{path}: fps is {record.fps}, must be a positive number of frames per second")
-    if record.world_up is not None and record.world_up not in UP_AXES:
-        raise CameraError(f"{path}: world_up is {record.world_up!r}, must be one of {', '.join(UP_AXES)}")
     return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {})
 
 

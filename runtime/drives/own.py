@@ -12,10 +12,10 @@ depth/…                    optional; 16-bit pictures, millimetres along the op
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from edgemap.runtime.drives.camera_yaml import read_camera_yaml
@@ -91,7 +91,7 @@ def _rate(stamps: np.ndarray) -> float:
 
 
 def _with_visibility(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
-    entry = asdict(record)
+    entry = msgspec.structs.asdict(record)
     if record.visible_frames is None and boxes:
         entry["visible_frames"] = sum(str(record.id) in frame.seen_ids() for frame in boxes)
     return entry

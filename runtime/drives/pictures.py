@@ -9,7 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, SIDE_LIMIT, picture_size
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import read_bytes
+
+PICTURE_BYTES = 256 << 20
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".tif", ".tiff", ".webp"})
 
@@ -44,19 +48,22 @@ def first_folder(folder: Path, names: tuple[str, ...]) -> Path:
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
     """One picture as BGR, (H, W, 3) uint8. Raises CameraError where it is missing, no picture, or cut short."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
-    return decode_picture(data, str(path))
+    return decode_picture(read_bytes(path, PICTURE_BYTES, CameraError), str(path))
 
 
 def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
-    """A picture file's bytes as BGR, (H, W, 3) uint8. Raises CameraError where they are no picture or cut short."""
+    """A picture file's bytes as BGR, (H, W, 3) uint8.
+
+    Raises CameraError where they are no picture, cut short, or where the picture has too many pixels: the file's header
+    says how many before anything is decoded.
+    """
     if _is_cut_short(data):
         raise CameraError(f"{name}: picture is cut short ({len(data)} bytes)")
+    size = picture_size(data)
+    if size is not None and (size[0] * size[1] > PIXEL_LIMIT or max(size) > SIDE_LIMIT):
+        raise CameraError(f"{name}: picture of {size[0]}x{size[1]} px, at most {PIXEL_LIMIT:,} px are decoded")
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if size is not None else None
     except cv2.error:
         image = None
     if image is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +9,16 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import CameraError, OdometryError
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.number_rows import STAMP, TABLE_BYTES, Column, NumberTable
+from edgemap.runtime.reading import read_bytes
+from edgemap.runtime.trajectory import Trajectory, tum_rows
 
 Array = NDArray[np.float64]
 
-
-def read_text(path: Path) -> str:
-    """The text of a file. Raises CameraError where it is missing or no text."""
-    if not path.is_file():
-        raise CameraError(f"{path}: no such file")
-    try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise CameraError(f"{path}: cannot be read ({error})") from None
+MATRICES = {
+    count: NumberTable(tuple(Column("xyzw"[i // 4] + "xyzt"[i % 4]) for i in range(count))) for count in (12, 16)
+}
+STAMPS = NumberTable((STAMP,))
 
 
 def read_matrices(path: Path, columns: int) -> Array:
@@ -30,15 +26,16 @@ def read_matrices(path: Path, columns: int) -> Array:
 
     Raises CameraError with the line number for a line of other length, NaN, or a matrix that is no rigid motion.
     """
-    rows = np.array([row for _, row in _numbers(path, columns)])
+    _, rows = MATRICES[columns].read(path, CameraError)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses.reshape(len(rows), 16)[:, :columns] = rows
     rotations = poses[:, :3, :3]
     errors = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     errors = np.maximum(errors, np.abs(np.linalg.det(rotations) - 1.0))
+    errors = np.maximum(errors, np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
     if errors.max() > 0.05:
         worst = int(errors.argmax())
-        raise CameraError(f"{path}: pose {worst} is no rigid motion (its rotation is off by {errors[worst]:.3g})")
+        raise CameraError(f"{path}: pose {worst} is no rigid motion (it is off by {errors[worst]:.3g})")
     return poses
 
 
@@ -47,29 +44,21 @@ def read_tum_3d(path: Path) -> tuple[Array, Array]:
 
     Raises CameraError with the line number for a line that is not eight finite numbers with a unit quaternion.
     """
-    stamps, poses = [], []
-    for number, row in _numbers(path, 8):
-        norm = math.sqrt(sum(q * q for q in row[4:]))
-        if abs(norm - 1.0) > 0.02:
-            raise CameraError(f"{path}:{number}: quaternion has length {norm:.3f}, must be 1")
-        x, y, z, w = (q / norm for q in row[4:])
-        pose = np.eye(4)
-        pose[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        pose[:3, 3] = row[1:4]
-        stamps.append(row[0])
-        poses.append(pose)
-    return np.array(stamps), np.array(poses)
+    rows = tum_rows(read_bytes(path, TABLE_BYTES, CameraError), str(path), CameraError)
+    x, y, z, w = rows[:, 4:].T
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, 0] = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
+    poses[:, :3, 1] = np.column_stack([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)])
+    poses[:, :3, 2] = np.column_stack([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)])
+    poses[:, :3, 3] = rows[:, 1:4]
+    return rows[:, 0], poses
 
 
 def read_stamps(path: Path) -> Array:
     """Stamps in seconds, one number per line, strictly increasing. Raises CameraError."""
-    stamps = np.array([row[0] for _, row in _numbers(path, 1)])
-    check_increasing(path, stamps)
-    return stamps
+    _, rows = STAMPS.read(path, CameraError)
+    check_increasing(path, rows[:, 0])
+    return rows[:, 0]
 
 
 def check_increasing(path: Path, stamps_s: Array) -> None:
@@ -94,23 +83,3 @@ def trajectory(path: Path, stamps_s: Array, poses: tuple[SE2, ...]) -> Trajector
         return Trajectory(stamps_s, poses).from_start()
     except OdometryError as error:
         raise CameraError(f"{path}: {error}") from None
-
-
-def _numbers(path: Path, columns: int) -> list[tuple[int, list[float]]]:
-    rows = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            raise CameraError(f"{path}:{number}: not numbers: {line.strip()[:60]!r}") from None
-        if len(row) != columns:
-            raise CameraError(f"{path}:{number}: {len(row)} numbers, expected {columns}")
-        if not all(map(math.isfinite, row)):
-            raise CameraError(f"{path}:{number}: not all numbers are finite: {line.strip()[:60]!r}")
-        rows.append((number, row))
-    if not rows:
-        raise CameraError(f"{path}: no numbers in it")
-    return rows

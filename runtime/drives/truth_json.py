@@ -2,62 +2,56 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from edgemap.runtime.drives.drive import LabelledBoxes
-from edgemap.runtime.drives.pose_files import read_text
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import Coordinate, Name, Share, Size, decode_json, read_bytes
 
-T = TypeVar("T")
+TRUTH_BYTES = 64 << 20
+Id = Annotated[int, Meta(ge=-(2**53), le=2**53)] | Name
 
 
-@dataclass
-class ObjectRecord:
+class ObjectRecord(msgspec.Struct):
     """One object of a room, in the start-pose frame; metres. visible_frames: None where the file does not say."""
 
-    id: str | int
-    label: str
-    x_m: float
-    y_m: float
+    id: Id
+    label: Name
+    x_m: Coordinate
+    y_m: Coordinate
     on_floor: bool = True
-    footprint_m: list[tuple[float, float]] = field(default_factory=list)
-    width_m: float | None = None
-    depth_m: float | None = None
-    height_m: float | None = None
-    visible_frames: int | None = None
+    footprint_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=1000)] = []
+    width_m: Size | None = None
+    depth_m: Size | None = None
+    height_m: Size | None = None
+    visible_frames: Annotated[int, Meta(ge=0, le=2**31)] | None = None
 
 
-@dataclass
-class _Box:
-    id: str | int
-    label: str
-    box: tuple[float, float, float, float]
-    visible: float = 1.0
+class _Box(msgspec.Struct):
+    id: Id
+    label: Name
+    box: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+    visible: Share = 1.0
 
 
-@dataclass
-class _Objects:
-    objects: list[ObjectRecord]
+class _Objects(msgspec.Struct):
+    objects: Annotated[list[ObjectRecord], Meta(max_length=100_000)]
 
 
-@dataclass
-class _Boxes:
-    frames: list[list[_Box]]
+class _Boxes(msgspec.Struct):
+    frames: Annotated[list[list[_Box]], Meta(max_length=1_000_000)]
 
 
 def read_objects(path: Path) -> tuple[ObjectRecord, ...]:
     """Read `objects.json`. Raises CameraError naming the field or object that is wrong, or an id given twice."""
-    records = tuple(_decode(path, _Objects).objects)
+    records = tuple(decode_json(read_bytes(path, TRUTH_BYTES, CameraError), _Objects, path, CameraError).objects)
     seen = set()
     for record in records:
-        if not (math.isfinite(record.x_m) and math.isfinite(record.y_m)):
-            raise CameraError(f"{path}: object {record.id!r} stands at ({record.x_m}, {record.y_m}) m")
         if record.id in seen:
             raise CameraError(f"{path}: two objects have the id {record.id!r}")
         seen.add(record.id)
@@ -67,7 +61,8 @@ def read_objects(path: Path) -> tuple[ObjectRecord, ...]:
 def read_boxes(path: Path) -> tuple[LabelledBoxes, ...]:
     """Read `boxes.json`, one entry per picture. Raises CameraError."""
     frames = []
-    for number, frame in enumerate(_decode(path, _Boxes).frames):
+    known = decode_json(read_bytes(path, TRUTH_BYTES, CameraError), _Boxes, path, CameraError).frames
+    for number, frame in enumerate(known):
         boxes = np.array([box.box for box in frame], dtype=np.float64).reshape(-1, 4)
         if np.any(boxes[:, 2:] < boxes[:, :2]):
             raise CameraError(f"{path}: frame {number} has a box whose right or lower edge comes first")
@@ -75,10 +70,3 @@ def read_boxes(path: Path) -> tuple[LabelledBoxes, ...]:
         visible = np.array([box.visible for box in frame], dtype=np.float64)
         frames.append(LabelledBoxes(boxes, labels, visible, tuple(str(box.id) for box in frame)))
     return tuple(frames)
-
-
-def _decode(path: Path, record: type[T]) -> T:
-    try:
-        return msgspec.json.decode(read_text(path), type=record)
-    except msgspec.DecodeError as error:
-        raise CameraError(f"{path}: {error}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,15 @@ from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.layout import Setup, read_setup
 from edgemap.runtime.drives.pictures import first_folder, list_pictures
 from edgemap.runtime.drives.planarise import planarise_camera
-from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_text, read_tum_3d, trajectory
+from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_tum_3d, trajectory
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.number_rows import STAMP
+from edgemap.runtime.reading import one_line, read_text
 from edgemap.runtime.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+LIST_BYTES = 16 << 20
 MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)
 
 
@@ -77,15 +81,18 @@ def _drive(
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
     stamps, images = [], []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(path, LIST_BYTES, CameraError).splitlines(), start=1):
         words = line.split(maxsplit=1)
         if not words or words[0].startswith("#"):
             continue
         try:
-            stamps.append(float(words[0]))
-            images.append(path.parent / words[1].strip())
-        except (ValueError, IndexError):
-            raise CameraError(f"{path}:{number}: expected `stamp file`, found {line.strip()[:60]!r}") from None
+            stamp_s = float(words[0])
+        except ValueError:
+            stamp_s = math.nan
+        if len(words) != 2 or not STAMP.least <= stamp_s <= STAMP.most:
+            raise CameraError(f"{path}:{number}: expected `stamp file`, found {one_line(line, 60)!r}")
+        stamps.append(stamp_s)
+        images.append(path.parent / words[1].strip())
     if not images:
         raise CameraError(f"{path}: no pictures listed in it")
     check_increasing(path, np.array(stamps))

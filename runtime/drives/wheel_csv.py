@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -11,34 +10,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives.pose_files import check_increasing, read_text
+from edgemap.runtime.drives.pose_files import check_increasing
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.number_rows import STAMP, NumberTable, columns
 
-COLUMNS = ("stamp_s", "x_m", "y_m", "yaw_rad")
+WHEEL = NumberTable((STAMP, *columns("x_m y_m yaw_rad")), ",", header=True)
+COLUMNS = tuple(column.name for column in WHEEL.columns)
+FASTEST_M_S = 60.0  # a car of KITTI's; a pose that jumps was set anew, or is damaged
+MIN_STEP_S = 0.02  # stamps of rows that were sent together lie closer than what they measure
 
 
 def read_wheel_csv(path: Path) -> tuple[NDArray[np.float64], tuple[SE2, ...]]:
-    """Stamps (N,) in seconds, increasing, and the poses at them. Raises CameraError with the line number."""
-    lines = read_text(path).splitlines()
-    header = tuple(word.strip() for word in lines[0].split(",")) if lines else ()
-    if header != COLUMNS:
-        raise CameraError(f"{path}: first line must be {','.join(COLUMNS)}")
-    rows = []
-    for number, row in enumerate(csv.reader(lines[1:]), start=2):
-        if not row:
-            continue
-        try:
-            values = [float(word) for word in row]
-        except ValueError:
-            values = []
-        if len(values) != 4 or not all(map(math.isfinite, values)):
-            raise CameraError(f"{path}:{number}: expected 4 finite numbers, found {','.join(row)[:60]!r}")
-        rows.append(values)
-    if not rows:
-        raise CameraError(f"{path}: no rows in it")
-    stamps = np.array([row[0] for row in rows])
+    """Stamps (N,) in seconds, increasing, and the poses at them.
+
+    Raises CameraError with the line number, also where the pose jumps.
+    """
+    numbers, rows = WHEEL.read(path, CameraError)
+    stamps = rows[:, 0]
     check_increasing(path, stamps)
-    return stamps, tuple(SE2(*row[1:]) for row in rows)
+    poses = tuple(SE2(*row) for row in rows[:, 1:].tolist())
+    check_speed(f"{path}:{{}}", stamps, rows[:, 1:3], numbers)
+    return stamps, poses
+
+
+def check_speed(where: str, stamps_s: NDArray[np.float64], positions_m: NDArray[np.float64], names: list[int]) -> None:
+    """Raises CameraError where wheels would have rolled faster than FASTEST_M_S. where: has {} for a row's name."""
+    jumps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
+    fast = np.flatnonzero(jumps_m > FASTEST_M_S * np.maximum(np.diff(stamps_s), MIN_STEP_S))
+    if len(fast):
+        first = int(fast[0])
+        raise CameraError(
+            f"{where.format(names[first + 1])}: the pose jumps {jumps_m[first]:.1f} m in "
+            f"{stamps_s[first + 1] - stamps_s[first]:.3f} s, wheels roll {FASTEST_M_S:g} m/s at most"
+        )
 
 
 def write_wheel_csv(path: Path, rows: Iterable[Sequence[float]]) -> None:

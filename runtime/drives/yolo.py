@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,9 +11,14 @@ from edgemap.runtime.drives.coco import COCO_NAMES
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.drives.layout import read_setup
 from edgemap.runtime.drives.pictures import list_pictures, read_picture
-from edgemap.runtime.drives.pose_files import check_count, read_text
+from edgemap.runtime.drives.pose_files import check_count
 from edgemap.runtime.drives.truth_json import read_boxes
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.number_rows import Column, NumberTable, columns
+from edgemap.runtime.reading import read_bytes
+
+LABEL_BYTES = 4 << 20
+LABELS = NumberTable((Column("class", 0.0, len(COCO_NAMES) - 1.0), *columns("cx cy w h", 0.0, 1.0)))
 
 
 def read_yolo(folder: Path) -> Drive:
@@ -53,29 +57,14 @@ def write_yolo_labels(path: Path, boxes: Sequence[tuple[int, Sequence[float]]], 
 
 
 def _read_labels(path: Path, image: Path) -> LabelledBoxes:
-    rows = []
-    if path.is_file():
-        for number, line in enumerate(read_text(path).splitlines(), start=1):
-            if line.strip():
-                rows.append(_row(path, number, line))
-    if not rows:
+    data = read_bytes(path, LABEL_BYTES, CameraError) if path.is_file() else b""
+    if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
+    numbers, rows = LABELS.parse(data, str(path), CameraError)
+    classes = rows[:, 0].astype(np.int64)
+    if len(odd := np.flatnonzero(classes != rows[:, 0])):
+        raise CameraError(f"{path}:{numbers[odd[0]]}: class {rows[odd[0], 0]:g} is not a whole number")
     height, width = read_picture(image).shape[:2]
-    relative = np.array([row[1:] for row in rows])
-    centres, halves = relative[:, :2], relative[:, 2:] / 2
+    centres, halves = rows[:, 1:3], rows[:, 3:] / 2
     corners = np.hstack([centres - halves, centres + halves]) * [width, height, width, height]
-    return LabelledBoxes(corners, tuple(COCO_NAMES[int(row[0])] for row in rows))
-
-
-def _row(path: Path, number: int, line: str) -> list[float]:
-    try:
-        row = [float(word) for word in line.split()]
-    except ValueError:
-        row = []
-    if len(row) != 5 or not all(map(math.isfinite, row)):
-        raise CameraError(f"{path}:{number}: expected `class cx cy w h`, found {line.strip()[:60]!r}")
-    if row[0] not in range(len(COCO_NAMES)):
-        raise CameraError(f"{path}:{number}: class {row[0]:g} is not one of COCO's 0..{len(COCO_NAMES) - 1}")
-    if not all(0.0 <= value <= 1.0 for value in row[1:]):
-        raise CameraError(f"{path}:{number}: box {row[1:]} is not relative to the picture (0..1)")
-    return row
+    return LabelledBoxes(corners, tuple(COCO_NAMES[number] for number in classes))

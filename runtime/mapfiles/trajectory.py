@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.number_rows import TABLE_BYTES
+from edgemap.runtime.reading import read_bytes
 from edgemap.runtime.trajectory import Trajectory, parse_tum
 
 
@@ -16,9 +18,6 @@ def way_of(path: Path) -> Trajectory | None:
     path = (path if path.is_dir() else path.parent) / "trajectory.tum"
     if not path.is_file():
         return None
-    try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise OdometryError(f"{path}: cannot be read ({error})") from None
-    whole = text[: text.rfind("\n") + 1]  # a power cut may leave a torn last line
+    data = read_bytes(path, TABLE_BYTES, OdometryError)
+    whole = data[: data.rfind(b"\n") + 1]  # a power cut may leave a torn last line
     return parse_tum(whole, str(path)) if whole.strip() else None

@@ -1,0 +1,88 @@
+"""Reads files that may be damaged or hostile: bounded in size, decoded against a schema, every failure one line.
+
+Every reader of edgemap begins here: `read_bytes` or `read_text` bounds what enters memory, `decode_json` and `convert`
+check all of a document against a msgspec type with constraints before anything is made of it.
+"""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.geometry.errors import EdgemapError
+
+T = TypeVar("T")
+
+MESSAGE_LENGTH = 200
+CONTROL = dict.fromkeys([*range(32), *range(127, 160), 0x2028, 0x2029], " ")
+
+# Numbers and names as files may hold them. NaN and infinity satisfy no bound, so none of them ever comes in.
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]  # metres or pixels
+Size = Annotated[float, Meta(ge=0.0, le=1e6)]  # metres or pixels
+Stamp = Annotated[float, Meta(ge=-1e12, le=1e12)]  # seconds
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
+Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"\A[^\x00-\x1f\x7f-\x9f\u2028\u2029]*\Z")]
+
+
+class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    """A record of a file: unknown or missing fields are errors."""
+
+
+def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
+    """A text of any origin as part of a message: no line breaks, no control characters, not too long."""
+    words = " ".join(str(text).translate(CONTROL).split()).encode(errors="replace").decode()
+    return words if len(words) <= length else words[: length - 1] + "…"
+
+
+def read_bytes(path: Path, limit_bytes: int, error: type[EdgemapError]) -> bytes:
+    """All of a regular file. Raises `error` where it is missing, no file, unreadable or larger than the limit."""
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe would block, a device never end
+            raise error(f"{path}: cannot be read (not a file)")
+        if found.st_size > limit_bytes:
+            raise error(f"{path}: {found.st_size:,} bytes, at most {limit_bytes:,} are read")
+        with path.open("rb") as stream:
+            data = stream.read(limit_bytes + 1)
+    except (OSError, ValueError) as why:  # ValueError: a NUL in the path
+        raise error(f"{one_line(path)}: cannot be read ({one_line(getattr(why, 'strerror', None) or why)})") from None
+    if len(data) > limit_bytes:
+        raise error(f"{path}: more than {limit_bytes:,} bytes, at most so many are read")
+    return data
+
+
+def read_text(path: Path, limit_bytes: int, error: type[EdgemapError]) -> str:
+    """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is no UTF-8."""
+    try:
+        return read_bytes(path, limit_bytes, error).decode("utf-8")
+    except UnicodeDecodeError as why:
+        raise error(f"{path}: cannot be read ({one_line(why)})") from None
+
+
+def decode_json(data: bytes | str, kind: type[T], where: object, error: type[EdgemapError]) -> T:
+    """A JSON document as a checked record. Raises `error`, which names the place in the document."""
+    try:
+        if isinstance(data, bytes):
+            data = data.decode("utf-8")  # msgspec would take other bytes inside of strings
+        return msgspec.json.decode(data, type=kind)
+    except msgspec.ValidationError as why:
+        raise error(f"{where}: {one_line(why)}") from None
+    except (msgspec.DecodeError, UnicodeError) as why:
+        raise error(f"{where}: not JSON ({one_line(why)})") from None
+    except RecursionError:
+        raise error(f"{where}: not JSON that is read (nested too deeply)") from None
+
+
+def convert(tree: Any, kind: type[T], where: object, error: type[EdgemapError], strict: bool = True) -> T:
+    """Plain values as a checked record. strict: else numbers may stand as text. Raises `error`."""
+    try:
+        return msgspec.convert(tree, kind, strict=strict)
+    except (msgspec.ValidationError, OverflowError) as why:
+        raise error(f"{where}: {one_line(why)}") from None
+    except RecursionError:
+        raise error(f"{where}: nested too deeply") from None
