@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -32,6 +33,12 @@ def command(
     from edgemap.runtime.store import install_folder, install_url
 
     if is_url(source):
+        if source.startswith("http:"):
+            print(
+                f"{source}: plain http has no authenticity: whoever is on the way can send another bundle; its sums "
+                "only tell that it arrived whole",
+                file=sys.stderr,
+            )
         folder = install_url(source)
     elif not known(source) and Path(source).expanduser().exists():
         folder = install_folder(Path(source).expanduser())

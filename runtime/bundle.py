@@ -25,6 +25,7 @@ from edgemap.runtime.manifest import (
 from edgemap.runtime.network import Compute, Network, Shapes
 from edgemap.runtime.onnx_file import onnx_facts
 from edgemap.runtime.precision import WORTH_IT, Precision, report_allows_int8, time_ratio
+from edgemap.runtime.reading import one_line
 
 HEAD = Compute(1)
 
@@ -133,7 +134,7 @@ def _opener(
         try:
             network = open_onnxruntime(path, compute)
         except Exception as error:  # onnxruntime's exceptions share no public base
-            raise BundleError(f"{where} is not a model that onnxruntime loads ({_first_line(error)})") from None
+            raise BundleError(f"{where} is not a model that onnxruntime loads ({one_line(error, 160)})") from None
         _compare(where, "input", inputs, network.inputs)
         _compare(where, "output", outputs, network.outputs)
         return network
@@ -162,7 +163,3 @@ def _check_contract(path: Path, where: str, record: Detector | OdometryHead, fol
         raise BundleError(f"{where} carries no {METADATA_KEY} metadata: not made by edgemap export")
     if contract != contract_metadata(record):
         raise BundleError(f"{where}: the contract in its metadata differs from {folder.name}/bundle.json")
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0][:160] if str(error).strip() else type(error).__name__

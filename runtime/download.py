@@ -5,21 +5,29 @@ from __future__ import annotations
 import http.client
 import json
 import re
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
+import msgspec
 from tqdm import tqdm
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.manifest import sha256_file
+from edgemap.runtime.reading import Strict, decode_json, one_line, read_bytes
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
 PIECE = 1 << 16  # bytes
+LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # a transfer may take the former, and a second for so many bytes besides
+LARGEST_BYTES = 1 << 30  # of a file whose size nobody told
+NOTES_BYTES = 4096
 
 
 class DownloadError(EdgemapError):
@@ -28,7 +36,10 @@ class DownloadError(EdgemapError):
 
 def is_url(text: str) -> bool:
     """Whether a text is an http or https URL."""
-    return urlsplit(text).scheme in ("http", "https")
+    try:
+        return urlsplit(text).scheme in ("http", "https")
+    except ValueError:  # `http://[`
+        return False
 
 
 def download(
@@ -38,13 +49,16 @@ def download(
     sums: tuple[str, ...] = (),
     label: str | None = None,
     timeout_s: float = TIMEOUT_S,
-    most_bytes: int | None = None,
+    most_bytes: int = LARGEST_BYTES,
+    longest_s: float = LONGEST_S,
     progress: bool = True,
 ) -> Path:
     """Fetch `url` into `target`; a broken transfer leaves `target.part` and goes on from there the next time.
 
     sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source
-    (the URL by default). Raises DownloadError, one line; `target` appears only when it is whole and right.
+    (the URL by default). most_bytes, longest_s: limits of size and time; every SLOWEST_BYTES_S bytes that come in
+    give it one second more. Only http and https are followed, redirects included, and https never to http.
+    Raises DownloadError, one line; `target` appears only when it is whole and right.
     """
     if target.is_file() and (not sums or sha256_file(target) in sums):
         return target
@@ -56,14 +70,15 @@ def download(
         with _open(url, have, validator, timeout_s) as reply:
             have = have if _continues(reply, have) else 0
             total = _total(reply, have)
-            if most_bytes is not None and (total or 0) > most_bytes:
+            if (total or 0) > most_bytes:
                 raise DownloadError(f"{label}: {total:,} bytes, expected {most_bytes:,} at most")
             notes.write_text(json.dumps({"url": url, "validator": _validator(reply)}), encoding="utf-8")
-            done = _receive(reply, part, have, total, most_bytes, target.name if progress else None, label)
+            limits = _Limits(most_bytes, time.monotonic() + longest_s)
+            done = _receive(reply, part, have, total, limits, target.name if progress else None, label)
     except urllib.error.HTTPError as error:
         if error.code == 416:  # what is there is no beginning of what the server has
             _forget(part, notes)
-        raise DownloadError(f"{label}: HTTP {error.code} {error.reason}") from None
+        raise DownloadError(f"{label}: HTTP {error.code} {one_line(error.reason)}") from None
     except (OSError, http.client.HTTPException, ValueError) as error:
         reason = getattr(error, "reason", None) or error
         raise DownloadError(f"{label}: {_in_words(reason, timeout_s)}") from None
@@ -77,6 +92,33 @@ def download(
     part.replace(target)
     notes.unlink(missing_ok=True)
     return target
+
+
+class _Notes(Strict):
+    """What lies beside a part: whose it is, and the server's mark of the version."""
+
+    url: str
+    validator: Annotated[str, msgspec.Meta(max_length=1000, pattern=r"\A[\x20-\x7e]*\Z")]
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Of one transfer. until_s: on the monotonic clock, before what comes in gives it more time."""
+
+    most_bytes: int
+    until_s: float
+
+
+class _WebOnly(urllib.request.HTTPRedirectHandler):
+    """Follows redirects to http and https only, and never from https to http."""
+
+    def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
+        """As the base class, after the check. Raises ValueError."""
+        if not is_url(newurl) or (urlsplit(req.full_url).scheme == "https" and urlsplit(newurl).scheme != "https"):
+            raise ValueError(
+                f"redirected to {one_line(newurl, 80)}: only http and https are followed, never https to http"
+            )
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
 def _part_of(target: Path) -> Path:
@@ -95,9 +137,9 @@ def _forget(part: Path, notes: Path) -> None:
 def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int, str]:
     """Bytes that are there and may be kept, and the server's mark of the version that they belong to."""
     try:
-        noted = json.loads(notes.read_text(encoding="utf-8"))
-        same, validator = noted["url"] == url, str(noted["validator"])
-    except (OSError, ValueError, KeyError, TypeError):
+        noted = decode_json(read_bytes(notes, NOTES_BYTES, DownloadError), _Notes, notes, DownloadError)
+        same, validator = noted.url == url, noted.validator
+    except DownloadError:
         same, validator = False, ""
     # Without the server's mark only a sum at the end tells whether both halves belong together.
     if not part.is_file() or not same or not (validator or checked):
@@ -114,7 +156,8 @@ def _open(url: str, have: int, validator: str, timeout_s: float) -> Iterator[htt
         headers["Range"] = f"bytes={have}-"
         if validator:
             headers["If-Range"] = validator
-    with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
+    opener = urllib.request.build_opener(_WebOnly)
+    with opener.open(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
         yield reply
 
 
@@ -123,16 +166,17 @@ def _continues(reply: http.client.HTTPResponse, have: int) -> bool:
 
 
 def _total(reply: http.client.HTTPResponse, have: int) -> int | None:
-    whole = re.search(r"/(\d+)$", reply.headers.get("Content-Range") or "")
+    whole = re.search(r"/(\d{1,18})$", reply.headers.get("Content-Range") or "")
     if have and whole:
         return int(whole[1])
     length = reply.headers.get("Content-Length")
-    return have + int(length) if length is not None else None
+    return have + int(length) if length is not None and re.fullmatch(r"\d{1,18}", length) else None
 
 
 def _validator(reply: http.client.HTTPResponse) -> str:
     tag = reply.headers.get("ETag") or ""
-    return tag if tag and not tag.startswith("W/") else reply.headers.get("Last-Modified") or ""
+    mark = tag if tag and not tag.startswith("W/") else reply.headers.get("Last-Modified") or ""
+    return one_line(mark, 1000)
 
 
 def _receive(
@@ -140,7 +184,7 @@ def _receive(
     part: Path,
     have: int,
     total: int | None,
-    most_bytes: int | None,
+    limits: _Limits,
     title: str | None,
     label: str,
 ) -> int:
@@ -151,7 +195,7 @@ def _receive(
         done = have
         while True:
             try:
-                piece = reply.read(PIECE)
+                piece = reply.read1(PIECE)
             except http.client.IncompleteRead as broken:
                 piece = broken.partial
             if not piece:
@@ -159,11 +203,13 @@ def _receive(
             stream.write(piece)
             bar.update(len(piece))
             done += len(piece)
-            if most_bytes is not None and done > most_bytes:
-                raise DownloadError(f"{label}: more than {most_bytes:,} bytes, stopped")
+            if done > limits.most_bytes:
+                raise DownloadError(f"{label}: more than {limits.most_bytes:,} bytes, stopped")
+            if time.monotonic() > limits.until_s + (done - have) / SLOWEST_BYTES_S:
+                raise DownloadError(f"{label}: too slow, {done:,} bytes so far; run again to go on from there")
 
 
 def _in_words(reason: object, timeout_s: float) -> str:
     if isinstance(reason, TimeoutError):
         return f"no answer within {timeout_s:g} s"
-    return getattr(reason, "strerror", None) or str(reason).strip() or type(reason).__name__
+    return one_line(getattr(reason, "strerror", None) or str(reason).strip() or type(reason).__name__)

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
 from edgemap.runtime.errors import BundleError
+from edgemap.runtime.reading import Coordinate, Name, Share, Size, Strict, decode_json, read_bytes
 
 FORMAT = "edgemap.bundle/1"
 MANIFEST_NAME = "bundle.json"
@@ -21,15 +24,25 @@ METADATA_KEY = "edgemap.contract"
 OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
 
 
-class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
-    """A manifest record: unknown or missing fields are errors."""
+MANIFEST_BYTES = 4 << 20
+VALUES_LIMIT = 1 << 26  # of one tensor
+
+FileName = Annotated[str, Meta(max_length=200, pattern=r"\A[^\x00-\x1f\x7f]*\Z")]  # `_inside` checks where it leads
+Sha256 = Annotated[str, Meta(pattern=r"\A[0-9a-f]{64}\Z")]
+Dimension = Annotated[int, Meta(ge=1, le=1 << 20)]
+Shape = Annotated[tuple[Dimension, ...], Meta(min_length=1, max_length=8)]
+Stride = Annotated[int, Meta(ge=1, le=4096)]
+InputSide = Annotated[int, Meta(ge=8, le=4096)]  # px
+Deviation = Annotated[float, Meta(gt=0.0, le=1e6)]
+Text = Annotated[str, Meta(max_length=10_000)]
+Span = tuple[Coordinate, Coordinate]
 
 
 class ClassEntry(Strict):
     """One class of the detector. mapped: false for what is detected but never mapped: people and
     pets, what is carried or lies on tables."""
 
-    name: str
+    name: Name
     mapped: bool = True
 
 
@@ -40,15 +53,15 @@ class InputSpec(Strict):
     grey, 0..255, before scaling. colour: channel order. scale: factor on 0..255 values, then mean and std.
     """
 
-    name: str
-    width: int
-    height: int
+    name: Name
+    width: InputSide
+    height: InputSide
     resize: Literal["stretch", "letterbox", "letterbox_topleft"]
     colour: Literal["rgb", "bgr"]
-    scale: float
-    pad: int = 114
-    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    scale: Annotated[float, Meta(gt=0.0, le=1e3)]
+    pad: Annotated[int, Meta(ge=0, le=255)] = 114
+    mean: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    std: tuple[Deviation, Deviation, Deviation] = (1.0, 1.0, 1.0)
 
 
 class HeadSpec(Strict):
@@ -59,39 +72,39 @@ class HeadSpec(Strict):
     dfl: (1, C+32, H, W): class logits, then 8 bins for each side of the box (left, top, right, bottom).
     """
 
-    name: str
-    shape: tuple[int, ...]
-    strides: tuple[int, ...]
-    anchors: tuple[tuple[float, float], ...] = ()
-    scale_xy: float = 1.0
+    name: Name
+    shape: Shape
+    strides: Annotated[tuple[Stride, ...], Meta(min_length=1, max_length=16)]
+    anchors: Annotated[tuple[tuple[Size, Size], ...], Meta(max_length=100)] = ()
+    scale_xy: Annotated[float, Meta(ge=-100.0, le=100.0)] = 1.0
 
 
 class FeatureSpec(Strict):
     """A backbone output that feeds the odometry: name, shape (1, C, H, W), stride in input pixels."""
 
-    name: str
-    shape: tuple[int, ...]
-    stride: int
+    name: Name
+    shape: Shape
+    stride: Stride
 
 
 class StateSpec(Strict):
     """A recurrent state tensor: input name, output name, shape; starts filled with `initial`."""
 
-    input: str
-    output: str
-    shape: tuple[int, ...]
-    initial: float = 0.0
+    input: Name
+    output: Name
+    shape: Shape
+    initial: Coordinate = 0.0
 
 
 class Detector(Strict):
     """The backbone file and how to read it. decode: the rule that turns heads into boxes."""
 
-    file: str
+    file: FileName
     input: InputSpec
     decode: Literal["yolov3", "yolox", "dfl"]
-    heads: tuple[HeadSpec, ...]
-    features: tuple[FeatureSpec, ...]
-    classes: tuple[ClassEntry, ...]
+    heads: Annotated[tuple[HeadSpec, ...], Meta(min_length=1, max_length=16)]
+    features: Annotated[tuple[FeatureSpec, ...], Meta(max_length=16)]
+    classes: Annotated[tuple[ClassEntry, ...], Meta(min_length=1, max_length=10_000)]
 
 
 class GeometrySpec(Strict):
@@ -101,12 +114,12 @@ class GeometrySpec(Strict):
     seconds since the previous frame. covariance: output, (1, 3, 3), of the motion.
     """
 
-    cells: str
-    shape: tuple[int, ...]
-    stride: int
-    mount: str
-    dt: str
-    covariance: str
+    cells: Name
+    shape: Shape
+    stride: Stride
+    mount: Name
+    dt: Name
+    covariance: Name
 
 
 class OdometryHead(Strict):
@@ -118,26 +131,26 @@ class OdometryHead(Strict):
     it was trained on clips of so many and runs away beyond; 0 for never.
     """
 
-    file: str
+    file: FileName
     kind: Literal["paper", "flow"]
-    feature: str
-    feature_input: str
-    motion: str
-    states: tuple[StateSpec, ...]
-    parameters: int
+    feature: Name
+    feature_input: Name
+    motion: Name
+    states: Annotated[tuple[StateSpec, ...], Meta(max_length=16)]
+    parameters: Annotated[int, Meta(ge=0, le=1 << 40)]
     trained: bool
     geometry: GeometrySpec | None = None
-    window: int = 0
-    sigma_forward_m: float = 0.05
-    sigma_left_m: float = 0.05
-    sigma_yaw_rad: float = 0.05
+    window: Annotated[int, Meta(ge=0, le=1 << 40)] = 0
+    sigma_forward_m: Deviation = 0.05
+    sigma_left_m: Deviation = 0.05
+    sigma_yaw_rad: Deviation = 0.05
 
 
 class Parity(Strict):
     """What export proved about one file: the largest absolute difference of torch or source model and onnxruntime."""
 
-    max_abs_difference: float
-    tolerance: float
+    max_abs_difference: Size
+    tolerance: Size
     steps: int
     cases: int
 
@@ -148,8 +161,8 @@ class Variant(Strict):
     measured: what export found beside the float32 file: pictures, differences, AP50 where there was truth, and time.
     """
 
-    file: str
-    measured: dict[str, Any] = {}
+    file: FileName
+    measured: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
 class Manifest(Strict):
@@ -163,19 +176,19 @@ class Manifest(Strict):
     """
 
     format: str
-    name: str
-    version: str
+    name: Name
+    version: Name
     detector: Detector
-    sha256: dict[str, str]
-    odometry: dict[str, OdometryHead] = {}
-    variants: dict[Literal["int8"], Variant] = {}
-    parity: dict[str, Parity] = {}
-    envelope: dict[str, tuple[float, float]] = {}
-    confidence: float = 0.3
-    sure_confidence: float = 0.0
-    measured: dict[str, Any] = {}
-    licence: str = ""
-    sources: tuple[str, ...] = ()
+    sha256: Annotated[dict[FileName, Sha256], Meta(max_length=100)]
+    odometry: dict[Name, OdometryHead] = msgspec.field(default_factory=dict)
+    variants: dict[Literal["int8"], Variant] = msgspec.field(default_factory=dict)
+    parity: dict[str, Parity] = msgspec.field(default_factory=dict)
+    envelope: dict[Name, Span] = msgspec.field(default_factory=dict)
+    confidence: Share = 0.3
+    sure_confidence: Share = 0.0
+    measured: dict[str, Any] = msgspec.field(default_factory=dict)
+    licence: Text = ""
+    sources: tuple[Text, ...] = ()
 
 
 def contract_metadata(record: Detector | OdometryHead) -> str:
@@ -189,11 +202,8 @@ def contract_metadata(record: Detector | OdometryHead) -> str:
 
 def sha256_file(path: Path) -> str:
     """Hex SHA-256 of a file, read in pieces."""
-    digest = hashlib.sha256()
     with path.open("rb") as stream:
-        while piece := stream.read(1 << 20):
-            digest.update(piece)
-    return digest.hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -203,12 +213,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise BundleError(f"bundle {folder}: no such folder")
     if not path.is_file():
         raise BundleError(f"bundle {folder}: no {MANIFEST_NAME} in it")
-    try:
-        manifest = msgspec.json.decode(path.read_bytes(), type=Manifest)
-    except msgspec.ValidationError as error:
-        raise BundleError(f"bundle {path}: {error}") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise BundleError(f"bundle {path}: not JSON ({error})") from None
+    manifest = decode_json(read_bytes(path, MANIFEST_BYTES, BundleError), Manifest, f"bundle {path}", BundleError)
     if manifest.format != FORMAT:
         raise BundleError(f"bundle {path}: format {manifest.format!r}, this edgemap reads {FORMAT!r}")
     parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
@@ -218,7 +223,33 @@ def read_manifest(folder: Path) -> Manifest:
     for name in files:
         if name not in manifest.sha256:
             raise BundleError(f"bundle {path}: {name} has no sha256")
+    _check_shapes(path, manifest)
     return manifest
+
+
+def _check_shapes(path: Path, manifest: Manifest) -> None:
+    """Raises BundleError where a tensor cannot hold what the manifest says of it."""
+    detector = manifest.detector
+    width, height, values = detector.input.width, detector.input.height, 5 + len(detector.classes)
+    shapes = {head.name: head.shape for head in detector.heads} | {item.name: item.shape for item in detector.features}
+    for part in manifest.odometry.values():
+        shapes |= {state.input: state.shape for state in part.states}
+        shapes |= {part.geometry.cells: part.geometry.shape} if part.geometry else {}
+    for name, shape in shapes.items():
+        if math.prod(shape) > VALUES_LIMIT:
+            raise BundleError(f"bundle {path}: tensor {name} of shape {shape}, at most {VALUES_LIMIT:,} values")
+    for head in detector.heads:
+        expected = head.shape
+        if detector.decode == "yolov3":
+            (stride, *others), anchors = head.strides, len(head.anchors)
+            expected = (1, max(anchors, 1) * values, height // stride, width // stride) if not others else ()
+        elif detector.decode == "yolox":
+            expected = (1, sum((height // stride) * (width // stride) for stride in head.strides), values)
+        if head.shape != expected:
+            raise BundleError(
+                f"bundle {path}: head {head.name} has shape {head.shape}, {detector.decode} with {len(head.anchors)} "
+                f"anchors, strides {head.strides} and {len(detector.classes)} classes has {expected}"
+            )
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
@@ -229,10 +260,14 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
 
 def _inside(folder: Path, name: str) -> Path:
     parts = PurePosixPath(name)
-    if parts.is_absolute() or ".." in parts.parts or "\\" in name or not parts.parts:
+    if parts.is_absolute() or ".." in parts.parts or "\\" in name or not parts.parts or parts.name == MANIFEST_NAME:
         raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
     path = folder / parts
-    if not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a loop of links
+        inside = False
+    if not inside:
         raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
     return path
 
@@ -242,7 +277,10 @@ def verified_file(folder: Path, manifest: Manifest, name: str) -> Path:
     path = _inside(folder, name)
     if not path.is_file():
         raise BundleError(f"bundle {folder}: file {name} is missing")
-    expected, seen = manifest.sha256[name], sha256_file(path)
+    try:
+        expected, seen = manifest.sha256[name], sha256_file(path)
+    except OSError as error:
+        raise BundleError(f"bundle {folder}: {name} cannot be read ({error.strerror})") from None
     if seen != expected:
         raise BundleError(f"bundle {folder}: {name} has sha256 {seen[:12]}…, manifest says {expected[:12]}…: damaged")
     return path

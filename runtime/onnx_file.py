@@ -50,7 +50,7 @@ def _pair(stream: BinaryIO, end: int) -> dict[int, bytes | int]:
     fields: dict[int, bytes | int] = {}
     while stream.tell() < end:
         key, value = _varint(stream), _varint(stream)
-        if key is None or value is None:
+        if key is None or value is None or (key & 7 == 2 and value > end - stream.tell()):
             break
         fields[key >> 3] = stream.read(value) if key & 7 == 2 else value
     return fields

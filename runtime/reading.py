@@ -6,6 +6,7 @@ check all of a document against a msgspec type with constraints before anything 
 
 from __future__ import annotations
 
+import re
 import stat
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -18,6 +19,7 @@ from edgemap.geometry.errors import EdgemapError
 T = TypeVar("T")
 
 MESSAGE_LENGTH = 200
+SHOWN = 60  # of a value
 CONTROL = dict.fromkeys([*range(32), *range(127, 160), 0x2028, 0x2029], " ")
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so none of them ever comes in.
@@ -71,7 +73,11 @@ def decode_json(data: bytes | str, kind: type[T], where: object, error: type[Edg
             data = data.decode("utf-8")  # msgspec would take other bytes inside of strings
         return msgspec.json.decode(data, type=kind)
     except msgspec.ValidationError as why:
-        raise error(f"{where}: {one_line(why)}") from None
+        try:
+            tree = msgspec.json.decode(data)
+        except (msgspec.MsgspecError, RecursionError):
+            tree = None
+        raise error(f"{where}: {_told(why, tree)}") from None
     except (msgspec.DecodeError, UnicodeError) as why:
         raise error(f"{where}: not JSON ({one_line(why)})") from None
     except RecursionError:
@@ -83,6 +89,23 @@ def convert(tree: Any, kind: type[T], where: object, error: type[EdgemapError], 
     try:
         return msgspec.convert(tree, kind, strict=strict)
     except (msgspec.ValidationError, OverflowError) as why:
-        raise error(f"{where}: {one_line(why)}") from None
+        raise error(f"{where}: {_told(why, tree)}") from None
     except RecursionError:
         raise error(f"{where}: nested too deeply") from None
+
+
+def _told(why: Exception, tree: Any) -> str:
+    """msgspec's message with the value that stands at the place it names."""
+    place = re.search(r" - at `\$([^`]*)`\Z", str(why))
+    for name, number in re.findall(r"\.(\w+)|\[(\d+)\]", place[1]) if place and "..." not in place[1] else ():
+        try:
+            tree = tree[name or int(number)]
+        except (LookupError, TypeError):
+            return one_line(why)
+    if place is None or not isinstance(tree, str | int | float | None) or "missing" in str(why):
+        return one_line(why)
+    return f"{one_line(why)}, found {one_line(_short(tree), SHOWN)}"
+
+
+def _short(value: object) -> str:
+    return repr(value) if not isinstance(value, int) or abs(value) < 1 << 64 else "a huge number"

@@ -16,9 +16,8 @@ import platformdirs
 
 from edgemap.runtime.download import download
 from edgemap.runtime.errors import BundleError
-from edgemap.runtime.manifest import MANIFEST_NAME, read_manifest, verified_file
+from edgemap.runtime.manifest import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
 
-MANIFEST_BYTES = 4 << 20
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
@@ -54,8 +53,8 @@ def install_folder(folder: Path) -> Path:
         return target
     with staged(target) as stage:
         for name in manifest.sha256:
-            (stage / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(verified_file(folder, manifest, name), stage / name)
+            with _written(stage / name):
+                shutil.copyfile(verified_file(folder, manifest, name), stage / name)
             verified_file(stage, manifest, name)
         shutil.copyfile(folder / MANIFEST_NAME, stage / MANIFEST_NAME)
     return target
@@ -78,10 +77,20 @@ def install_url(url: str, progress: bool = True) -> Path:
             fetched = download(
                 f"{base}/{quote(name)}", downloads_folder() / expected, sums=(expected,), progress=progress
             )
-            (stage / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.move(fetched, stage / name)
+            with _written(stage / name):
+                shutil.move(fetched, stage / name)
         (stage / MANIFEST_NAME).write_bytes(text)
     return target
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[None]:
+    """Makes the file's folder; what goes wrong while the file is written is a BundleError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise BundleError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, read_facts, read_trajectory_file
+from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import lens_of, mount_of
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.recordings.reader import McapReading
@@ -23,6 +23,7 @@ from edgemap.runtime.trajectory import Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
+STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
 class RecordingCamera(CameraBase):
@@ -115,13 +116,15 @@ class RecordingCamera(CameraBase):
     def _describe(self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str) -> None:
         """Lens, mount, rate, truth and wheels: as edgemap wrote them, else from CameraInfo and tf."""
         recording = self._recording
-        facts = _facts(recording)
-        if facts is not None:
+        if RECORD in recording.metadata:
+            facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
             self.rate_hz = facts.rate_hz
             self.wheel: Path | None = self._path if WHEEL_FILE in recording.attachments else None
             if TRUTH_FILE in recording.attachments:
-                self.truth: Trajectory | None = read_trajectory_file(recording.attachments[TRUTH_FILE])
+                self.truth: Trajectory | None = read_trajectory_file(
+                    recording.attachments[TRUTH_FILE], f"{self._path}: {TRUTH_FILE}"
+                )
             return
         if intrinsics is None and (info := self._info()) is not None:
             self.intrinsics = lens_of(info, "rect" in self.topic, f"{self._path}")
@@ -150,13 +153,7 @@ def _exact_stamps(recording: McapReading) -> dict[int, float]:
     """Stamps that are finer than a nanosecond, by their nearest one."""
     if RECORD not in recording.metadata or STAMPS not in recording.topics:
         return {}
-    return {log_ns: float(decode().data) for log_ns, decode in recording.messages(STAMPS)}
-
-
-def _facts(recording: McapReading) -> Facts | None:
-    if RECORD not in recording.metadata:
-        return None
-    try:
-        return read_facts(recording.metadata[RECORD])
-    except (ValueError, KeyError, TypeError, EdgemapError) as error:
-        raise CameraError(f"{recording.path}: damaged {RECORD} record ({type(error).__name__}: {error})") from None
+    stamps = {log_ns: float(decode().data) for log_ns, decode in recording.messages(STAMPS)}
+    if wrong := [ns for ns, stamp_s in stamps.items() if not abs(stamp_s - to_s(ns)) < STAMP_TOLERANCE_S]:
+        raise CameraError(f"{recording.path}: {STAMPS} says {stamps[wrong[0]]} s at {to_s(wrong[0]):.9f} s")
+    return stamps

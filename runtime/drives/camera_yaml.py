@@ -40,7 +40,7 @@ Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
 
 class _Distortion(Strict):
     model: Name = "none"
-    coefficients: Annotated[list[Annotated[float, Meta(ge=-1e3, le=1e3)]], Meta(max_length=5)] = []
+    coefficients: Annotated[tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], ...], Meta(max_length=5)] = ()
 
 
 class _Mount(Strict):
@@ -81,7 +81,7 @@ def read_camera_yaml(path: Path) -> CameraFile:
             record.fy,
             record.cx,
             record.cy,
-            Distortion(distortion.model, tuple(distortion.coefficients)),
+            Distortion(distortion.model, distortion.coefficients),
         )
         mount = record.mount and Mount.from_degrees(
             record.mount.height_m,

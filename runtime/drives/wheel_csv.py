@@ -17,7 +17,7 @@ from edgemap.runtime.number_rows import STAMP, NumberTable, columns
 WHEEL = NumberTable((STAMP, *columns("x_m y_m yaw_rad")), ",", header=True)
 COLUMNS = tuple(column.name for column in WHEEL.columns)
 FASTEST_M_S = 60.0  # a car of KITTI's; a pose that jumps was set anew, or is damaged
-MIN_STEP_S = 0.02  # stamps of rows that were sent together lie closer than what they measure
+SHORTEST_JUMP_M = 10.0  # smaller ones are left to what weighs the sources against each other
 
 
 def read_wheel_csv(path: Path) -> tuple[NDArray[np.float64], tuple[SE2, ...]]:
@@ -29,18 +29,18 @@ def read_wheel_csv(path: Path) -> tuple[NDArray[np.float64], tuple[SE2, ...]]:
     stamps = rows[:, 0]
     check_increasing(path, stamps)
     poses = tuple(SE2(*row) for row in rows[:, 1:].tolist())
-    check_speed(f"{path}:{{}}", stamps, rows[:, 1:3], numbers)
+    check_speed(f"{path}: line", stamps, rows[:, 1:3], numbers)
     return stamps, poses
 
 
 def check_speed(where: str, stamps_s: NDArray[np.float64], positions_m: NDArray[np.float64], names: list[int]) -> None:
-    """Raises CameraError where wheels would have rolled faster than FASTEST_M_S. where: has {} for a row's name."""
+    """Raises CameraError where wheels would have rolled faster than FASTEST_M_S."""
     jumps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
-    fast = np.flatnonzero(jumps_m > FASTEST_M_S * np.maximum(np.diff(stamps_s), MIN_STEP_S))
+    fast = np.flatnonzero(jumps_m > np.maximum(FASTEST_M_S * np.diff(stamps_s), SHORTEST_JUMP_M))
     if len(fast):
         first = int(fast[0])
         raise CameraError(
-            f"{where.format(names[first + 1])}: the pose jumps {jumps_m[first]:.1f} m in "
+            f"{where} {names[first + 1]}: the pose jumps {jumps_m[first]:.1f} m in "
             f"{stamps_s[first + 1] - stamps_s[first]:.3f} s, wheels roll {FASTEST_M_S:g} m/s at most"
         )
 

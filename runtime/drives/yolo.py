@@ -18,7 +18,7 @@ from edgemap.runtime.number_rows import Column, NumberTable, columns
 from edgemap.runtime.reading import read_bytes
 
 LABEL_BYTES = 4 << 20
-LABELS = NumberTable((Column("class", 0.0, len(COCO_NAMES) - 1.0), *columns("cx cy w h", 0.0, 1.0)))
+LABELS = NumberTable((Column("COCO class", 0.0, len(COCO_NAMES) - 1.0), *columns("cx cy w h", 0.0, 1.0)))
 
 
 def read_yolo(folder: Path) -> Drive:

@@ -8,13 +8,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.errors import CameraError, OdometryError
+from edgemap.runtime.number_rows import ROW_LIMIT
+from edgemap.runtime.reading import Coordinate, Name, Side, Stamp, Strict, decode_json, one_line
 from edgemap.runtime.trajectory import Trajectory
 
 RECORD = "edgemap.recording"  # name of the MCAP metadata record
@@ -44,15 +50,56 @@ def facts_record(facts: Facts) -> dict[str, str]:
     }
 
 
-def read_facts(record: dict[str, str]) -> Facts:
-    """The facts of a metadata record. Raises ValueError, KeyError, TypeError or GeometryError for a damaged one."""
+_Rate = Annotated[float, Meta(gt=0.0, le=1e5)]  # Hz
+
+
+class _Distortion(Strict):
+    model: Name
+    coefficients: Annotated[tuple[Coordinate, ...], Meta(max_length=5)]
+
+
+class _Lens(Strict):
+    width: Side
+    height: Side
+    fx: Coordinate
+    fy: Coordinate
+    cx: Coordinate
+    cy: Coordinate
+    distortion: _Distortion
+
+
+class _Mount(Strict):
+    height_m: Coordinate
+    pitch_rad: Coordinate
+    roll_rad: Coordinate
+    forward_m: Coordinate
+    left_m: Coordinate
+
+
+def read_facts(record: dict[str, str], where: str) -> Facts:
+    """The facts of a metadata record. where: for messages. Raises CameraError for a damaged one."""
+    where = f"{where}: damaged {RECORD} record"
+    if missing := {"format", "camera", "rate_hz", "intrinsics", "mount"} - record.keys():
+        raise CameraError(f"{where}: lacks {', '.join(sorted(missing))}")
     if record["format"] != FORMAT:
-        raise ValueError(f"format {record['format']!r}, this edgemap reads {FORMAT!r}")
-    lens, mount = json.loads(record["intrinsics"]), json.loads(record["mount"])
-    if lens is not None:
-        distortion = lens.pop("distortion")
-        lens = Intrinsics(**lens, distortion=Distortion(distortion["model"], tuple(distortion["coefficients"])))
-    return Facts(record["camera"], lens, Mount(**mount) if mount else None, json.loads(record["rate_hz"]))
+        raise CameraError(f"{where}: format {one_line(record['format'])!r}, this edgemap reads {FORMAT!r}")
+    lens = decode_json(record["intrinsics"], _Lens | None, f"{where}: intrinsics", CameraError)
+    mount = decode_json(record["mount"], _Mount | None, f"{where}: mount", CameraError)
+    rate_hz = decode_json(
+        record["rate_hz"], Annotated[float, Meta(gt=0.0, le=1e5)] | None, f"{where}: rate", CameraError
+    )
+    try:
+        return Facts(
+            one_line(record["camera"]),
+            lens and Intrinsics(
+                lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
+                Distortion(lens.distortion.model, lens.distortion.coefficients),
+            ),
+            mount and Mount(**msgspec.structs.asdict(mount)),
+            rate_hz,
+        )  # fmt: skip
+    except GeometryError as error:
+        raise CameraError(f"{where}: {error}") from None
 
 
 def trajectory_file(trajectory: Trajectory) -> bytes:
@@ -61,7 +108,12 @@ def trajectory_file(trajectory: Trajectory) -> bytes:
     return json.dumps([[float(stamp), pose.x_m, pose.y_m, pose.yaw_rad] for stamp, pose in poses]).encode()
 
 
-def read_trajectory_file(data: bytes) -> Trajectory:
-    """The rows again, bit for bit. Raises ValueError or OdometryError for damaged ones."""
-    rows: Any = np.array(json.loads(data), dtype=np.float64).reshape(-1, 4)
-    return Trajectory(rows[:, 0], tuple(SE2(*row[1:]) for row in rows.tolist()))
+def read_trajectory_file(data: bytes, where: str) -> Trajectory:
+    """The rows again, bit for bit. where: for messages. Raises CameraError for damaged ones."""
+    if data.count(b"[") > ROW_LIMIT + 1:
+        raise CameraError(f"{where}: more than {ROW_LIMIT:,} rows")
+    rows = decode_json(data, list[tuple[Stamp, Coordinate, Coordinate, Coordinate]], where, CameraError)
+    try:
+        return Trajectory(np.array([row[0] for row in rows], dtype=np.float64), tuple(SE2(*row[1:]) for row in rows))
+    except OdometryError as error:
+        raise CameraError(f"{where}: {error}") from None

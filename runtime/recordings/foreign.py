@@ -12,9 +12,12 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import one_line
 from edgemap.runtime.recordings.reader import McapReading
+from edgemap.runtime.trajectory import QUATERNION_TOLERANCE
 
 FLOOR_FRAME = "base_footprint"  # REP-120: base_link may stand anywhere above the floor, this one stands on it
+FARTHEST_M = 1000.0
 TF_MESSAGES = 200  # looked through for the mount
 
 
@@ -32,13 +35,19 @@ def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
     if rectified or not any(coefficients):
         distortion = Distortion()
     elif info.distortion_model in ("plumb_bob", "rational_polynomial") and not any(coefficients[5:]):
-        distortion = Distortion("brown_conrady", coefficients[:5])
+        try:
+            distortion = Distortion("brown_conrady", coefficients[:5])
+        except GeometryError as error:
+            raise CameraError(f"{name}: CameraInfo: {error}") from None
     else:
         raise CameraError(
-            f"{name}: distortion {info.distortion_model} with {len(coefficients)} coefficients is not supported; "
-            "pass --intrinsics or --camera-file"
+            f"{name}: distortion {one_line(info.distortion_model, 40)} with {len(coefficients)} coefficients is not "
+            "supported; pass --intrinsics or --camera-file"
         )
-    return Intrinsics(info.width, info.height, float(fx), float(fy), float(cx), float(cy), distortion)
+    try:
+        return Intrinsics(info.width, info.height, float(fx), float(fy), float(cx), float(cy), distortion)
+    except GeometryError as error:
+        raise CameraError(f"{name}: CameraInfo: {error}") from None
 
 
 def mount_of(recording: McapReading, frame_id: str) -> Mount | None:
@@ -64,8 +73,17 @@ def mount_of(recording: McapReading, frame_id: str) -> Mount | None:
         if frame not in parents:
             return None
         frame, step = parents[frame]
-        turn = Rotation.from_quat([step.rotation.x, step.rotation.y, step.rotation.z, step.rotation.w]).as_matrix()
-        place = turn @ place + [step.translation.x, step.translation.y, step.translation.z]
+        quaternion = [step.rotation.x, step.rotation.y, step.rotation.z, step.rotation.w]
+        translation_m = [step.translation.x, step.translation.y, step.translation.z]
+        if (
+            not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE
+            or not max(map(abs, translation_m)) < FARTHEST_M
+        ):
+            raise CameraError(
+                f"{recording.path}: tf to {frame}: translation {translation_m} m, quaternion {quaternion}: no transform"
+            )
+        turn = Rotation.from_quat(quaternion).as_matrix()
+        place = turn @ place + translation_m
         rotation = turn @ rotation
     return None
 

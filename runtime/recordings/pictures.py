@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
 from edgemap.runtime.drives.pictures import decode_picture
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import one_line
 
 # sensor_msgs/image_encodings: channels, and how OpenCV makes BGR of them (None: it is BGR).
 ENCODINGS: dict[str, tuple[int, int | None]] = {
@@ -32,11 +34,18 @@ def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
     """A decoded `sensor_msgs/Image` as BGR, (H, W, 3). Raises CameraError for an encoding or a size that cannot be."""
     if message.encoding not in ENCODINGS:
         raise CameraError(
-            f"{name}: Image encoding {message.encoding!r} is not supported (understood: {', '.join(ENCODINGS)})"
+            f"{name}: Image encoding {one_line(message.encoding, 40)!r} is not supported "
+            f"(understood: {', '.join(ENCODINGS)})"
         )
     channels, conversion = ENCODINGS[message.encoding]
     height, width, step = int(message.height), int(message.width), int(message.step)
-    if not height or not width or step < width * channels or len(message.data) < height * step:
+    if (
+        height * width > PIXEL_LIMIT
+        or not height
+        or not width
+        or step < width * channels
+        or len(message.data) < height * step
+    ):
         raise CameraError(
             f"{name}: Image of {width}x{height} px {message.encoding} with {len(message.data)} bytes in rows of {step}"
         )
@@ -56,6 +65,7 @@ def compressed_picture(message: Any, name: str) -> NDArray[np.uint8]:
     words = message.format.lower().replace(";", " ").split()
     if "compresseddepth" in words or (words and not set(words) & set(COMPRESSED)):
         raise CameraError(
-            f"{name}: CompressedImage format {message.format!r} is not supported (understood: {', '.join(COMPRESSED)})"
+            f"{name}: CompressedImage format {one_line(message.format, 40)!r} is not supported "
+            f"(understood: {', '.join(COMPRESSED)})"
         )
     return decode_picture(bytes(message.data), name)

@@ -9,11 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import one_line
+from edgemap.runtime.recordings.chunks import (
+    RECORD_LIMIT_BYTES,
+    BoundedStream,
+    attachment,
+    messages_by_time,
+    unpacked,
+)
 from edgemap.runtime.recordings.extra import need_mcap
+from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
+from edgemap.runtime.recordings.schemas import FIELDS, definition
 
 MAGIC = b"\x89MCAP0\r\n"
-RECORD_LIMIT_BYTES = 1 << 30
-COMPRESSIONS = ("", "lz4", "zstd")
+OWN_FILES = (WHEEL_FILE, TRUTH_FILE)
 
 
 @dataclass(slots=True)
@@ -28,22 +37,24 @@ class Topic:
 class McapReading:
     """An open MCAP file. whole: it has its end; else everything up to the cut is there to be read.
 
-    topics: by name. metadata, attachments: by name. Raises CameraError, one line, for what is no MCAP file and for
-    damage inside a whole one.
+    topics: by name. metadata, attachments: edgemap's own, by name. Messages are decoded by ROS's own definitions of the
+    kinds that edgemap knows, never by a definition in the file.
+    Raises CameraError, one line, for what is no MCAP file and for damage inside a whole one.
     """
 
     def __init__(self, path: Path) -> None:
         need_mcap()
-        from mcap_ros2.decoder import DecoderFactory
-
         self.path = path
         try:
-            self._stream = path.open("rb")
-            start, size = self._stream.read(len(MAGIC)), path.stat().st_size
-            self._stream.seek(-min(size, len(MAGIC)), 2)
-            end = self._stream.read()
+            if not path.is_file():  # a pipe would block
+                raise CameraError(f"{path}: no such file")
+            stream = path.open("rb")
+            start, size = stream.read(len(MAGIC)), path.stat().st_size
+            stream.seek(-min(size, len(MAGIC)), 2)
+            end = stream.read(len(MAGIC))
         except OSError as error:
             raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
+        self._file, self._stream = stream, BoundedStream(stream)
         if start != MAGIC:
             self.close()
             raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
@@ -51,10 +62,11 @@ class McapReading:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
-        self._decoders = DecoderFactory()
+        self._decoders: dict[str, Callable[[bytes], Any]] = {}
+        self._summary: Any = None
         try:
-            self._reader = self._indexed_reader() if self.whole else None
-            if self._reader is None:
+            self._summary = self._guarded_call(self._indexed) if self.whole else None
+            if self._summary is None:
                 self._scan()
         except CameraError:
             self.close()
@@ -66,46 +78,61 @@ class McapReading:
         Raises CameraError at damage, and at a message that is not CDR with a `ros2msg` definition.
         """
         for schema, channel, message in self._guarded(self._raw(topic)):
-            decoder = self._guarded_call(self._decoders.decoder_for, channel.message_encoding, schema)
-            if decoder is None:
-                how = f"{channel.message_encoding or 'unnamed'}/{schema.encoding if schema else 'no schema'}"
-                raise CameraError(f"{self.path}: {topic} is encoded as {how}, edgemap reads cdr/ros2msg")
+            decoder = self._guarded_call(self._decoder, topic, schema, channel)
 
             def decode(decoder: Any = decoder, data: bytes = message.data) -> Any:
                 return self._guarded_call(decoder, data)
 
             yield message.log_time, decode
 
+    def _decoder(self, topic: str, schema: Any, channel: Any) -> Callable[[bytes], Any]:
+        if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
+            how = f"{channel.message_encoding or 'unnamed'}/{schema.encoding if schema else 'no schema'}"
+            raise CameraError(f"{self.path}: {topic} is encoded as {one_line(how)}, edgemap reads cdr/ros2msg")
+        kind = _short(schema.name)
+        if kind not in FIELDS:
+            raise CameraError(f"{self.path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
+        if kind not in self._decoders:
+            from mcap_ros2._dynamic import generate_dynamic
+
+            self._decoders[kind] = generate_dynamic(kind, definition(kind))[kind]
+        return self._decoders[kind]
+
     def close(self) -> None:
         """Close the file."""
-        self._stream.close()
+        self._file.close()
 
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
-        if self._reader is not None:
-            yield from self._reader.iter_messages(topics=[topic])
+        if self._summary is None:
+            for schema, channel, message in self._sequential():
+                if channel.topic == topic:
+                    yield schema, channel, message
             return
-        for schema, channel, message in self._sequential():
-            if channel.topic == topic:
-                yield schema, channel, message
+        schemas, channels = self._summary.schemas, self._summary.channels
+        wanted = {number: channel for number, channel in channels.items() if channel.topic == topic}
+        for message in messages_by_time(self._stream, self._summary.chunk_indexes, wanted):
+            channel = wanted[message.channel_id]
+            yield schemas.get(channel.schema_id), channel, message
 
-    def _indexed_reader(self) -> Any:
-        """mcap's reader where the file has an index of its chunks, topics and counts; else None."""
+    def _indexed(self) -> Any:
+        """mcap's summary where the file has an index of its chunks, topics and counts; else None."""
         from mcap.reader import SeekingReader
 
         self._stream.seek(0)
-        reader = SeekingReader(self._stream, validate_crcs=True, record_size_limit=RECORD_LIMIT_BYTES)
-        summary = self._guarded_call(reader.get_summary)
+        stream: Any = self._stream
+        reader = SeekingReader(stream, record_size_limit=RECORD_LIMIT_BYTES)
+        summary = reader.get_summary()
         if summary is None or not summary.chunk_indexes or summary.statistics is None:
             return None
-        for chunk in summary.chunk_indexes:
-            if chunk.compression not in COMPRESSIONS:
-                raise CameraError(f"{self.path}: chunks compressed with {chunk.compression!r}, edgemap reads lz4, zstd")
         for channel in summary.channels.values():
             topic = self._topic(channel, summary.schemas.get(channel.schema_id))
             topic.count += summary.statistics.channel_message_counts.get(channel.id, 0)
-        self.metadata = {found.name: found.metadata for found in self._guarded(reader.iter_metadata())}
-        self.attachments = {found.name: found.data for found in self._guarded(reader.iter_attachments())}
-        return reader
+        if any(index.name == RECORD for index in summary.metadata_indexes):
+            self.metadata = {found.name: found.metadata for found in reader.iter_metadata() if found.name == RECORD}
+        for index in summary.attachment_indexes:
+            if index.name in OWN_FILES:
+                self.attachments[index.name] = attachment(self._stream, index)
+        return summary
 
     def _scan(self) -> None:
         """Topics and their counts of a file without index, by reading it through."""
@@ -114,19 +141,24 @@ class McapReading:
 
     def _topic(self, channel: Any, schema: Any) -> Topic:
         if channel.topic not in self.topics:
-            kind = schema.name.replace("/msg/", "/") if schema else ""
-            self.topics[channel.topic] = Topic(kind, channel.message_encoding)
+            self.topics[channel.topic] = Topic(_short(schema.name) if schema else "", channel.message_encoding)
         return self.topics[channel.topic]
 
     def _sequential(self) -> Iterator[tuple[Any, Any, Any]]:
         """Messages in the file's own order; metadata and attachments on the way are kept."""
-        from mcap.records import Attachment, Channel, Message, Metadata, Schema
+        from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
         from mcap.stream_reader import StreamReader
 
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         self._stream.seek(0)
-        records: Any = StreamReader(self._stream, validate_crcs=True, record_size_limit=RECORD_LIMIT_BYTES).records
+        stream: Any = self._stream
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT_BYTES)
+        records = (
+            inner
+            for record in reader.records
+            for inner in (unpacked(record) if isinstance(record, Chunk) else [record])
+        )
         for record in records if self.whole else self._up_to_the_cut(records):
             if isinstance(record, Schema):
                 schemas[record.id] = record
@@ -135,9 +167,9 @@ class McapReading:
             elif isinstance(record, Message):
                 channel = channels[record.channel_id]
                 yield schemas.get(channel.schema_id), channel, record
-            elif isinstance(record, Metadata):
+            elif isinstance(record, Metadata) and record.name == RECORD:
                 self.metadata[record.name] = record.metadata
-            elif isinstance(record, Attachment):
+            elif isinstance(record, Attachment) and record.name in OWN_FILES:
                 self.attachments[record.name] = record.data
 
     def _up_to_the_cut(self, records: Iterator[Any]) -> Iterator[Any]:
@@ -164,8 +196,14 @@ def _damage() -> tuple[type[Exception], ...]:
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    return (McapError, ZstdError, struct.error, ValueError, KeyError, IndexError, RuntimeError, OSError)
+    bytes_of_no_message = (struct.error, ValueError, LookupError, RuntimeError, OverflowError, NotImplementedError)
+    return (McapError, ZstdError, *bytes_of_no_message, OSError)
 
 
 def _what(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__} {error}".split())[:160]
+    return one_line(f"{type(error).__name__} {error}")
+
+
+def _short(kind: str) -> str:
+    """ROS's `sensor_msgs/msg/Image` as `sensor_msgs/Image`."""
+    return kind.replace("/msg/", "/")

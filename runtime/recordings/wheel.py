@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.drives.wheel_csv import check_speed
+from edgemap.runtime.errors import CameraError, OdometryError
+from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.runtime.recordings.reader import McapReading
 from edgemap.runtime.recordings.stamps import ns_of, to_s
 from edgemap.runtime.recordings.topics import ODOMETRY, TRUTH
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.trajectory import QUATERNION_TOLERANCE, Trajectory
 
 KIND = "nav_msgs/Odometry"
+FARTHEST_M = 1e6
 
 
 def is_recording(spec: str) -> bool:
@@ -33,7 +36,7 @@ def read_wheel(spec: str) -> Trajectory:
     recording = McapReading(Path(file).expanduser())
     try:
         if not topic and WHEEL_FILE in recording.attachments:
-            return read_trajectory_file(recording.attachments[WHEEL_FILE])
+            return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")
         found = [
             name for name, known in recording.topics.items() if known.kind == KIND and name not in (TRUTH, ODOMETRY)
         ]
@@ -43,13 +46,27 @@ def read_wheel(spec: str) -> Trajectory:
         poses: dict[int, SE2] = {}
         for log_ns, decode in recording.messages(topic or found[0]):
             message = decode()
-            poses[ns_of(message.header.stamp) or log_ns] = _pose(message.pose.pose)
+            stamp_ns = ns_of(message.header.stamp) or log_ns
+            poses[stamp_ns] = _pose(message.pose.pose, f"{file}: {topic or found[0]} at {to_s(stamp_ns):.3f} s")
+            if len(poses) > ROW_LIMIT:
+                raise CameraError(f"{file}: {topic or found[0]}: more than {ROW_LIMIT:,} poses")
         stamps = sorted(poses)
-        return Trajectory(np.array([to_s(stamp) for stamp in stamps]), tuple(poses[stamp] for stamp in stamps))
+        if not stamps:
+            raise CameraError(f"{file}: {topic or found[0]} has no message")
+        stamps_s = np.array([to_s(stamp) for stamp in stamps])
+        positions_m = np.array([(poses[stamp].x_m, poses[stamp].y_m) for stamp in stamps])
+        check_speed(f"{file}: message", stamps_s, positions_m, list(range(len(stamps))))
+        return Trajectory(stamps_s, tuple(poses[stamp] for stamp in stamps))
+    except OdometryError as error:
+        raise CameraError(f"{file}: {error}") from None
     finally:
         recording.close()
 
 
-def _pose(pose: Any) -> SE2:
+def _pose(pose: Any, where: str) -> SE2:
     x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
-    return SE2(pose.position.x, pose.position.y, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    norm, values = math.hypot(x, y, z, w), (pose.position.x, pose.position.y)
+    if not abs(norm - 1.0) < QUATERNION_TOLERANCE or not all(abs(value) <= FARTHEST_M for value in values):
+        raise CameraError(f"{where}: no pose: position {values} m, quaternion of length {norm:.3f}")
+    x, y, z, w = (value / norm for value in (x, y, z, w))
+    return SE2(*values, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

@@ -250,9 +250,9 @@ def test_tum_lines_come_back(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no poses"),
-        ("0 1 2 3\n", ":1: need 8 numbers"),
-        ("0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", ":2: need 8"),
+        ("", "no rows of numbers"),
+        ("0 1 2 3\n", ":1: expected 8 finite numbers"),
+        ("0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", ":2: expected 8 finite"),
         ("1 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "strictly increasing"),
     ],
 )

@@ -66,5 +66,5 @@ def test_the_way_is_read_up_to_a_torn_line(tmp_path):
     (tmp_path / "trajectory.tum").write_text("0.2 2.0")
     assert way_of(tmp_path) is None
     (tmp_path / "trajectory.tum").write_text("0.2 2.0\n")
-    with pytest.raises(OdometryError, match="need 8 numbers"):
+    with pytest.raises(OdometryError, match="expected 8 finite numbers"):
         way_of(tmp_path)
