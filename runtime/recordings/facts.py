@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Annotated
+from typing import Annotated, Any, Optional
 
 import msgspec
 import numpy as np
@@ -50,9 +50,6 @@ def facts_record(facts: Facts) -> dict[str, str]:
     }
 
 
-_Rate = Annotated[float, Meta(gt=0.0, le=1e5)]  # Hz
-
-
 class _Distortion(Strict):
     model: Name
     coefficients: Annotated[tuple[Coordinate, ...], Meta(max_length=5)]
@@ -76,6 +73,11 @@ class _Mount(Strict):
     left_m: Coordinate
 
 
+_LENS: Any = _Lens | None
+_MOUNT: Any = _Mount | None
+_RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
+
+
 def read_facts(record: dict[str, str], where: str) -> Facts:
     """The facts of a metadata record. where: for messages. Raises CameraError for a damaged one."""
     where = f"{where}: damaged {RECORD} record"
@@ -83,10 +85,9 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
         raise CameraError(f"{where}: lacks {', '.join(sorted(missing))}")
     if record["format"] != FORMAT:
         raise CameraError(f"{where}: format {one_line(record['format'])!r}, this edgemap reads {FORMAT!r}")
-    lens = decode_json(record["intrinsics"], _Lens | None, f"{where}: intrinsics", CameraError)
-    mount = decode_json(record["mount"], _Mount | None, f"{where}: mount", CameraError)
-    rate_hz = decode_json(
-        record["rate_hz"], Annotated[float, Meta(gt=0.0, le=1e5)] | None, f"{where}: rate", CameraError
+    lens, mount, rate_hz = (
+        decode_json(record[name], kind, f"{where}: {name}", CameraError)
+        for name, kind in (("intrinsics", _LENS), ("mount", _MOUNT), ("rate_hz", _RATE))
     )
     try:
         return Facts(
