@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.reading import Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
 
 FORMAT = "edgemap.map/1"
+MAP_BYTES = 64 << 20
+ROUNDING_M2 = 1e-9  # of the file's covariances
+Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
 
 
 def map_document(objects: list[MapObject]) -> dict:
@@ -74,32 +80,65 @@ def save_map(path: Path, objects: list[MapObject]) -> None:
     write_atomically(path, map_text(objects))
 
 
+class _Head(msgspec.Struct):
+    format: Any = None
+
+
+class _Object(msgspec.Struct, kw_only=True):
+    id: Name
+    label: Name
+    x_m: Coordinate
+    y_m: Coordinate
+    covariance_m2: tuple[tuple[Variance, Variance], tuple[Variance, Variance]]
+    width_m: Size
+    height_m: Size
+    count: Annotated[int, Meta(ge=1, le=1 << 40)]
+    confidence: Share
+    first_seen_s: Stamp
+    last_seen_s: Stamp
+
+
+class _Map(msgspec.Struct, kw_only=True):
+    objects: Annotated[list[_Object], Meta(max_length=100_000)]
+    seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
+        default_factory=dict
+    )
+
+
 def load_map(path: Path) -> list[MapObject]:
-    """Read a map.json, or the one of a run folder. Raises MapError in one line for anything else."""
+    """Read a map.json, or the one of a run folder; fields that this edgemap does not know are left out.
+
+    Raises MapError in one line for anything that is no map: numbers out of range, covariances that are not symmetric
+    and positive, ids given twice.
+    """
     if path.is_dir():
         path = path / "map.json"
-    try:
-        document = json.loads(path.read_text())
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise MapError(f"{path}: not a JSON map ({error})") from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise MapError(f"{path}: not an {FORMAT} document")
-    try:
-        views = document.get("seen_from_m", {})
-        return [_object_of(record, views.get(record["id"], ())) for record in document["objects"]]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise MapError(f"{path}: damaged map ({type(error).__name__}: {error})") from None
+    data = read_bytes(path, MAP_BYTES, MapError)
+    other = f"{path}: not an {FORMAT} document"
+    if decode_json(data, _Head, other, MapError).format != FORMAT:
+        raise MapError(other)
+    where = f"{path}: damaged map"
+    document = decode_json(data, _Map, where, MapError)
+    seen: set[str] = set()
+    for record in document.objects:
+        if record.id in seen:
+            raise MapError(f"{where}: two objects have the id {record.id!r}")
+        seen.add(record.id)
+    return [_object_of(record, document.seen_from_m.get(record.id, []), where) for record in document.objects]
 
 
-def _object_of(record: dict, views: Sequence[Sequence[float]]) -> MapObject:
-    covariance = np.array(record["covariance_m2"], dtype=np.float64)
-    position = np.array([record["x_m"], record["y_m"]], dtype=np.float64)
-    if covariance.shape != (2, 2) or not (np.isfinite(covariance).all() and np.isfinite(position).all()):
-        raise ValueError(f"object {record['id']} needs a finite position and 2x2 covariance")
+def _object_of(record: _Object, views: list[tuple[float, float]], where: str) -> MapObject:
+    covariance = np.array(record.covariance_m2)
+    (xx, xy), (yx, yy) = covariance.tolist()
+    if abs(xy - yx) > ROUNDING_M2 or min(xx, yy, *np.linalg.eigvalsh(covariance)) < -ROUNDING_M2:
+        raise MapError(f"{where}: object {record.id!r}: covariance {covariance.tolist()} m2 is no covariance")
+    if record.last_seen_s < record.first_seen_s:
+        raise MapError(
+            f"{where}: object {record.id!r}: last seen at {record.last_seen_s} s, first at {record.first_seen_s} s"
+        )
+    covariance[0, 1] = covariance[1, 0] = (xy + yx) / 2.0
+    covariance += np.eye(2) * max(0.0, 2.0 * ROUNDING_M2 - float(np.linalg.eigvalsh(covariance)[0]))
     return MapObject(
-        str(record["id"]), str(record["label"]), position, covariance, float(record["width_m"]),
-        float(record["height_m"]), int(record["count"]), float(record["confidence"]),
-        float(record["first_seen_s"]), float(record["last_seen_s"]), tuple((float(x), float(y)) for x, y in views),
+        record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
+        record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
     )  # fmt: skip

@@ -56,7 +56,7 @@ def test_a_failed_save_keeps_the_old_map(tmp_path, objects, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "not a JSON map"),
+        ("", "not JSON"),
         ("[]", "not an edgemap.map/1"),
         ('{"format": "edgemap.map/1"}', "damaged map"),
         ('{"format": "edgemap.map/1", "objects": [{"id": "a-1"}]}', "damaged map"),
