@@ -26,6 +26,7 @@ OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
 
 MANIFEST_BYTES = 4 << 20
 VALUES_LIMIT = 1 << 26  # of one tensor
+DFL_CHANNELS = 32  # 8 bins for each side of a box
 
 FileName = Annotated[str, Meta(max_length=200, pattern=r"\A[^\x00-\x1f\x7f]*\Z")]  # `_inside` checks where it leads
 Sha256 = Annotated[str, Meta(pattern=r"\A[0-9a-f]{64}\Z")]
@@ -245,6 +246,9 @@ def _check_shapes(path: Path, manifest: Manifest) -> None:
             expected = (1, max(anchors, 1) * values, height // stride, width // stride) if not others else ()
         elif detector.decode == "yolox":
             expected = (1, sum((height // stride) * (width // stride) for stride in head.strides), values)
+        elif detector.decode == "dfl":
+            (stride, *others) = head.strides
+            expected = (1, values + DFL_CHANNELS - 5, height // stride, width // stride) if not others else ()
         if head.shape != expected:
             raise BundleError(
                 f"bundle {path}: head {head.name} has shape {head.shape}, {detector.decode} with {len(head.anchors)} "
