@@ -10,16 +10,14 @@ from typing import Any
 from edgemap.evaluation.objects import TrueObject
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.drives import Drive
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
-from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.config import Config
+from edgemap.runtime.mapper import Mapper, new_mapper
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry import Motion, Odometry, open_odometry
 from edgemap.runtime.pipeline import Pipeline
@@ -34,13 +32,9 @@ class Variant:
     loop_closure: bool = True
     clustering: str = "default"
 
-    def mapper(self) -> Mapper:
-        """An empty back end. Loops close where the map can move and the poses are not given."""
-        if self.clustering == "paper":
-            return Mapper(PaperMap())
-        given = self.odometry == "truth" or self.odometry.endswith(".tum")
-        closer = LoopCloser() if self.loop_closure and not given else NoLoopClosure()
-        return Mapper(FloorMap(), loop_closer=closer)
+    def mapper(self, config: Config) -> Mapper:
+        """An empty back end."""
+        return new_mapper(config, self.clustering, self.odometry, self.loop_closure)
 
 
 class SideBySide:
@@ -74,22 +68,24 @@ def map_drive(
     variants: Mapping[str, Variant],
     frames: int | None = None,
     confidence: float | None = None,
+    config: Config | None = None,
     progress: Callable[[], object] = lambda: None,
 ) -> dict[str, list[MapObject]]:
     """The map that each variant makes of the drive's first frames, as `run` would.
 
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
     """
-    mappers = {name: variant.mapper() for name, variant in variants.items()}
+    config = config or Config()
+    mappers = {name: variant.mapper(config) for name, variant in variants.items()}
     with drive_camera(drive, str(drive.folder)) as camera:
         if camera.intrinsics is None or camera.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
         floor = FloorCamera(camera.intrinsics, camera.mount)
         sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
         odometry = SideBySide(
-            {(spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels) for spec, wheels in sources}
+            {(spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, drift=config.wheels) for spec, wheels in sources}
         )
-        pipeline = Pipeline(bundle, floor, odometry, confidence=confidence)
+        pipeline = Pipeline(bundle, floor, odometry, rule=config.floor, confidence=confidence)
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
             for name, variant in variants.items():

@@ -83,6 +83,10 @@ def _command(words: str, rest: list[str]) -> None:
 
     try:
         command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
+        if words == "run" and any(word.partition("=")[0] == "--config" for word in rest):
+            from edgemap.runtime.config import config_arguments
+
+            rest = config_arguments(rest)
         tyro.cli(command, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except EdgemapError as error:
         print(f"edgemap {words}: {error}", file=sys.stderr)

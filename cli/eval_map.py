@@ -10,6 +10,7 @@ import tyro
 from edgemap.cli.options import (
     BundleName,
     Confidence,
+    ConfigFile,
     Json,
     LoopClosure,
     OdometrySpec,
@@ -42,6 +43,7 @@ def command(
         Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
     ] = "default",
     loop_closure: LoopClosure = True,
+    config: ConfigFile = None,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     plot: Annotated[
@@ -64,10 +66,12 @@ def command(
     from edgemap.benchmarks.map_variants import Variant, map_drive, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.objects import score_map, scored
+    from edgemap.runtime.config import Config, load_config
     from edgemap.runtime.drives import open_drive
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence)
+    tuned = load_config(config)[0] if config else Config()
     loaded = find_bundle(bundle, threads, precision, data)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
@@ -95,7 +99,7 @@ def command(
         ways["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
         if odometry == "hybrid" and document["wheels"]:
             ways["without_wheels"] = replace(ways["estimated"], wheels=False)
-        for name, objects in map_drive(drive, loaded, ways, count, confidence).items():
+        for name, objects in map_drive(drive, loaded, ways, count, confidence, tuned).items():
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map

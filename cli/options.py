@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from edgemap.geometry.errors import EdgemapError
 
 if TYPE_CHECKING:
+    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.geometry.objects.map_object import ObjectMap
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.compute import Pace
-    from edgemap.runtime.loop_closing import NoLoopClosure
+    from edgemap.runtime.config import Config
+    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.precision import Precision
 
 HIGHEST_M = 100.0
@@ -92,6 +94,14 @@ LoopClosure = Annotated[
     tyro.conf.arg(
         help="Correct pose, trajectory and map when several objects are observed again. Off where poses are given "
         "(truth, FILE.tum) and with --clustering paper."
+    ),
+]
+ConfigFile = Annotated[
+    Path | None,
+    tyro.conf.arg(
+        name="config",
+        metavar="FILE",
+        help="A YAML file or a run.json: its options, unless typed as well, and its tuned numbers.",
     ),
 ]
 Json = Annotated[bool, tyro.conf.arg(help="Print one JSON document on standard output and nothing else.")]
@@ -185,20 +195,23 @@ def find_bundle(
     return load_bundle(folder, threads, precision, pace)
 
 
-def new_map(clustering: str) -> ObjectMap:
-    """An empty map of the kind that `--clustering` names."""
-    from edgemap.geometry.objects.floor_map import FloorMap
+def new_mapper(
+    config: Config, clustering: str, odometry: str, loop_closure: bool, forgets: FloorCamera | None = None
+) -> Mapper:
+    """An empty back end; where poses are given it closes no loops. forgets: the camera by whose view objects that are
+    gone leave the map."""
+    from edgemap.geometry.objects.forgetting import Forgetter
     from edgemap.geometry.paper.paper_map import PaperMap
-
-    return PaperMap() if clustering == "paper" else FloorMap()
-
-
-def new_loop_closer(wanted: bool, odometry: str, clustering: str) -> NoLoopClosure:
-    """What puts the pose right: nothing where it is given, or where the map cannot move."""
-    from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
+    from edgemap.runtime.loop_closing import LoopCloser
+    from edgemap.runtime.mapper import Mapper
 
     given = odometry == "truth" or odometry.endswith(".tum")
-    return LoopCloser() if wanted and not given and clustering != "paper" else NoLoopClosure()
+    return Mapper(
+        PaperMap() if clustering == "paper" else None,
+        config=config,
+        loop_closer=LoopCloser(config.loop_closure) if loop_closure and not given else None,
+        forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
+    )
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
@@ -254,3 +267,20 @@ def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) ->
     if seat is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
     return lens, seat
+
+
+# Not inputs of the step, or with another name on the command line than in the code.
+_OUTSIDE = frozenset({"config", "out", "realtime", "view", "view_host", "view_port", "recording", "lossless"})
+_FLAGS = {"saved": "map", "loop_closure": "loop-closure"}
+
+
+def typed_options(command: Callable[..., object], values: dict[str, Any]) -> dict[str, Any]:
+    """A command's parameters that differ from its defaults, by flag, as plain values: what makes the same run again."""
+    from inspect import signature
+
+    defaults = {name: parameter.default for name, parameter in signature(command).parameters.items()}
+    found = {name: value for name, value in values.items() if name not in _OUTSIDE and value != defaults.get(name)}
+    return {
+        _FLAGS.get(name, name.replace("_", "-")): str(value) if isinstance(value, Path) else value
+        for name, value in found.items()
+    }

@@ -13,6 +13,7 @@ from edgemap.cli.options import (
     CameraFile,
     CameraSpec,
     Confidence,
+    ConfigFile,
     IntrinsicsText,
     LoopClosure,
     MountText,
@@ -24,11 +25,11 @@ from edgemap.cli.options import (
     find_bundle,
     least_score,
     lens_and_mount,
-    new_loop_closer,
-    new_map,
+    new_mapper,
     open_described,
+    typed_options,
 )
-from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgetter_of, where_it_was
+from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
@@ -44,6 +45,7 @@ def command(
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
+    config: ConfigFile = None,
     classes: Annotated[
         str | None, tyro.conf.arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
     ] = None,
@@ -97,15 +99,17 @@ def command(
     map.json, trajectory.tum, sightings.jsonl, run.json, mount.jpg (the first picture with horizon and metre grid, by
     which to check the mount) and report.html. Where the source knows what stands there, the map is judged by it.
     """
+    options = typed_options(command, locals())
+    from dataclasses import replace
+
     from edgemap.cli.live_page import live_page
     from edgemap.cli.record import check_name, recording_sinks
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.geometry.observations.sighting import FloorRule
+    from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
-    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.report.sink import ReportFile
@@ -115,6 +119,7 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
+    tuned = load_config(config)[0] if config else Config()
     with open_described(camera, camera_file, realtime and not view, frames) as source:
         pace = "camera" if source.live or realtime or view else "files"
         loaded = find_bundle(bundle, threads, precision, camera, pace=pace)
@@ -122,17 +127,16 @@ def command(
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
-        motion = open_odometry(odometry, loaded, source, floor, allow_untrained)
-        rule = FloorRule(mapped=mapped, full_weight_score=loaded.full_weight_score(confidence))
-        forgetter = forgetter_of(forget, saved, clustering, floor)
-        loop_closer = new_loop_closer(loop_closure, odometry, clustering)
-        pipeline = Pipeline(loaded, floor, motion, rule=rule, confidence=least)
-        mapper = Mapper(new_map(clustering), loop_closer=loop_closer, forgetter=forgetter)
+        motion = open_odometry(odometry, loaded, source, floor, allow_untrained, drift=tuned.wheels)
+        pipeline = Pipeline(loaded, floor, motion, rule=replace(tuned.floor, mapped=mapped), confidence=least)
+        forgetful = floor if forgets(forget, saved, clustering) else None
+        mapper = new_mapper(tuned, clustering, odometry, loop_closure, forgetful)
         enter_saved_map(mapper, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
-        record |= {"loop_closure": loop_closer.closes_loops, "trajectory": "as known at the end"}
+        record |= {"loop_closure": mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
+        record |= {"options": options, "config": config_document(tuned)}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
             judge = None if saved else judge_of(camera, source, mapped if classes else None)

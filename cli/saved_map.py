@@ -10,8 +10,6 @@ import tyro
 from edgemap.cli.options import OptionError, numbers
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
     from edgemap.runtime.mapper import Mapper
 
 SavedMap = Annotated[
@@ -40,13 +38,11 @@ Forget = Annotated[
 ]
 
 
-def forgetter_of(forget: str, saved: Path | None, clustering: str, floor: FloorCamera) -> Forgetter | NoForgetting:
-    """What the run weighs negative evidence with. Raises OptionError for a map that cannot forget."""
-    from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
-
+def forgets(forget: str, saved: Path | None, clustering: str) -> bool:
+    """Whether the run weighs negative evidence. Raises OptionError for a map that cannot forget."""
     if forget == "on" and clustering == "paper":
         raise OptionError("--forget on: the paper's clustering keeps every sighting for good")
-    return Forgetter(floor) if forget == "on" or (forget == "auto" and saved is not None) else NoForgetting()
+    return forget == "on" or (forget == "auto" and saved is not None)
 
 
 def enter_saved_map(mapper: Mapper, saved: Path | None, start: str | None, clustering: str) -> None:

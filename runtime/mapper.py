@@ -16,6 +16,7 @@ from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.runtime.config import Config
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.loop_closing import LoopCloser, LoopCorrection, NoLoopClosure
 from edgemap.runtime.odometry.protocol import Motion
@@ -60,10 +61,12 @@ class Mapper:
         self,
         object_map: ObjectMap | None = None,
         *,
+        config: Config | None = None,
         loop_closer: LoopCloser | NoLoopClosure | None = None,
         forgetter: Forgetter | NoForgetting | None = None,
     ) -> None:
-        self.map: ObjectMap = object_map or FloorMap()
+        self.config = config or Config()
+        self.map: ObjectMap = object_map or FloorMap(self.config.association)
         self.loop_closer = loop_closer if loop_closer and self.map.movable else NoLoopClosure()
         self.forgetter = forgetter if forgetter and self.map.movable else NoForgetting()
         self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
@@ -75,7 +78,7 @@ class Mapper:
 
     def start_in(self, saved: Sequence[MapObject], start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
         """Go on with a saved map from a known pose. sigmas: of the start pose, m, m, rad."""
-        self.map = FloorMap.continued(saved)
+        self.map = FloorMap.continued(saved, self.config.association)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
         self.loop_closer.begin_in(saved)
 
@@ -85,7 +88,7 @@ class Mapper:
         New objects are numbered after the saved ones, so an id means one thing throughout; `merged` tells which of
         them turned out to be saved ones.
         """
-        self.relocaliser = Relocaliser(saved)
+        self.relocaliser = Relocaliser(saved, self.config.association, self.config.registration)
         self.map = self.relocaliser.own
 
     def step(self, observed: FrameObservations) -> MapUpdate:
@@ -138,8 +141,8 @@ class Mapper:
 
     def _enter_saved_map(self, update: MapUpdate, alignment: Alignment) -> MapUpdate:
         """Both maps become one, and the robot and this frame's sightings move into the saved one's frame."""
-        merged, became = merge_maps(self.relocaliser.saved, self.map.objects(), alignment)
-        self.map = FloorMap.continued(merged, before=self.relocaliser.own, merged=became)
+        merged, became = merge_maps(self.relocaliser.saved, self.map.objects(), alignment, self.config.association)
+        self.map = FloorMap.continued(merged, self.config.association, before=self.relocaliser.own, merged=became)
         self.pose_covariance = compose_covariance(
             alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
         )

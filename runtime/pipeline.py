@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.runtime.bundle import Bundle
@@ -15,7 +17,10 @@ from edgemap.runtime.timing import Stopwatch
 
 
 class Pipeline:
-    """One camera's frames to observations. Depends on the frames and their stamps only, never on wall time."""
+    """One camera's frames to observations. Depends on the frames and their stamps only, never on wall time.
+
+    rule: its mapped classes are the bundle's where it names none; what counts fully is the bundle's or confidence's.
+    """
 
     def __init__(
         self,
@@ -27,7 +32,12 @@ class Pipeline:
         confidence: float | None = None,
     ) -> None:
         self.camera, self.odometry = camera, odometry
-        self.rule = rule or FloorRule(mapped=bundle.mapped, full_weight_score=bundle.full_weight_score(confidence))
+        rule = rule or FloorRule()
+        self.rule = replace(
+            rule,
+            mapped=bundle.mapped if rule.mapped is None else rule.mapped,
+            full_weight_score=bundle.full_weight_score(confidence),
+        )
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, AlignmentRule, align
 
 RETRY_AFTER = 50  # frames after which the same number of objects is worth another try
 
@@ -30,9 +31,10 @@ class Relocaliser(NoRelocalisation):
     own: the map to build until then; its ids go on after the saved ones. alignment: None until then. reason: why not.
     """
 
-    def __init__(self, saved: Sequence[MapObject]) -> None:
+    def __init__(self, saved: Sequence[MapObject], association: AssociationRule, registration: AlignmentRule) -> None:
         self.saved = list(saved)
-        self.own: FloorMap = FloorMap.after(saved)
+        self.own: FloorMap = FloorMap.after(saved, association)
+        self._registration = registration
         self.alignment: Alignment | None = None
         self.reason = "no object seen yet"
         self._count = self._frames = 0
@@ -42,7 +44,7 @@ class Relocaliser(NoRelocalisation):
         if self.alignment is not None or not self._is_due(len(objects := self.own.objects())):
             return None
         try:
-            self.alignment = align(self.saved, objects)
+            self.alignment = align(self.saved, objects, self._registration)
         except AlignmentError as error:
             self.reason = str(error)
         return self.alignment

@@ -14,7 +14,7 @@ from edgemap.runtime.odometry.hybrid import GYRO, HybridOdometry, Member
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.protocol import Motion, Odometry
-from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
+from edgemap.runtime.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.odometry.resting import RestingOdometry
 from edgemap.runtime.recordings.wheel import is_recording, read_wheel
 from edgemap.runtime.trajectory import Trajectory, read_tum
@@ -29,14 +29,15 @@ def open_odometry(
     floor: FloorCamera,
     allow_untrained: bool = False,
     wheels: bool = True,
+    drift: DriftRate = WHEEL,
 ) -> Odometry:
     """The odometry that a SPEC names: hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
 
-    wheels: whether the hybrid listens to the source's wheels, where it brings any.
+    wheels: whether the hybrid listens to the source's wheels, where it brings any. drift: of wheel odometry.
     Raises OdometryError for one that is unknown or not to be had here.
     """
     if spec == "hybrid":
-        return RestingOdometry(HybridOdometry(_members(bundle, camera, floor, wheels)))
+        return RestingOdometry(HybridOdometry(_members(bundle, camera, floor, wheels, drift)))
     if spec == "gyro":
         return GyroOdometry()
     if spec == "planar":
@@ -48,9 +49,9 @@ def open_odometry(
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
         return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
     if spec.startswith("wheel:") and is_recording(spec):
-        return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, WHEEL)
+        return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, drift)
     if spec.startswith("wheel:"):
-        return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, WHEEL)
+        return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, drift)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(
@@ -65,14 +66,14 @@ POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0, "gyro": 1.0}
 
 
-def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool) -> list[Member]:
+def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, drift: DriftRate) -> list[Member]:
     """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
     members = [Member(PlanarOdometry(floor), "camera", DOUBTS["planar"])]
     head = bundle.manifest.odometry.get("flow")
     if head is not None and head.trained:
         members.append(Member(LearnedOdometry(bundle, "flow", floor), "camera", DOUBTS["flow"]))
     if wheels and camera.wheel is not None:
-        recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor)
+        recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor, drift=drift)
         members.append(Member(recorded, "wheels", DOUBTS["wheels"]))
     members.append(Member(GyroOdometry(), GYRO, DOUBTS["gyro"], optional=True))
     return members

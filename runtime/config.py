@@ -1,0 +1,119 @@
+"""The configuration tree: every tuned number of the step under one name, as YAML, in run.json, and back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.objects.forgetting import ForgetRule
+from edgemap.geometry.observations.sighting import FloorRule
+from edgemap.geometry.registration.alignment import AlignmentRule
+from edgemap.geometry.slam.pose_graph import GraphRule
+from edgemap.runtime.odometry.recorded import WHEEL, DriftRate
+
+MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
+DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
+
+
+class ConfigError(EdgemapError):
+    """A configuration file that cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """The step's tuned numbers by stage; each class tells meaning, unit and reason of its own.
+
+    floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
+    landmarks and loop hypotheses. wheels: how far wheel odometry drifts.
+    """
+
+    floor: FloorRule = field(default_factory=FloorRule)
+    association: AssociationRule = field(default_factory=AssociationRule)
+    loop_closure: GraphRule = field(default_factory=GraphRule)
+    forgetting: ForgetRule = field(default_factory=ForgetRule)
+    registration: AlignmentRule = field(default_factory=AlignmentRule)
+    wheels: DriftRate = WHEEL
+
+
+def config_document(config: Config) -> dict[str, Any]:
+    """The resolved tree as plain values, without what a bundle decides."""
+    document = msgspec.to_builtins(config)
+    for part, names in DERIVED.items():
+        for name in names:
+            del document[part][name]
+    return document
+
+
+def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
+    """The tree and the command line's options that a YAML file or a run.json gives.
+
+    A YAML file has two sections, both optional: `options` (the flags of `edgemap run` without dashes) and `config` (any
+    part of the tree). Raises ConfigError in one line that names the value.
+    """
+    try:
+        if path.is_dir():
+            path = path / "run.json"
+        if path.stat().st_size > MAX_BYTES:
+            raise ConfigError(f"{path}: {path.stat().st_size} bytes are no configuration (at most {MAX_BYTES})")
+        text = path.read_text()
+        document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, yaml.YAMLError, RecursionError) as error:
+        raise ConfigError(f"{path}: neither YAML nor JSON ({' '.join(str(error).split())[:120]})") from None
+    if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
+        raise ConfigError(f"{path}: has neither a section `config` nor `options`")
+    options = document.get("options") or {}
+    if not isinstance(options, dict):
+        raise ConfigError(f"{path}: options is a {type(options).__name__}, not a mapping of flags")
+    return _merged(Config(), document.get("config") or {}, f"{path}: config"), options
+
+
+def _merged(default: Any, given: Any, where: str) -> Any:
+    """A dataclass with the values that a document gives, checked field by field."""
+    if not isinstance(given, dict):
+        raise ConfigError(f"{where} is {given!r}, not a mapping")
+    known = {item.name for item in fields(default)}
+    derived = DERIVED.get(where.rpartition(".")[2], ())
+    changed: dict[str, Any] = {}
+    for name, value in given.items():
+        here = f"{where}.{name}"
+        if name not in known or name in derived:
+            raise ConfigError(f"{here} is unknown (known: {', '.join(sorted(known - set(derived)))})")
+        before = getattr(default, name)
+        changed[name] = _merged(before, value, here) if is_dataclass(before) else _number(before, value, here)
+    return replace(default, **changed)
+
+
+def _number(before: Any, value: Any, where: str) -> Any:
+    """A value of the default's own type."""
+    try:
+        number = msgspec.convert(value, type(before), strict=True)
+    except msgspec.ValidationError:
+        raise ConfigError(f"{where} is {value!r}, not a {type(before).__name__}") from None
+    if isinstance(number, float) and not abs(number) < 1e12:
+        raise ConfigError(f"{where} is {value!r}, not a finite number")
+    return number
+
+
+def config_arguments(argv: list[str]) -> list[str]:
+    """`--config FILE` in an argument list: the file's options as flags, put before what was typed, which wins."""
+    at = next((row for row, word in enumerate(argv) if word == "--config" or word.startswith("--config=")), None)
+    if at is None or (argv[at] == "--config" and at + 1 == len(argv)):
+        return argv
+    path = argv[at].partition("=")[2] or argv[at + 1]
+    words: list[str] = []
+    for name, value in load_config(Path(path))[1].items():
+        flag = str(name).replace("_", "-")
+        if isinstance(value, bool):
+            words.append(f"--{flag}" if value else f"--no-{flag}")
+        elif value is not None:
+            words += [f"--{flag}", str(value)]
+    return [*words, *argv]

@@ -1,0 +1,70 @@
+import json
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edgemap.runtime.config import Config, ConfigError, config_arguments, config_document, load_config
+
+
+def written(folder, document, name="c.yaml"):
+    path = folder / name
+    path.write_text(json.dumps(document) if name.endswith(".json") else yaml.safe_dump(document))
+    return path
+
+
+def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
+    path = written(tmp_path, {"config": {"association": {"gate": 9.21}, "loop_closure": {"way": {"keyframe_m": 0.5}}}})
+    config, options = load_config(path)
+    assert (config.association.gate, config.loop_closure.way.keyframe_m, options) == (9.21, 0.5, {})
+    assert config.association.max_distance_m == Config().association.max_distance_m
+    assert config.floor == Config().floor
+
+
+def test_the_resolved_tree_gives_itself_back(tmp_path):
+    config, _ = load_config(written(tmp_path, {"config": {"wheels": {"per_metre": 0.05}}}))
+    again, _ = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
+    assert again == config
+
+
+@pytest.mark.parametrize(
+    ("document", "told"),
+    [
+        ({"config": {"asociation": {}}}, r"config\.asociation is unknown \(known: association, "),
+        ({"config": {"association": {"gate": "wide"}}}, r"association\.gate is 'wide', not a float"),
+        ({"config": {"association": {"gate": float("inf")}}}, "not a finite number"),
+        ({"config": {"association": 3}}, "association is 3, not a mapping"),
+        ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
+        ({"options": ["frames"]}, "options is a list, not a mapping"),
+        ({"other": 1}, "neither a section"),
+        ([1], "neither a section"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, document, told):
+    with pytest.raises(ConfigError, match=told):
+        load_config(written(tmp_path, document))
+
+
+def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_config(tmp_path / "none.yaml")
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    with pytest.raises(ConfigError, match="neither YAML nor JSON"):
+        load_config(tmp_path / "deep.json")
+
+
+def test_options_come_before_what_is_typed(tmp_path):
+    path = written(tmp_path, {"options": {"odometry": "planar", "loop-closure": False, "allow-untrained": True}})
+    typed = ["--config", str(path), "--odometry", "flow"]
+    expected = ["--odometry", "planar", "--no-loop-closure", "--allow-untrained", *typed]
+    assert sorted(config_arguments(typed)[: -len(typed)]) == sorted(expected[: -len(typed)])
+    assert config_arguments(typed)[-len(typed) :] == typed
+    assert config_arguments(["--frames", "3"]) == ["--frames", "3"]
+
+
+@given(st.floats(0.1, 100.0), st.integers(1, 1000))
+def test_every_number_survives_the_file(tmp_path_factory, gate, frames):
+    folder = tmp_path_factory.mktemp("c")
+    config, _ = load_config(written(folder, {"config": {"association": {"gate": gate, "forget_after": frames}}}))
+    assert (config.association.gate, config.association.forget_after) == (gate, frames)
