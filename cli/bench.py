@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
     CameraFile,
@@ -13,7 +14,6 @@ from edgemap.cli.options import (
     IntrinsicsText,
     Json,
     MountText,
-    OptionError,
     PrecisionName,
     Threads,
     find_bundle,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from edgemap.cli.options import OptionError, read_intrinsics
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import read_intrinsics
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics

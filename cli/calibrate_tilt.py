@@ -9,7 +9,8 @@ from typing import Annotated
 import tyro
 
 from edgemap.cli.calibrate_options import OutYaml, Pictures, check_out, known_lens, write_yaml
-from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, OptionError, at_least, open_described
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, open_described
 
 ENOUGH = 40
 

@@ -54,7 +54,7 @@ def command(
     them when it stands on the floor by the rule of `run`, whose maps leave out people, pets and what is far. Without
     --intrinsics or a camera file the lens is taken for one of 60 degrees across, and the output says so.
     """
-    from edgemap.cli.options import OptionError
+    from edgemap.cli.errors import OptionError
     from edgemap.geometry.observations.sighting import sightings_of
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
@@ -143,7 +143,7 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
         focal = width / 2.0 * 3.0**0.5
         lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
     if (lens.width, lens.height) != (width, height):
-        from edgemap.cli.options import OptionError
+        from edgemap.cli.errors import OptionError
 
         raise OptionError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
     return FloorCamera(lens, seat), guessed

@@ -6,16 +6,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.options import (
-    BundleName,
-    Json,
-    OptionError,
-    PrecisionName,
-    Threads,
-    at_least,
-    find_bundle,
-    in_unit,
-)
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, at_least, find_bundle, in_unit
 
 
 def command(

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
     Confidence,
@@ -14,7 +15,6 @@ from edgemap.cli.options import (
     Json,
     LoopClosure,
     OdometrySpec,
-    OptionError,
     PrecisionName,
     Threads,
     at_least,

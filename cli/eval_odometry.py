@@ -8,15 +8,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from edgemap.cli.options import (
-    BundleName,
-    Json,
-    OptionError,
-    PrecisionName,
-    Threads,
-    at_least,
-    find_bundle,
-)
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, at_least, find_bundle
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)

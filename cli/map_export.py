@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from edgemap.cli.options import OptionError
+from edgemap.cli.errors import OptionError
 
 NAMES = {
     "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",

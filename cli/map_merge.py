@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.options import OptionError
+from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.geometry.registration.alignment import Alignment

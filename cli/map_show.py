@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from edgemap.cli.options import Json, OptionError, numbers
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import Json, numbers
 
 if TYPE_CHECKING:
     from edgemap.geometry.objects.map_object import MapObject

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from edgemap.geometry.errors import EdgemapError
+from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -31,8 +31,8 @@ CameraSpec = Annotated[
     tyro.conf.arg(
         metavar="SPEC",
         help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
-        "a video file; a folder of pictures; a recording FILE.mcap[#/topic]; KIND:DIR with KIND "
-        "kitti, tum, c2w, drive or locobot.",
+        "a video file; a folder of pictures; a recording FILE.mcap[#/topic]; sim:SEED (a rendered home); "
+        "KIND:DIR with KIND kitti, tum, c2w, drive, euroc or locobot.",
     ),
 ]
 BundleName = Annotated[
@@ -47,8 +47,8 @@ OdometrySpec = Annotated[
     str,
     tyro.conf.arg(
         metavar="SPEC",
-        help="Where the robot's motion comes from: hybrid (floor corners, and wheels where the source brings them); "
-        "planar (floor corners); truth (the drive's own poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv "
+        help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the "
+        "source brings them); flow (a network on the backbone's features); planar (floor corners); gyro; truth (the drive's own poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv "
         "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of the base).",
     ),
 ]
@@ -92,8 +92,8 @@ PrecisionName = Annotated[
 LoopClosure = Annotated[
     bool,
     tyro.conf.arg(
-        help="Correct pose, trajectory and map when several objects are observed again. Off where poses are given "
-        "(truth, FILE.tum) and with --clustering paper."
+        help="Leave the pose to odometry when objects are observed again. Always so where poses are given (truth, "
+        "FILE.tum) and with --clustering paper."
     ),
 ]
 ConfigFile = Annotated[
@@ -105,10 +105,6 @@ ConfigFile = Annotated[
     ),
 ]
 Json = Annotated[bool, tyro.conf.arg(help="Print one JSON document on standard output and nothing else.")]
-
-
-class OptionError(EdgemapError):
-    """An option's value that cannot be read."""
 
 
 def numbers(text: str, option: str, names: str) -> list[float]:

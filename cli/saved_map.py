@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from edgemap.cli.options import OptionError, numbers
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import numbers
 
 if TYPE_CHECKING:
     from edgemap.runtime.mapper import Mapper

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from edgemap.cli.options import MountText, OptionError, at_least, read_mount
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import MountText, at_least, read_mount
 
 if TYPE_CHECKING:
     from edgemap.simulation.world import Choices

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from edgemap.cli.options import OptionError
+from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.runtime.cameras.protocol import Camera

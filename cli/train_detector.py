@@ -78,8 +78,9 @@ def command(
     The classes are COCO's household ones. Interrupted runs go on with --resume: with a budget in epochs exactly as if
     nothing had happened.
     """
+    from edgemap.cli.errors import OptionError
     from edgemap.cli.extras import need_export
-    from edgemap.cli.options import OptionError, at_least
+    from edgemap.cli.options import at_least
 
     need_export("edgemap train detector")
     at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)

@@ -75,8 +75,9 @@ def command(
 
     Interrupted runs go on with --resume. `edgemap export DIR/best.pt -o BUNDLE` makes a bundle of backbone and head.
     """
+    from edgemap.cli.errors import OptionError
     from edgemap.cli.extras import need_export
-    from edgemap.cli.options import OptionError, at_least
+    from edgemap.cli.options import at_least
 
     need_export("edgemap train odometry")
     at_least(

@@ -81,8 +81,8 @@ def test_a_realsense_recording_gives_the_boxes_of_the_picture_folder(edgemap, re
 def test_the_online_map_of_the_demo_is_that_of_its_batch_version(real_bundles):
     """On real detections of a rendered drive: the same objects, centres within 0.10 m (paired one to one by label)."""
     from scipy.optimize import linear_sum_assignment
+    from support.batch import batch_objects
 
-    from edgemap.geometry.batch import batch_objects
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.cameras import open_camera

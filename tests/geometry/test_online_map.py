@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
+from support.batch import batch_objects
 
-from edgemap.geometry.batch import batch_objects
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import id_order
 from edgemap.geometry.objects.observation_pool import ObjectShift

@@ -1,0 +1,9 @@
+"""The command line's own known failure."""
+
+from __future__ import annotations
+
+from edgemap.geometry.errors import EdgemapError
+
+
+class OptionError(EdgemapError):
+    """An option's value that cannot be used."""
