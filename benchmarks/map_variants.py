@@ -13,10 +13,10 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.config import Config
 from edgemap.runtime.drives import Drive
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.config import Config
 from edgemap.runtime.mapper import Mapper, new_mapper
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry import Motion, Odometry, open_odometry
@@ -83,7 +83,10 @@ def map_drive(
         floor = FloorCamera(camera.intrinsics, camera.mount)
         sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
         odometry = SideBySide(
-            {(spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, drift=config.wheels) for spec, wheels in sources}
+            {
+                (spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, drift=config.wheels)
+                for spec, wheels in sources
+            }
         )
         pipeline = Pipeline(bundle, floor, odometry, rule=config.floor, confidence=confidence)
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):

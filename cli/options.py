@@ -13,14 +13,11 @@ import tyro
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.compute import Pace
-    from edgemap.runtime.config import Config
-    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.precision import Precision
 
 HIGHEST_M = 100.0
@@ -47,9 +44,10 @@ OdometrySpec = Annotated[
     str,
     tyro.conf.arg(
         metavar="SPEC",
-        help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the "
-        "source brings them); flow (a network on the backbone's features); planar (floor corners); gyro; truth (the drive's own poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv "
-        "(stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; FILE.tum (poses of the base).",
+        help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the source brings "
+        "them); flow (a network on the backbone's features); planar (floor corners); gyro; truth (the drive's own "
+        "poses); paper (the bundle's ConvLSTM head); wheel:FILE.csv (stamp_s,x_m,y_m,yaw_rad) or wheel:FILE.mcap; "
+        "FILE.tum (poses of the base).",
     ),
 ]
 MountText = Annotated[
@@ -189,25 +187,6 @@ def find_bundle(
 
         folder = pull_known(name)
     return load_bundle(folder, threads, precision, pace)
-
-
-def new_mapper(
-    config: Config, clustering: str, odometry: str, loop_closure: bool, forgets: FloorCamera | None = None
-) -> Mapper:
-    """An empty back end; where poses are given it closes no loops. forgets: the camera by whose view objects that are
-    gone leave the map."""
-    from edgemap.geometry.objects.forgetting import Forgetter
-    from edgemap.geometry.paper.paper_map import PaperMap
-    from edgemap.runtime.loop_closing import LoopCloser
-    from edgemap.runtime.mapper import Mapper
-
-    given = odometry == "truth" or odometry.endswith(".tum")
-    return Mapper(
-        PaperMap() if clustering == "paper" else None,
-        config=config,
-        loop_closer=LoopCloser(config.loop_closure) if loop_closure and not given else None,
-        forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
-    )
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:

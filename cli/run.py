@@ -25,7 +25,6 @@ from edgemap.cli.options import (
     find_bundle,
     least_score,
     lens_and_mount,
-    new_mapper,
     open_described,
     typed_options,
 )
@@ -110,6 +109,7 @@ def command(
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
+    from edgemap.runtime.mapper import new_mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.report.sink import ReportFile

@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
 from edgemap.geometry.objects.map_object import MapObject, ObjectMap
 from edgemap.geometry.objects.merge import merge_maps
 from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.runtime.config import Config
@@ -159,3 +161,21 @@ class Mapper:
             pose_covariance=covariance,
             relocated=alignment.pose_a_b,
         )
+
+
+def new_mapper(
+    config: Config,
+    clustering: str = "default",
+    odometry: str = "hybrid",
+    loop_closure: bool = True,
+    forgets: FloorCamera | None = None,
+) -> Mapper:
+    """An empty back end; where poses are given it closes no loops. clustering: default or paper. forgets: the camera by
+    whose view objects that are gone leave the map."""
+    given = odometry == "truth" or odometry.endswith(".tum")
+    return Mapper(
+        PaperMap() if clustering == "paper" else None,
+        config=config,
+        loop_closer=LoopCloser(config.loop_closure) if loop_closure and not given else None,
+        forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
+    )
