@@ -238,7 +238,8 @@ class _Finder:
         """Of the changed module only."""
         from importlib.util import spec_from_loader
 
-        return spec_from_loader(name, self, origin=str(self.path)) if name == self.name else None
+        loader: Any = self
+        return spec_from_loader(name, loader, origin=str(self.path)) if name == self.name else None
 
     def create_module(self, spec: Any) -> None:
         """As usual."""
