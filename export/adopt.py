@@ -16,7 +16,9 @@ from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.manifest import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.reading import read_bytes
 
+MODEL_BYTES = 1 << 30
 YOLOX_STRIDES = (8, 16, 32)
 # Nodes that only rearrange, or that stand inside a convolution-activation pair: no features of their own.
 NO_FEATURE = frozenset({"Conv", "Sigmoid", "Concat", "Slice", "Split", "Reshape", "Transpose", "Resize", "Constant"})
@@ -36,11 +38,11 @@ class Tensor4:
 def load_onnx(path: Path) -> ModelProto:
     """Read and check an ONNX file; converts its opset where the runtime could not read it. Raises ExportError."""
     try:
-        model = onnx.load(path, load_external_data=True)
+        model = onnx.load_from_string(read_bytes(path, MODEL_BYTES, ExportError))
+        if any(item.data_location == onnx.TensorProto.EXTERNAL for item in model.graph.initializer):
+            raise ExportError(f"{path}: keeps its weights in other files; save it as one file")
         onnx.checker.check_model(model)
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (DecodeError, onnx.checker.ValidationError) as error:
+    except (DecodeError, onnx.checker.ValidationError, UnicodeDecodeError, ValueError) as error:
         size = path.stat().st_size
         raise ExportError(f"{path}: not a whole ONNX model, {size:,} bytes ({_first_line(error)})") from None
     opset = default_opset(model)

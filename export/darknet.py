@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import torch
@@ -14,6 +15,8 @@ from edgemap.export.errors import ExportError
 
 FORK_KEYS = frozenset({"iou_loss", "cls_normalizer", "iou_normalizer", "scale_x_y", "nms_kind"})
 KNOWN = ("convolutional", "maxpool", "avgpool", "upsample", "route", "shortcut", "dropout", "yolo")
+CELL_LIMIT = 1 << 26  # values of one layer
+WEIGHT_LIMIT = 1 << 27  # YOLOv3 has 62 million
 WIDEST_NECK = 512  # channels; the paper's other feature matrix is 13x13x512 (section 4.5)
 
 
@@ -32,11 +35,16 @@ class Darknet(nn.Module):
         self.channels = net.integer("channels", 3, least=1)
         self.width, self.height = size or (net.integer("width", least=1), net.integer("height", least=1))
         self.letterbox = _letterboxes(sections)
+        if self.channels * self.width * self.height > CELL_LIMIT:
+            raise ExportError(f"{self.name}: input of {self.channels}x{self.height}x{self.width} is too large")
         self.shapes: list[Shape] = []
+        self._weights = 0
         self.heads: list[Yolo] = []
         self.layers = nn.ModuleList()
         for section in sections[1:]:
             layer, shape = self._build(section)
+            if math.prod(shape) > CELL_LIMIT:
+                raise ExportError(f"{section.where} makes {shape} values, at most {CELL_LIMIT:,} in one layer")
             self.layers.append(layer)
             self.shapes.append(shape)
         if not self.heads:
@@ -106,6 +114,9 @@ class Darknet(nn.Module):
                 raise ExportError(f"{section.where} {key}={section.text(key)} is not supported")
         match section.kind:
             case "convolutional":
+                self._weights += layers.weight_count(section, shape)
+                if self._weights > WEIGHT_LIMIT:
+                    raise ExportError(f"{section.where} makes more than {WEIGHT_LIMIT:,} weights")
                 return layers.convolutional(section, shape, index - 1)
             case "maxpool":
                 return layers.maxpool(section, shape, index - 1)
@@ -170,6 +181,8 @@ class Darknet(nn.Module):
                 f"found {shape[0]}"
             )
         anchors = tuple(pairs[number] for number in mask)
+        if not pairs or not all(side > 0.0 for pair in pairs for side in pair):
+            raise ExportError(f"{section.where} anchors={section.text('anchors')}: sides must be positive")
         self.heads.append(Yolo(index - 1, classes, anchors, section.number("scale_x_y", 1.0), shape))
         return layers.Same([index - 1]), shape
 

@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from edgemap.export.errors import ExportError
+from edgemap.runtime.reading import one_line, read_text
 
+CFG_BYTES = 1 << 20
+SECTION_LIMIT = 2000
+OPTION_LENGTH = 10_000
+LARGEST = 100_000  # of any whole number: pixels, channels, layers; more has no meaning and takes memory
 Value = TypeVar("Value", int, float)
 _REQUIRED = object()
 
@@ -58,17 +63,28 @@ class Section:
         try:
             value = read(text)
         except ValueError:
-            raise ExportError(f"{self.file}:{self.options[key][1]}: {key}={text} is not {what}") from None
+            raise ExportError(f"{self.file}:{self.options[key][1]}: {key}={one_line(text, 60)} is not {what}") from None
+        self._in_range(key, value)
         if least is not None and value < least:
             raise ExportError(f"{self.file}:{self.options[key][1]}: {key}={text}, expected {least} or more")
         return value
 
+    def _in_range(self, key: str, value: float) -> None:
+        if not abs(value) <= LARGEST:
+            where = f"{self.file}:{self.options[key][1]}"
+            raise ExportError(f"{where}: {key}={one_line(self.text(key), 40)}, at most {LARGEST:,} are read")
+
     def _list(self, key: str, read: Callable[[str], Value], what: str) -> list[Value]:
         text = self.text(key)
         try:
-            return [read(part) for part in text.split(",") if part.strip()]
+            values = [read(part) for part in text.split(",") if part.strip()]
+            for value in values:
+                self._in_range(key, value)
+            return values
         except ValueError:
-            raise ExportError(f"{self.file}:{self.options[key][1]}: {key}={text} is not a list of {what}") from None
+            raise ExportError(
+                f"{self.file}:{self.options[key][1]}: {key}={one_line(text, 60)} is not a list of {what}"
+            ) from None
 
 
 def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
@@ -80,15 +96,17 @@ def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
             continue
         if line.startswith("["):
             if not line.endswith("]"):
-                raise ExportError(f"{file}:{number}: {line!r} has no closing bracket")
-            sections.append(Section(line[1:-1].strip().lower(), file, number))
+                raise ExportError(f"{file}:{number}: {one_line(line, 60)!r} has no closing bracket")
+            if len(sections) == SECTION_LIMIT:
+                raise ExportError(f"{file}:{number}: more than {SECTION_LIMIT:,} sections")
+            sections.append(Section(one_line(line[1:-1].strip().lower(), 40), file, number))
             continue
         key, equals, value = line.partition("=")
         if not equals:
-            raise ExportError(f"{file}:{number}: {line[:60]!r} is neither [section] nor key=value")
+            raise ExportError(f"{file}:{number}: {one_line(line, 60)!r} is neither [section] nor key=value")
         if not sections:
-            raise ExportError(f"{file}:{number}: {key.strip()}= stands before any [section]")
-        sections[-1].options.setdefault(key.strip(), (value.strip(), number))
+            raise ExportError(f"{file}:{number}: {one_line(key, 40)}= stands before any [section]")
+        sections[-1].options.setdefault(one_line(key, 100), (one_line(value, OPTION_LENGTH), number))
     if not sections or sections[0].kind not in ("net", "network"):
         raise ExportError(f"{file}: does not start with [net]: not a Darknet cfg")
     if len(sections) == 1:
@@ -98,10 +116,4 @@ def parse_cfg(text: str, file: str = "cfg") -> list[Section]:
 
 def read_cfg(path: Path) -> list[Section]:
     """Read a cfg file. Raises ExportError where it cannot be read or parsed."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise ExportError(f"{path}: not text, so not a Darknet cfg") from None
-    return parse_cfg(text, path.name)
+    return parse_cfg(read_text(path, CFG_BYTES, ExportError), path.name)

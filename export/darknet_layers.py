@@ -151,8 +151,14 @@ def activation(section: Section, default: str) -> nn.Module:
     """The section's activation. Raises ExportError for one that is unknown."""
     name = section.text("activation", default)
     if name not in ACTIVATIONS:
-        raise ExportError(f"{section.where} activation={name} is not one of {', '.join(ACTIVATIONS)}")
+        raise ExportError(f"{section.where} activation={name[:40]} is not one of {', '.join(ACTIVATIONS)}")
     return ACTIVATIONS[name]()
+
+
+def weight_count(section: Section, shape: Shape) -> int:
+    """Weights of a `[convolutional]`, known before memory is taken for them."""
+    filters, size = section.integer("filters", least=1), section.integer("size", 1, least=1)
+    return shape[0] // section.integer("groups", 1, least=1) * filters * size * size
 
 
 def convolutional(section: Section, shape: Shape, source: int) -> tuple[Layer, Shape]:

@@ -50,6 +50,8 @@ def value_count(network: Darknet) -> int:
 def read_header(path: Path) -> WeightsHeader:
     """Read the header: three int32, then `seen` as int32 or int64 by version. Raises ExportError."""
     try:
+        if not path.is_file() and path.exists():  # a pipe would block
+            raise ExportError(f"{path}: cannot be read (not a file)")
         with path.open("rb") as stream:
             start = stream.read(20)
     except OSError as error:

@@ -2,26 +2,80 @@
 
 from __future__ import annotations
 
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from edgemap.export.errors import ExportError
+from edgemap.runtime.reading import convert, one_line
+
+FILE_BYTES = 512 << 20
+
+T = TypeVar("T")
+Network = TypeVar("Network", bound=nn.Module)
 
 
 def read_torch(path: Path) -> dict[str, Any]:
-    """A torch file of plain values. Raises ExportError."""
+    """A torch file of plain values and tensors; torch unpickles nothing else. Raises ExportError."""
     if not path.is_file():
         raise ExportError(f"{path}: no such checkpoint")
     try:
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(item.file_size for item in archive.infolist())
+        if unpacked > FILE_BYTES:
+            raise ExportError(f"{path}: {unpacked:,} bytes unpacked, at most {FILE_BYTES:,} are read")
         document = torch.load(path, map_location="cpu", weights_only=True)
+    except ExportError:
+        raise
     except Exception as error:  # torch raises UnpicklingError, RuntimeError, EOFError, …
-        raise ExportError(f"{path}: not a torch checkpoint ({str(error).splitlines()[0][:120]})") from None
+        raise ExportError(f"{path}: not a torch checkpoint ({one_line(error, 120)})") from None
     if not isinstance(document, dict):
         raise ExportError(f"{path}: holds a {type(document).__name__}, no checkpoint")
     return document
+
+
+def read_record(document: dict[str, Any], kind: type[T], path: Path) -> T:
+    """The plain values of a checkpoint, checked; others are left out. Raises ExportError."""
+    names = {field.encode_name for field in msgspec.structs.fields(kind)}  # type: ignore[arg-type]
+    known = {key: value for key, value in document.items() if key in names}
+    return convert(known, kind, f"{path}: checkpoint", ExportError)
+
+
+def read_weights(document: dict[str, Any], path: Path) -> dict[str, Tensor]:
+    """The `state_dict` of a checkpoint: dense tensors of finite numbers by name. Raises ExportError."""
+    weights = document.get("state_dict")
+    if not isinstance(weights, dict) or not all(isinstance(name, str) for name in weights):
+        raise ExportError(f"{path}: its state_dict is no weights by name")
+    for name, tensor in weights.items():
+        dense = isinstance(tensor, Tensor) and tensor.layout == torch.strided and tensor.device.type == "cpu"
+        if not dense or tensor.is_quantized or tensor.nbytes > tensor.untyped_storage().nbytes():
+            raise ExportError(f"{path}: {one_line(name, 60)!r} in its state_dict is no dense tensor")
+    return dict(weights)
+
+
+def fill(build: Callable[[], Network], weights: dict[str, Tensor], path: Path) -> Network:
+    """The network that `build` makes, with these weights; shapes are compared before memory is taken.
+
+    Raises ExportError where they do not fit, or are not finite.
+    """
+    try:
+        with torch.device("meta"):
+            shapes = {name: tuple(tensor.shape) for name, tensor in build().state_dict().items()}
+    except Exception as error:  # torch's layers raise whatever they like at sizes that cannot be
+        raise ExportError(f"{path}: describes no network ({one_line(error, 120)})") from None
+    found = {name: tuple(tensor.shape) for name, tensor in weights.items()}
+    if odd := sorted(shapes.items() ^ found.items()):
+        names = list(dict.fromkeys(one_line(name, 60) for name, _ in odd))
+        raise ExportError(f"{path}: weights do not fit their network ({len(names)} differ: {', '.join(names[:3])})")
+    network = build()
+    network.load_state_dict(weights)
+    finite(network, path)
+    return network
 
 
 def save_whole(document: dict[str, Any], path: Path) -> None:

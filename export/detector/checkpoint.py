@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import torch
+from msgspec import Meta
 
 from edgemap.export.detector.blocks import fold_norms
 from edgemap.export.detector.classes import nano_classes
 from edgemap.export.detector.network import Nano
 from edgemap.export.errors import ExportError
-from edgemap.export.torch_files import finite, read_torch, save_whole
+from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
+from edgemap.runtime.manifest import Text
+from edgemap.runtime.reading import Name, one_line
 
 FORMAT = "edgemap.detector/1"
 RESUME_FORMAT = "edgemap.detector-run/1"
@@ -29,6 +34,16 @@ class DetectorCheckpoint:
     licence: str
     sources: tuple[str, ...]
     measured: dict[str, Any] = field(default_factory=dict)
+
+
+class _Record(msgspec.Struct):
+    norm: bool
+    names: Annotated[tuple[Name, ...], Meta(min_length=1, max_length=1000)]
+    size: Annotated[int, Meta(ge=32, le=4096)]
+    start: Text
+    licence: Text
+    sources: tuple[Text, ...]
+    measured: dict[str, Any]
 
 
 def save_detector(checkpoint: DetectorCheckpoint, path: Path) -> None:
@@ -55,36 +70,31 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
     """Read a checkpoint in float32, normalisation folded unless told. Raises ExportError where it is none."""
     document = read_torch(path)
     if document.get("format") != FORMAT:
-        raise ExportError(f"{path}: format {document.get('format')!r}, expected {FORMAT!r}")
+        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
+    record, weights = read_record(document, _Record, path), read_weights(document, path)
     try:
-        names = tuple(str(name) for name in document["names"])
-        nano_classes(names)
-        network = Nano(len(names), bool(document["norm"]))
-        network.load_state_dict(document["state_dict"] | _unrefined(network, document["state_dict"]))
-        checkpoint = DetectorCheckpoint(
-            network.eval(),
-            names,
-            int(document["size"]),
-            str(document["start"]),
-            str(document["licence"]),
-            tuple(document["sources"]),
-            dict(document["measured"]),
-        )
+        nano_classes(record.names)
     except KeyError as error:
-        raise ExportError(f"{path}: lacks {error.args[0]!r}, or it is no class of COCO") from None
-    except (RuntimeError, TypeError, ValueError) as error:
-        raise ExportError(f"{path}: weights do not fit their network ({str(error).splitlines()[0][:120]})") from None
-    finite(network, path)
+        raise ExportError(f"{path}: {error.args[0]!r} is no class of COCO") from None
+
+    def build() -> Nano:
+        return Nano(len(record.names), record.norm)
+
+    network = fill(build, _unrefined(build, weights) | weights, path).eval()
+    checkpoint = DetectorCheckpoint(
+        network, record.names, record.size, record.start, record.licence, record.sources, record.measured
+    )
     if fold and network.norm:
         fold_norms(network)
         network.norm = False
     return checkpoint
 
 
-def _unrefined(network: Nano, weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+def _unrefined(build: Callable[[], Nano], weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """For weights of before there were refinements: those of a network that does not refine yet."""
-    own = {name: tensor for name, tensor in network.state_dict().items() if name.startswith("refinements.")}
-    return {} if own.keys() & weights.keys() else own
+    if any(name.startswith("refinements.") for name in weights):
+        return {}
+    return {name: tensor for name, tensor in build().state_dict().items() if name.startswith("refinements.")}
 
 
 def is_detector(path: Path) -> bool:

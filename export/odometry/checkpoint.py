@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PARAMETER_LIMIT, PaperHead
-from edgemap.export.torch_files import finite, read_torch, save_whole
+from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
+from edgemap.runtime.manifest import Deviation, Span
+from edgemap.runtime.reading import Name, Share, one_line
 
 FORMAT = "edgemap.head/1"
 Kind = Literal["paper", "flow"]
@@ -35,6 +40,26 @@ class HeadCheckpoint:
     window: int = 0
 
 
+Width = Annotated[int, Meta(ge=1, le=4096)]
+
+
+class _Record(msgspec.Struct):
+    backbone: Name
+    feature: Name
+    kind: Kind
+    trained: bool
+    sigma: tuple[Deviation, Deviation, Deviation]
+    envelope: dict[Name, Span]
+    measured: dict[str, Any]
+    shape: tuple[Width, Width, Width, Width]
+    window: Annotated[int, Meta(ge=0, le=1 << 40)] = 0
+    hidden: Annotated[tuple[Width, ...], Meta(min_length=1, max_length=8)] | None = None
+    dense: Width | None = None
+    kernel: Annotated[int, Meta(ge=1, le=31)] = 3
+    slope: Share = 0.1
+    stride: Width | None = None
+
+
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
     """Write a checkpoint: plain values and float32 tensors, nothing that needs unpickling of code."""
     head = checkpoint.head
@@ -58,29 +83,18 @@ def load_head(path: Path) -> HeadCheckpoint:
     """Read a checkpoint. Raises ExportError where it is none, is damaged, or exceeds the paper's parameter count."""
     document = read_torch(path)
     if document.get("format") != FORMAT:
-        raise ExportError(f"{path}: format {document.get('format')!r}, expected {FORMAT!r}")
-    try:
-        head = _head(path, document)
-        head.load_state_dict(document["state_dict"])
-        names = ("backbone", "feature", "kind", "trained", "measured")
-        values = {key: document[key] for key in names} | {"window": int(document.get("window", 0))}
-        sigma = tuple(float(value) for value in document["sigma"])
-        envelope = {str(key): tuple(span) for key, span in document["envelope"].items()}
-    except KeyError as error:
-        raise ExportError(f"{path}: lacks {error.args[0]!r}") from None
-    except (RuntimeError, TypeError, ValueError) as error:
-        raise ExportError(f"{path}: weights do not fit their head ({str(error).splitlines()[0][:120]})") from None
+        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
+    record, weights = read_record(document, _Record, path), read_weights(document, path)
+    head = fill(lambda: _head(record, path), weights, path)
     if isinstance(head, PaperHead) and head.parameters_count > PARAMETER_LIMIT:
         raise ExportError(f"{path}: {head.parameters_count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
-    finite(head, path)
-    return HeadCheckpoint(head=head.eval(), sigma=sigma, envelope=envelope, **values)  # type: ignore[arg-type]
+    values = {item.name: getattr(record, item.name) for item in fields(HeadCheckpoint) if item.name != "head"}
+    return HeadCheckpoint(head=head.eval(), **values)
 
 
-def _head(path: Path, document: dict[str, Any]) -> PaperHead | FlowHead:
-    kind = document.get("kind")
-    if kind == "paper":
-        extra = document.get("kernel", 3), document.get("slope", 0.1)
-        return PaperHead(document["shape"], document["hidden"], document["dense"], *extra)
-    if kind == "flow":
-        return FlowHead(document["shape"], int(document["stride"]))
-    raise ExportError(f"{path}: head of kind {kind!r}, this edgemap knows paper and flow")
+def _head(record: _Record, path: Path) -> PaperHead | FlowHead:
+    if record.kind == "flow" and record.stride is not None:
+        return FlowHead(record.shape, record.stride)
+    if record.kind == "paper" and record.hidden is not None and record.dense is not None:
+        return PaperHead(record.shape, record.hidden, record.dense, record.kernel, record.slope)
+    raise ExportError(f"{path}: a head of kind {record.kind} lacks its sizes")

@@ -217,7 +217,7 @@ def test_parsing_keeps_the_first_of_two_equal_keys_and_drops_comments(tmp_path):
     assert sections[0].integer("width") == 8
     assert sections[1].integer("size") == 2
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x80")
-    assert "not text" in refusal(read_cfg, tmp_path / "binary")
+    assert "cannot be read" in refusal(read_cfg, tmp_path / "binary")
     assert "has no closing bracket" in refusal(parse_cfg, "[net\n")
     assert "without any layer" in refusal(parse_cfg, "[net]\nwidth=8\n")
 
