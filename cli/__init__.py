@@ -17,7 +17,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "train detector": ("train_detector", "labelled pictures to a small detector's weights (host, extra 'export')"),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
     "eval odometry": ("eval_odometry", "drift of the robot's own motion against true poses"),
-    "eval map": ("eval_map", "mapped objects against the true ones: F1, errors, honesty"),
+    "eval map": ("eval_map", "mapped objects against the true ones: F1, errors, consistency"),
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
     "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
     "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),

@@ -50,7 +50,7 @@ def command(
     threads: Threads = None,
     precision: PrecisionName = "float32",
     plot: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help="Draw each way with the true one into this folder.")
+        Path | None, tyro.conf.arg(metavar="DIR", help="Draw each trajectory with the true one into this folder.")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -151,7 +151,7 @@ def _print(own: dict[str, Any]) -> None:
         )
     if fit := own.get("planar_fit"):
         drift = "" if fit["t_rel_percent"] is None else f", t_rel {fit['t_rel_percent']:.2f} %"
-        off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the way, at most {fit['max_m']:.2f} m{drift}"
+        off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the path, at most {fit['max_m']:.2f} m{drift}"
         height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
         print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
     if worst := own.get("worst"):

@@ -31,7 +31,7 @@ def command(
     ] = None,
     resolution: Annotated[float, tyro.conf.arg(metavar="M", help="nav2: side of a cell, metres.")] = 0.05,
     robot_width: Annotated[
-        float, tyro.conf.arg(metavar="M", help="nav2: width that the robot's way is free, metres.")
+        float, tyro.conf.arg(metavar="M", help="nav2: width along the robot's path that counts as free, metres.")
     ] = 0.35,
     map_id: Annotated[
         str,
@@ -41,16 +41,16 @@ def command(
     """Write a map for another program.
 
     Objects are circles of their class's usual floor area (the way they face is not known). Where a run folder holds
-    trajectory.tum, the robot's way is free floor in nav2, and a line in geojson, png and svg; what was neither driven
+    trajectory.tum, the robot's path is free floor in nav2, and a line in geojson, png and svg; what was neither driven
     over nor holds an object is unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
     from edgemap.runtime.map_file import load_map, write_atomically
-    from edgemap.runtime.mapfiles.trajectory import way_of
+    from edgemap.runtime.mapfiles.trajectory import trajectory_of
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
             raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
-    objects, way = load_map(map), way_of(map)
+    objects, way = load_map(map), trajectory_of(map)
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":

@@ -41,7 +41,7 @@ def command(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Draw a map: all sightings, the clusters they form, their centres with 95 % ellipses, and the robot's way.
+    """Draw a map: all sightings, the clusters they form, their centres with 95 % ellipses, and the robot's trajectory.
 
     A run folder has all three panels; a map.json alone has the centres only. Map frame: x forward (up), y left, m.
     With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
@@ -155,7 +155,7 @@ def _way(folder: Path) -> Trajectory | None:
     try:
         return parse_tum(_without_torn_end(path), str(path))
     except OdometryError as error:
-        print(f"(the way is not drawn: {error})", file=sys.stderr)
+        print(f"(the trajectory is not drawn: {error})", file=sys.stderr)
         return None
 
 

@@ -1,4 +1,4 @@
-"""The paper's Fig. 5: all sightings, the clusters they form, and the clusters' centres, with the robot's way."""
+"""The paper's Fig. 5: all sightings, the clusters they form, and the clusters' centres, with the robot's trajectory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's Fig. 7: the way that an odometry says, over the way that was driven."""
+"""The paper's Fig. 7: an odometry's trajectory over the true one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def plot_ways(path: Path, title: str, true: Sequence[SE2], estimated: Mapping[st
         2, 1, figsize=(width, height + 2.0), gridspec_kw={"height_ratios": [height, 1.5]}, layout="constrained"
     )
     gone_m = path_m(true)
-    floor.plot(wanted[:, 1], wanted[:, 0], color=TRUTH, linewidth=3.5, label="true way", solid_capstyle="round")
+    floor.plot(wanted[:, 1], wanted[:, 0], color=TRUTH, linewidth=3.5, label="true trajectory", solid_capstyle="round")
     for (name, places), colour in zip(ways.items(), _colours(len(ways)), strict=True):
         floor.plot(places[:, 1], places[:, 0], color=colour, linewidth=1.5, label=name)
         floor.plot(places[-1, 1], places[-1, 0], "s", color=colour, markersize=6)
@@ -58,7 +58,7 @@ def _size(places: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _apart_axes(axes: Axes) -> None:
-    axes.set_xlabel("way gone (m)", fontsize=9)
+    axes.set_xlabel("path length (m)", fontsize=9)
     axes.set_ylabel("apart (m)", fontsize=9)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)

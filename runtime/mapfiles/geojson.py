@@ -1,4 +1,4 @@
-"""A map as GeoJSON: circles on the floor as polygons, the robot's way as a line; in metres of the map's own frame."""
+"""A map as GeoJSON: circles on the floor as polygons, the trajectory as a line; in metres of the map's own frame."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _way(way: Trajectory) -> dict:
     still = {"type": "Point", "coordinates": points[0]}  # a line needs two points
     return {
         "type": "Feature",
-        "id": "way",
+        "id": "trajectory",
         "geometry": line if len(points) > 1 else still,
-        "properties": {"label": "robot's way", "frame": "map"},
+        "properties": {"label": "robot's trajectory", "frame": "map"},
     }

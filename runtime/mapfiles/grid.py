@@ -50,7 +50,7 @@ def grid_of(objects: Sequence[MapObject], way: Trajectory | None = None, rule: G
     discs = [(item.position_m, radius_m(item)) for item in objects]
     trail = [(point, rule.robot_width_m / 2.0) for point in _points(way, rule.resolution_m / 2.0)]
     if not discs and not trail:
-        raise MapError("the map has neither objects nor a way: there is no floor to draw")
+        raise MapError("the map has neither objects nor a trajectory: there is no floor to draw")
     res = rule.resolution_m
     low = np.min([np.asarray(centre) - radius for centre, radius in discs + trail], axis=0) - rule.margin_m
     high = np.max([np.asarray(centre) + radius for centre, radius in discs + trail], axis=0) + rule.margin_m
@@ -79,7 +79,7 @@ def _fill(grid: Grid, centre_m: NDArray[np.float64], radius: float, value: int) 
 
 
 def _points(way: Trajectory | None, step_m: float) -> list[tuple[float, float]]:
-    """Places along the way, no farther than a step apart."""
+    """Points along the path, no farther than a step apart."""
     if way is None:
         return []
     points = [(way.poses[0].x_m, way.poses[0].y_m)]

@@ -1,4 +1,4 @@
-"""The robot's way beside a map, where a run has left one."""
+"""The robot's trajectory beside a map, where a run has left one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from edgemap.runtime.reading import read_bytes
 from edgemap.runtime.trajectory import Trajectory, parse_tum
 
 
-def way_of(path: Path) -> Trajectory | None:
+def trajectory_of(path: Path) -> Trajectory | None:
     """The whole lines of `trajectory.tum` in a map's folder; None where there is none, or not one pose in it.
 
     Raises OdometryError where it is damaged.

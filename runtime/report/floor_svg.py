@@ -46,7 +46,7 @@ def floor_svg(
     true_way: Sequence[SE2] = (),
     evaluation_rows: Sequence[EvaluationRow] = (),
 ) -> Markup:
-    """Objects with size, 95 % ellipse and id; the way with start and end; what really stands there; grid and scale."""
+    """Objects with size, 95 % ellipse and id; the trajectory with start and end; the true objects; grid and scale."""
     sheet = _sheet(objects, way, true_way, evaluation_rows)
     marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top
     spots = [sheet.at(item.position_m) for item in objects]
@@ -57,8 +57,8 @@ def floor_svg(
         "svg",
         _grid(sheet),
         [_truth(sheet, evaluation_row, objects) for evaluation_row in evaluation_rows],
-        _line(sheet, true_way, "true-way", "true way"),
-        _line(sheet, way, "way", "way driven"),
+        _line(sheet, true_way, "true-way", "true trajectory"),
+        _line(sheet, way, "way", "trajectory"),
         marks,
         [_spot(sheet, item) for item in objects],
         _robot(sheet, way),

@@ -1,4 +1,4 @@
-"""What a report keeps of a run, in bounded memory: the way thinned out, times and detections summed over stretches."""
+"""What a report keeps of a run, in bounded memory: the trajectory thinned out, times and detections by window."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.slam import StepResult
 
-MOST_POSES = 4000
-MOST_STRETCHES = 240
+MAX_POSES = 4000
+MAX_WINDOWS = 240
 
 
 @dataclass(slots=True)
@@ -28,7 +28,7 @@ class Window:
     seen: Counter[str] = field(default_factory=Counter)
 
     def join(self, other: Window) -> None:
-        """Take in the stretch that follows."""
+        """Take in the window that follows."""
         self.end_s, self.frames = other.end_s, self.frames + other.frames
         self.worst_ms = max(self.worst_ms, other.worst_ms)
         self.stages_ms.update(other.stages_ms)
@@ -37,7 +37,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class PoseSample:
-    """One pose on the way. bound_m: radius that holds 95 % of its position by the pipeline's own covariance."""
+    """One pose of the trajectory. bound_m: radius that holds 95 % of its position by the pipeline's own covariance."""
 
     stamp_s: float
     pose_map_base: SE2
@@ -45,12 +45,12 @@ class PoseSample:
 
 
 class History:
-    """Fed every step; at most `2 * MOST_POSES` poses and `2 * MOST_STRETCHES` windows, however long it goes on."""
+    """Fed every step; at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, however long it goes on."""
 
     def __init__(self) -> None:
-        self.stretches: list[Window] = []
+        self.windows: list[Window] = []
         self.totals_ms: deque[float] = deque(maxlen=10_000)
-        self.frames, self.way_m = 0, 0.0
+        self.frames, self.path_m = 0, 0.0
         self.start_s = self.last_s = 0.0
         self._bounds: list[tuple[float, float]] = []  # stamp_s, bound_m
         self._last_bound_m = 0.0
@@ -62,10 +62,10 @@ class History:
         self.last_s, self._last_bound_m = result.frame.stamp_s, _bound_m(result.pose_covariance)
         if self.frames == 0:
             self.start_s = self.last_s
-        self._journal, self.way_m = result.trajectory, result.update.travelled_m
+        self._journal, self.path_m = result.trajectory, result.update.travelled_m
         if self.frames % self._every == 0:
             self._bounds.append((self.last_s, self._last_bound_m))
-            if len(self._bounds) >= 2 * MOST_POSES:
+            if len(self._bounds) >= 2 * MAX_POSES:
                 self._bounds, self._every = self._bounds[::2], self._every * 2
         self.frames += 1
         self._time(result)
@@ -76,16 +76,16 @@ class History:
         stamp_s = result.frame.stamp_s
         seen = Counter(result.detections.labels)
         step = Window(stamp_s, stamp_s, 1, total_ms, Counter(result.stages_ms), seen)
-        if self.stretches and self.stretches[-1].frames < self._length:
-            self.stretches[-1].join(step)
+        if self.windows and self.windows[-1].frames < self._length:
+            self.windows[-1].join(step)
             return
-        self.stretches.append(step)
-        if len(self.stretches) > 2 * MOST_STRETCHES:
-            for first, second in zip(self.stretches[::2], self.stretches[1::2], strict=False):
+        self.windows.append(step)
+        if len(self.windows) > 2 * MAX_WINDOWS:
+            for first, second in zip(self.windows[::2], self.windows[1::2], strict=False):
                 first.join(second)
-            self.stretches, self._length = self.stretches[::2], self._length * 2
+            self.windows, self._length = self.windows[::2], self._length * 2
 
-    def way(self) -> list[PoseSample]:
+    def trajectory(self) -> list[PoseSample]:
         """The thinned trajectory as known now, the last pose always in it."""
         if self._journal is None:
             return []

@@ -41,7 +41,7 @@ class Findings:
 
 def report_page(found: Findings) -> str:
     """The whole page as text."""
-    way, true_way = found.history.way(), _true_way(found)
+    way, true_way = found.history.trajectory(), _true_way(found)
     errors_m = _errors(way, true_way)
     title = f"{len(found.objects)} objects on the map"
     style = Markup(Path(__file__).with_name("report.css").read_text())
@@ -77,7 +77,7 @@ def report_page(found: Findings) -> str:
 def _true_way(found: Findings) -> list[SE2 | None]:
     """The true pose at each stop, None where it is not known."""
     poses: list[SE2 | None] = []
-    for stop in found.history.way():
+    for stop in found.history.trajectory():
         try:
             poses.append(found.truth.at(stop.stamp_s) if found.truth else None)
         except OdometryError:
@@ -121,7 +121,7 @@ def _tiles(found: Findings, errors_m: list[float]) -> Markup:
     frames, seconds = record.get("frames", history.frames), record.get("seconds", 0.0)
     tiles = [
         ("objects", f"{len(found.objects)}"),
-        ("way", f"{history.way_m:.1f} m"),
+        ("path", f"{history.path_m:.1f} m"),
         ("drive", charts.duration(round(span_s, 1))),
     ]
     tiles += [("frames", f"{frames}"), ("frames/s", f"{frames / seconds:.0f}" if seconds else "–")]
@@ -140,10 +140,10 @@ def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -
         {item.label for item in found.objects} | {row.label for row in found.evaluation_rows or [] if row.true_m}
     )
     legend = [el("li", tables.swatch(label), label) for label in labels]
-    keys = [el("li", el("i", class_="key ellipse"), "95 % ellipse"), el("li", el("i", class_="key way"), "way driven")]
+    keys = [el("li", el("i", class_="key ellipse"), "95 % ellipse"), el("li", el("i", class_="key way"), "trajectory")]
     known = [pose for pose in true_way if pose is not None]
     if known:
-        keys.append(el("li", el("i", class_="key true-way"), "true way"))
+        keys.append(el("li", el("i", class_="key true-way"), "true trajectory"))
     if any(row.true_m for row in found.evaluation_rows or []):
         keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
     if any(row.state == "missed" for row in found.evaluation_rows or []):
@@ -176,27 +176,27 @@ def _trajectory(way: list[PoseSample], errors_m: list[float]) -> Markup | None:
     if errors_m:
         rms = float(np.sqrt(np.mean(np.square(errors_m))))
         figures = f"{rms:.3f} m RMS, {max(errors_m):.3f} m at most, {errors_m[-1]:.3f} m at the end"
-        text = f"Position error against the truth: {figures}. Shade: what the run itself believed, 95 %."
+        text = f"Position error against the truth: {figures}. Shade: the run's own estimate, 95 %."
     else:
-        text = f"No truth is known; the run itself believed to be within {way[-1].bound_m:.2f} m (95 %) at the end."
+        text = f"No truth is known; the run's own 95 % bound is {way[-1].bound_m:.2f} m at the end."
     return _section("Trajectory", el("p", text, class_="note"), charts.bound_chart(way, errors_m or None))
 
 
 def _timeline(found: Findings) -> Markup | None:
-    if not any(one.seen for one in found.history.stretches):
+    if not any(one.seen for one in found.history.windows):
         return None
     text = "Boxes by label over time, with their number. Grey: detected, never mapped."
-    strips = charts.timeline(found.history.stretches, found.record.get("mapped", []))
+    strips = charts.timeline(found.history.windows, found.record.get("mapped", []))
     return _section("Detections", el("p", text, class_="note"), strips)
 
 
 def _latency(found: Findings) -> Markup | None:
     stages_ms, history = found.record.get("stages_ms", {}), found.history
-    if not stages_ms or len(history.stretches) < 2:
+    if not stages_ms or len(history.windows) < 2:
         return None
     text = "Milliseconds of each stage, stacked; the thin line is the slowest step."
     total = percentiles(list(history.totals_ms))
-    drawing = charts.latency_chart(history.stretches, list(stages_ms))
+    drawing = charts.latency_chart(history.windows, list(stages_ms))
     return _section("Latency", el("p", text, class_="note"), drawing, tables.stage_table(stages_ms, total))
 
 

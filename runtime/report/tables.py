@@ -23,7 +23,7 @@ def swatch(label: str) -> Markup:
 
 
 def pill(state: str) -> Markup:
-    """A verdict as a small badge."""
+    """An evaluation state as a small badge."""
     return el("span", state, class_=f"pill {state}")
 
 

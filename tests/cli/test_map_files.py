@@ -32,7 +32,7 @@ def test_every_format_lands_beside_the_map(edgemap, run_folder):
         assert str(run_folder / name) in done.stdout
         assert (run_folder / name).stat().st_size > 0
     assert (run_folder / "map.pgm").read_bytes().startswith(b"P5\n")
-    assert json.loads((run_folder / "map.geojson").read_text())["features"][-1]["id"] == "way"
+    assert json.loads((run_folder / "map.geojson").read_text())["features"][-1]["id"] == "trajectory"
 
 
 def test_export_into_a_file_and_into_a_folder(edgemap, run_folder, tmp_path):

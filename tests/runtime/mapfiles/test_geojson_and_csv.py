@@ -9,7 +9,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.mapfiles.geojson import geojson_text
 from edgemap.runtime.mapfiles.table import csv_text
-from edgemap.runtime.mapfiles.trajectory import way_of
+from edgemap.runtime.mapfiles.trajectory import trajectory_of
 from edgemap.runtime.trajectory import Trajectory, tum_line
 
 ROOM = mapped([("chair", 1.0, -2.0), ("potted plant", 0.5, 3.0)])
@@ -55,16 +55,16 @@ def test_csv_is_one_line_per_object():
 
 
 def test_the_way_is_read_up_to_a_torn_line(tmp_path):
-    assert way_of(tmp_path) is None
+    assert trajectory_of(tmp_path) is None
     lines = tum_line(0.0, SE2()) + tum_line(0.1, SE2(1.0, 0.0))
     (tmp_path / "trajectory.tum").write_text(lines + "0.2 2.0 0.0")
     (tmp_path / "map.json").write_text("{}")
     for path in (tmp_path, tmp_path / "map.json"):
-        way = way_of(path)
+        way = trajectory_of(path)
         assert way is not None
         assert [pose.x_m for pose in way.poses] == [0.0, 1.0]
     (tmp_path / "trajectory.tum").write_text("0.2 2.0")
-    assert way_of(tmp_path) is None
+    assert trajectory_of(tmp_path) is None
     (tmp_path / "trajectory.tum").write_text("0.2 2.0\n")
     with pytest.raises(OdometryError, match="expected 8 finite numbers"):
-        way_of(tmp_path)
+        trajectory_of(tmp_path)

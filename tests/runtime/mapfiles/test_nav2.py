@@ -99,7 +99,7 @@ def test_a_standing_robot_has_swept_its_own_circle():
 
 
 def test_nothing_to_draw_and_too_much_are_one_line():
-    with pytest.raises(MapError, match="neither objects nor a way"):
+    with pytest.raises(MapError, match="neither objects nor a trajectory"):
         grid_of([])
     with pytest.raises(MapError, match="coarser resolution"):
         grid_of(mapped([("chair", 0.0, 0.0), ("chair", 9000.0, 9000.0)]))

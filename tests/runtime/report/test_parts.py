@@ -16,7 +16,7 @@ from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.report.charts import duration, nice_top
 from edgemap.runtime.report.crops import MOST, SIDE_PX, BestCrops
 from edgemap.runtime.report.floor_svg import floor_svg
-from edgemap.runtime.report.history import MOST_POSES, MOST_STRETCHES, History
+from edgemap.runtime.report.history import MAX_POSES, MAX_WINDOWS, History
 from edgemap.runtime.report.labels import place_labels
 
 NOISE = np.random.default_rng(1).integers(0, 255, (480, 640, 3), dtype=np.uint8)
@@ -99,14 +99,14 @@ def test_a_history_is_bounded_and_loses_no_sum():
     for index in range(count):
         driven_m = 0.001 * index
         history.add(step(journal, index, ("chair",), 50.0 if index == 777 else 2.0, driven_m, driven_m))
-    assert len(history.way()) <= 2 * MOST_POSES + 1
-    assert len(history.stretches) <= 2 * MOST_STRETCHES
-    assert sum(one.frames for one in history.stretches) == count
-    assert sum(one.seen["chair"] for one in history.stretches) == count
-    assert sum(one.stages_ms["map"] for one in history.stretches) == pytest.approx(count)
-    assert max(one.worst_ms for one in history.stretches) == 51.0
-    assert history.way_m == pytest.approx(20.0)
-    way = history.way()
+    assert len(history.trajectory()) <= 2 * MAX_POSES + 1
+    assert len(history.windows) <= 2 * MAX_WINDOWS
+    assert sum(one.frames for one in history.windows) == count
+    assert sum(one.seen["chair"] for one in history.windows) == count
+    assert sum(one.stages_ms["map"] for one in history.windows) == pytest.approx(count)
+    assert max(one.worst_ms for one in history.windows) == 51.0
+    assert history.path_m == pytest.approx(20.0)
+    way = history.trajectory()
     assert (way[0].stamp_s, way[-1].stamp_s) == (0.0, 2000.0)
     gaps = np.diff([stop.stamp_s for stop in way[:-1]])
     assert gaps.min() == pytest.approx(gaps.max())
@@ -119,8 +119,12 @@ def test_a_way_that_finds_its_saved_map_is_told_in_that_map():
     history.add(step(journal, 1, x_m=1.0))
     journal.transform(SE2(7.0, 2.0, 0.0))
     history.add(step(journal, 2, x_m=9.0, travelled_m=1.0))
-    assert [(stop.pose_map_base.x_m, stop.pose_map_base.y_m) for stop in history.way()] == [(7, 2), (8, 2), (9, 0)]
-    assert history.way_m == 1.0
+    assert [(stop.pose_map_base.x_m, stop.pose_map_base.y_m) for stop in history.trajectory()] == [
+        (7, 2),
+        (8, 2),
+        (9, 0),
+    ]
+    assert history.path_m == 1.0
 
 
 def item(identity, x, y, covariance):
