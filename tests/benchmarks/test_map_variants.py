@@ -6,6 +6,7 @@ import pytest
 from edgemap.benchmarks.map_variants import Variant, map_drive
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.open import DEMO
+from edgemap.runtime.config import Config
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.loop_closing import LoopCloser
 from edgemap.runtime.store import bundle_folder
@@ -31,7 +32,7 @@ def test_side_by_side_is_the_same_as_alone(demo):
 
 def test_loops_close_only_where_poses_are_not_given():
     def closes(**variant):
-        return isinstance(Variant(**variant).mapper().loop_closer, LoopCloser)
+        return isinstance(Variant(**variant).mapper(Config()).loop_closer, LoopCloser)
 
     assert closes(odometry="hybrid")
     assert not closes(odometry="truth")
