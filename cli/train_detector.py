@@ -11,7 +11,11 @@ import tyro
 def command(
     data: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(metavar="KIND:DIR...", help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json."),
+        tyro.conf.arg(
+            metavar="KIND:DIR...",
+            help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json; or a plain folder of pictures, which the "
+            "teachers label.",
+        ),
     ],
     output: Annotated[
         Path,
@@ -19,7 +23,10 @@ def command(
     ],
     validation: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(metavar="KIND:DIR...", help="Other labelled pictures, that choose best.pt; other rooms!"),
+        tyro.conf.arg(
+            metavar="KIND:DIR...",
+            help="Other pictures, other rooms! Each is a set of its own; the highest mean AP50 chooses best.pt.",
+        ),
     ],
     start: Annotated[
         str,
@@ -46,9 +53,29 @@ def command(
         float | None,
         tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.0003, from scratch 0.004."),
     ] = None,
+    mix: Annotated[
+        tuple[float, ...],
+        tyro.conf.arg(
+            metavar="SHARE...", help="Share of pictures of each --data in turn; by default by how many each holds."
+        ),
+    ] = (),
+    teacher: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="BUNDLE...",
+            help="Label pictures without labels: boxes of these bundles, averaged; at least 0.45 is a label, 0.2 to "
+            "0.45 is neither object nor background.",
+        ),
+    ] = (),
     keep: Annotated[
-        float, tyro.conf.arg(metavar="W", help="How hard to hold on to the start's features; nothing from scratch.")
-    ] = 1.0,
+        str | None,
+        tyro.conf.arg(
+            metavar="BUNDLE",
+            help="Whose features to stay near on every picture: a bundle with detector.pt, or anything that --start "
+            "takes; by default --start; 'none' for nobody's.",
+        ),
+    ] = None,
+    keep_weight: Annotated[float, tyro.conf.arg(metavar="W", help="How hard to hold on to them.")] = 1.0,
     blend_loss: Annotated[
         float,
         tyro.conf.arg(
@@ -80,7 +107,7 @@ def command(
     """
     from edgemap.cli.errors import OptionError
     from edgemap.cli.extras import need_export
-    from edgemap.cli.options import at_least
+    from edgemap.cli.options import at_least, find_bundle
 
     need_export("edgemap train detector")
     at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)
@@ -90,11 +117,12 @@ def command(
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")
-    from edgemap.export.detector.begin import SCRATCH, begin, earlier
+    from edgemap.export.detector.begin import SCRATCH, begin, earlier, kept_checkpoint
     from edgemap.export.detector.blend import choose_blend
     from edgemap.export.detector.checkpoint import load_detector, save_detector
     from edgemap.export.detector.classes import NAMES
     from edgemap.export.detector.store import load_examples
+    from edgemap.export.detector.teach import teacher_of
     from edgemap.export.detector.train import Settings, Trainer
 
     scratch = start == SCRATCH
@@ -106,26 +134,33 @@ def command(
         epochs=epochs,
         rate=rate or (0.004 if scratch else 0.0003),
         trunk_rate=1.0 if scratch else 0.5,
-        keep=0.0 if scratch else keep,
+        keep=0.0 if keep == SCRATCH or (scratch and keep is None) else keep_weight,
+        mix=mix,
         frozen=() if scratch else ("stem", "down4"),
         validate_minutes=validate_minutes,
         bfloat16=bfloat16,
         threads=threads,
     )
-    network = begin(start, NAMES, input, seed)
-    begun = None if weights is None else earlier(weights, NAMES).network
+    if mix and (len(mix) != len(data) or min(mix) < 0.0 or sum(mix) <= 0.0):
+        raise OptionError(f"--mix {' '.join(map(str, mix))}: expected {len(data)} shares, one for each --data")
+    network = begin(start if keep in (None, SCRATCH) else kept_checkpoint(keep), NAMES, input, seed)
+    begun = None if keep in (None, SCRATCH) else begin(start, NAMES, input, seed).network
+    begun = begun if weights is None else earlier(weights, NAMES).network
     print(f"reading {', '.join(data)} …", flush=True)
-    examples = load_examples(data, NAMES, input)
-    held_back = load_examples(validation, NAMES, input, validate_pictures)
+    teach = teacher_of([find_bundle(name, threads) for name in teacher]) if teacher else None
+    examples = load_examples(data, NAMES, input, teach=teach)
+    held_back = {spec: load_examples([spec], NAMES, input, validate_pictures, teach) for spec in validation}
     print(
         f"{len(examples)} pictures with {sum(len(e.boxes) for e in examples)} boxes to train on, "
-        f"{len(held_back)} to validate on",
+        f"{sum(map(len, held_back.values()))} to validate on",
         flush=True,
     )
     trainer = Trainer(network, examples, held_back, output, settings, begun)
     if resume:
         trainer.resume()
     best = trainer.run()
+    if not trainer.ranks.first:
+        return
     if not scratch:
         chosen, rows = choose_blend(network.network, load_detector(output / "best.pt"), held_back, blend_loss)
         save_detector(chosen, output / "blended.pt")

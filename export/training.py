@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
+from edgemap.export.ranks import Ranks
 from edgemap.export.torch_files import read_torch, save_whole
 
 SAVE_EVERY_S = 120.0
@@ -26,6 +27,7 @@ class Training(ABC):
 
     def __init__(self, folder: Path, validate_minutes: float | None, threads: int) -> None:
         torch.set_num_threads(threads)
+        self.ranks = Ranks()
         self.folder, self._every_s = folder, math.inf if validate_minutes is None else 60.0 * validate_minutes
         self.steps, self.trained_s = 0, 0.0
         self.rows: list[dict[str, Any]] = []
@@ -65,10 +67,16 @@ class Training(ABC):
         """Train until the budget is spent; gives the best validation's figures. An interrupt saves `last.pt` first."""
         began, before_s = time.perf_counter(), self.trained_s
         validated = saved = before_s
-        bar = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed} {postfix}", mininterval=2.0)
+        bar = tqdm(
+            total=100,
+            disable=not self.ranks.first,
+            unit="%",
+            bar_format="{l_bar}{bar}| {elapsed} {postfix}",
+            mininterval=2.0,
+        )
         try:
             for _ in self.take_steps():
-                self.trained_s = before_s + time.perf_counter() - began
+                self.trained_s = self.ranks.told(before_s + time.perf_counter() - began)
                 self._show(bar)
                 if self.trained_s - validated >= self._every_s:
                     validated = self.trained_s
@@ -96,7 +104,9 @@ class Training(ABC):
         self.sums, self.count = state["sums"], state["count"]
 
     def save(self) -> None:
-        """Write `last.pt`."""
+        """Write `last.pt`, in the first process."""
+        if not self.ranks.first:
+            return
         kept = {name: getattr(self, name) for name in ("steps", "trained_s", "rows", "sums", "count")}
         save_whole({"format": self.resume_format, **self.state(), **kept}, self.folder / "last.pt")
 

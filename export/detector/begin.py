@@ -13,6 +13,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.sources import KNOWN
 from edgemap.runtime.manifest import sha256_file
+from edgemap.runtime.store import bundle_folder
 
 SCRATCH, KNOWN_START = "none", "yolox-nano"
 LICENCE = "Apache-2.0"
@@ -41,6 +42,12 @@ def begin(start: str, names: tuple[str, ...], size: int, seed: int) -> DetectorC
     network = Nano(len(names), norm=False)
     load_yolox(network, path, names)
     return DetectorCheckpoint(network, names, size, KNOWN_START, START_LICENCE, sources)
+
+
+def kept_checkpoint(name: str) -> str:
+    """A bundle's name or folder as the detector.pt that lies in it; anything else as it is."""
+    file = bundle_folder(name) / "detector.pt"
+    return str(file) if file.is_file() else name
 
 
 def earlier(path: Path, names: tuple[str, ...]) -> DetectorCheckpoint:

@@ -29,17 +29,23 @@ COMMON_SHARE = 0.3  # of pictures: a class seen in fewer is shown more often
 class Batches:
     """Batches of one epoch in an order drawn from (seed, epoch): the same again after a resume, from any batch on.
 
-    mosaic_share: of pictures made of four. size: side of the square input, px.
+    mosaic_share: of pictures made of four. size: side of the square input, px. mix: share of pictures of each source,
+    whatever it holds; empty for every picture once. rank, ranks: this process shows every ranks-th batch of the same
+    epoch, from `rank` on.
     """
 
-    def __init__(self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic_share: float) -> None:
+    def __init__(
+        self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic_share: float,
+        mix: Sequence[float] = (), rank: int = 0, ranks: int = 1,
+    ) -> None:  # fmt: skip
         self._examples, self._size, self._batch = examples, size, batch
-        self._seed, self._mosaic = seed, mosaic_share
+        self._seed, self._mosaic, self._mix = seed, mosaic_share, tuple(mix)
+        self._rank, self._ranks = rank, ranks
         self._chances = np.cumsum(rarity(examples))
 
     def __len__(self) -> int:
-        """Whole batches of one epoch."""
-        return max(1, len(self._examples) // self._batch)
+        """Whole batches of one epoch, of each process."""
+        return max(1, len(self._examples) // (self._batch * self._ranks))
 
     def epoch(self, number: int, first: int = 0) -> Iterator[tuple[Tensor, Targets]]:
         """Batches `first` to the last: pictures (B, 3, size, size) float32 BGR 0..255, and their truth.
@@ -68,8 +74,22 @@ class Batches:
         return collate(self._pick(epoch, index))
 
     def _pick(self, epoch: int, index: int) -> list[Example]:
-        order = np.random.default_rng([self._seed, epoch]).permutation(len(self._examples))
-        return [self._one(epoch, int(at), order) for at in range(index * self._batch, (index + 1) * self._batch)]
+        order = self._order(epoch)
+        first = (index * self._ranks + self._rank) * self._batch
+        return [self._one(epoch, at, order) for at in range(first, first + self._batch)]
+
+    def _order(self, epoch: int) -> NDArray[np.int64]:
+        generator = np.random.default_rng([self._seed, epoch])
+        if not self._mix:
+            return generator.permutation(len(self._examples))
+        sources = np.array([example.source for example in self._examples])
+        parts = []
+        for source, share in enumerate(self._mix):
+            own = np.flatnonzero(sources == source)
+            wanted = round(share / sum(self._mix) * len(self._examples)) if len(own) else 0
+            rounds = [generator.permutation(own) for _ in range(-(-wanted // max(1, len(own))))]
+            parts.append(np.concatenate([own[:0], *rounds])[:wanted])
+        return generator.permutation(np.concatenate(parts))
 
     def _one(self, epoch: int, position: int, order: np.ndarray) -> Example:
         generator = np.random.default_rng([self._seed, epoch, position])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from torch import Tensor
 from torch.nn import functional
@@ -13,17 +13,19 @@ from edgemap.export.detector.boxes import cells_of, decode, flatten, generalised
 BOX_WEIGHT = 5.0
 
 
-def detection_loss(heads: Sequence[Tensor], targets: Targets) -> dict[str, Tensor]:
+def detection_loss(
+    heads: Sequence[Tensor], targets: Targets, mean: Callable[[Tensor], Tensor] = lambda value: value
+) -> dict[str, Tensor]:
     """Raw heads and truth to `total`, `box`, `objectness`, `classes`, each per positive cell.
 
     Box: 1 - GIoU. Objectness: binary cross entropy over all cells but the exempt. Classes: binary cross entropy at
-    positive cells towards the overlap reached (as YOLOX).
+    positive cells towards the overlap reached (as YOLOX). mean: of a number over all processes that train together.
     """
     rows = flatten(heads)
     cells = cells_of(heads)
     boxes = decode(rows, cells)
     found = assign(rows.detach(), boxes.detach(), cells, targets)
-    count = found.positive.sum().clamp(min=1)
+    count = mean(found.positive.sum().float()).clamp(min=1.0)
     picture, cell = found.positive.nonzero(as_tuple=True)
     truth = found.box[picture, cell]
     _, overlap = generalised_iou(boxes[picture, cell], targets.boxes[picture, truth])

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.export.detector.teach import Teacher, taught_pictures
 from edgemap.export.errors import ExportError
 from edgemap.runtime.drives.drive import SEEN_SHARE, LabelledBoxes
 from edgemap.runtime.drives.labelled import LabelledPictures
-from edgemap.runtime.drives.open import open_drive
+from edgemap.runtime.drives.open import READERS, open_drive
 from edgemap.runtime.drives.pictures import read_picture
 
 SMALLEST_PX = 10.0  # longer side at the network's input; what is smaller is no object to learn, nor background
@@ -24,6 +26,7 @@ class Example:
     """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the share of each that is seen (N,).
 
     unasked: boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None once a picture was changed.
+    source: which of the training's sources it is from.
     """
 
     image: NDArray[np.uint8]
@@ -31,6 +34,7 @@ class Example:
     labels: NDArray[np.int64]
     visible: NDArray[np.float32]
     unasked: NDArray[np.bool_] | None = None
+    source: int = 0
 
     def ignored(self) -> NDArray[np.bool_]:
         """Boxes too small or too hidden to be asked for."""
@@ -38,27 +42,44 @@ class Example:
         return (self.visible < SEEN_SHARE) | (sides_px < SMALLEST_PX)
 
 
-def load_examples(specs: Sequence[str], names: Sequence[str], size: int, limit: int | None = None) -> list[Example]:
-    """All labelled pictures of `KIND:DIR...`, longer side `size` px; boxes of other classes than `names` are left out.
+def load_examples(
+    specs: Sequence[str], names: Sequence[str], size: int, limit: int | None = None, teach: Teacher | None = None
+) -> list[Example]:
+    """All pictures of `KIND:DIR...`, longer side `size` px; boxes of other classes than `names` are left out.
 
-    limit: at most so many, evenly over each folder. Raises CameraError, or ExportError where there is no box at all.
+    A plain folder holds pictures without labels: theirs are what `teach` says. limit: at most so many, evenly over each
+    folder. Raises CameraError, or ExportError where there is no box at all or no teacher for a plain folder.
     """
     number = {name: index for index, name in enumerate(names)}
     examples: list[Example] = []
-    for spec in specs:
-        drive = open_drive(spec)
-        if not drive.images:
-            examples += [_example(image, boxes, number, size) for image, boxes in LabelledPictures(drive, limit)]
-            continue
-        count = min(len(drive.images), len(drive.boxes))
-        chosen = np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)) if count else []
-        with ThreadPoolExecutor(2) as pool:
-            examples += pool.map(
-                lambda at, drive=drive: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen
-            )
+    for source, spec in enumerate(specs):
+        examples += [replace(example, source=source) for example in _load(spec, number, size, limit, teach)]
     if not any(len(example.boxes) for example in examples):
         raise ExportError(f"{', '.join(specs)}: no true box of {', '.join(names)} in {len(examples)} pictures")
     return examples
+
+
+def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[Example]:
+    if is_unlabelled(spec):
+        if teach is None:
+            raise ExportError(f"{spec}: pictures without labels need a --teacher")
+        for path, boxes in taught_pictures(Path(spec), teach, limit):
+            yield _example(read_picture(path), boxes, number, size)
+        return
+    drive = open_drive(spec)
+    if not drive.images:
+        for image, boxes in LabelledPictures(drive, limit):
+            yield _example(image, boxes, number, size)
+        return
+    count = min(len(drive.images), len(drive.boxes))
+    chosen = np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)) if count else []
+    with ThreadPoolExecutor(2) as pool:
+        yield from pool.map(lambda at: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen)
+
+
+def is_unlabelled(spec: str) -> bool:
+    """Whether this names a plain folder of pictures and no `KIND:DIR`."""
+    return spec.partition(":")[0] not in READERS and Path(spec).is_dir()
 
 
 def _example(image: NDArray[np.uint8], truth: LabelledBoxes, number: dict[str, int], size: int) -> Example:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -38,9 +38,10 @@ class Settings:
     """How to train. rate: highest learning rate of the heads' last layers; the trunk learns at `trunk_rate` of it.
 
     keep: weight of staying near the start's features on the same pictures: what the start knows of real pictures is
-    not in rendered ones. frozen: parts of the network that keep their start values. validate_minutes: between two
-    validations; None: after every epoch. bfloat16: convolutions in half the width, weights and losses in full: 1.7
-    times as fast on a processor with AVX512-BF16.
+    not in rendered ones. mix: share of pictures of each source; empty for every picture once an epoch. frozen: parts of
+    the network that keep their start values. validate_minutes: between two validations; None: after every epoch.
+    bfloat16: convolutions in half the width, weights and losses in full: 1.7 times as fast on a processor with
+    AVX512-BF16.
     """
 
     size: int = 416
@@ -52,6 +53,7 @@ class Settings:
     trunk_rate: float = 0.5
     mosaic: float = 0.5
     keep: float = 0.0
+    mix: tuple[float, ...] = ()
     frozen: tuple[str, ...] = ()
     validate_minutes: float | None = None
     threads: int = 2
@@ -61,8 +63,9 @@ class Settings:
 class Trainer(Training):
     """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
 
-    start: the network that features are kept near, with its origin; train, validation: examples as `load_examples`
-    gives. begun: the network to go on from, where that is not the start.
+    start: the network that features are kept near, with its origin; train: examples as `load_examples` gives.
+    validation: sets of them by name; the checkpoint with the highest mean of their AP50 is the best. begun: the network
+    to go on from, where that is not the start. Under `torchrun` every process takes its share of each epoch.
     """
 
     resume_format = RESUME_FORMAT
@@ -71,7 +74,7 @@ class Trainer(Training):
         self,
         start: DetectorCheckpoint,
         train: Sequence[Example],
-        validation: Sequence[Example],
+        validation: Mapping[str, Sequence[Example]],
         folder: Path,
         settings: Settings,
         begun: Nano | None = None,
@@ -86,6 +89,7 @@ class Trainer(Training):
         for part in settings.frozen:
             self.network.get_submodule(part).requires_grad_(False)
         self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
+        self.forward = self.ranks.wrap(Forward(self.network))
         self.teacher = start.network.eval() if settings.keep > 0.0 else None
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         self.optimizer = torch.optim.AdamW(_groups(self.network, settings), weight_decay=0.0)
@@ -100,7 +104,10 @@ class Trainer(Training):
         """Epoch by epoch; without --validate-minutes validated after each. Mosaics stop before the end."""
         while self.progress() < 1.0:
             mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
-            loader = Batches(self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic)
+            loader = Batches(
+                self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic, self.settings.mix,
+                self.ranks.rank, self.ranks.count,
+            )  # fmt: skip
             for images, targets in loader.epoch(self.epoch, self.index):
                 self._step(images, targets)
                 self.index += 1
@@ -143,7 +150,7 @@ class Trainer(Training):
         torch.set_rng_state(state["random"])
 
     def _batches(self) -> int:
-        return max(1, len(self.train) // self.settings.batch)
+        return max(1, len(self.train) // (self.settings.batch * self.ranks.count))
 
     def _step(self, images: torch.Tensor, targets: Any) -> None:
         factor = self.schedule.rate(self.progress())
@@ -151,11 +158,9 @@ class Trainer(Training):
             group["lr"] = group["highest"] * factor
         self.network.train()
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bfloat16):
-            x4 = self.network.early(images)
-            maps = self.network.late(x4)
-            heads = self.network.look(maps)
+            x4, maps, heads = self.forward(images)
             kept = None if self.teacher is None else self._drift(x4, images, maps)
-        losses = detection_loss([head.float() for head in heads], targets)
+        losses = detection_loss([head.float() for head in heads], targets, self.ranks.mean)
         if kept is not None:
             losses["kept"] = kept
             losses["total"] = losses["total"] + self.settings.keep * kept
@@ -174,7 +179,7 @@ class Trainer(Training):
                 x4 if {"stem", "down4"} <= set(self.settings.frozen) else self.teacher.early(images)
             )
         distances = [
-            (ours.float() - known.float()).square().mean() / known.float().square().mean()
+            (ours.float() - known.float()).square().mean() / self.ranks.mean(known.float().square().mean())
             for ours, known in zip(maps, theirs, strict=True)
         ]
         return torch.stack(distances).sum()
@@ -186,23 +191,32 @@ class Trainer(Training):
         return network.eval()
 
     def validate(self) -> None:
-        """With the averaged weights, on the validation examples."""
+        """With the averaged weights, on every validation set, in the first process."""
+        means = self.means(4)
+        row = self.ranks.told(self._validated(means) if self.ranks.first else None)
+        if not self.ranks.first:
+            self.rows.append(row)
+
+    def _validated(self, means: dict[str, float]) -> dict[str, Any]:
         network = self.averaged()
-        figures = validate(network, self.validation, self.start.names, self.settings.size)
+        names, size = self.start.names, self.settings.size
+        sets = {name: validate(network, examples, names, size) for name, examples in self.validation.items()}
+        apart = {f"ap50_{name}": figures["ap50"] for name, figures in sets.items()} if len(sets) > 1 else {}
         row = {
             "minutes": round(self.trained_s / 60.0, 2),
             "epoch": round(self.epoch + self.index / self._batches(), 2),
-            "pictures": self.steps * self.settings.batch,
-            **self.means(4),
-            "ap": figures["ap"],
-            "ap50": figures["ap50"],
+            "pictures": self.steps * self.settings.batch * self.ranks.count,
+            **means,
+            "ap": round(sum(figures["ap"] for figures in sets.values()) / len(sets), 6),
+            "ap50": round(sum(figures["ap50"] for figures in sets.values()) / len(sets), 6),
+            **apart,
         }
         self.rows.append(row)
         tqdm.write("  ".join(f"{key} {value}" for key, value in row.items()))
         if self.best() is row:
             measured = {
                 "training": {"pictures": len(self.train), "settings": asdict(self.settings), **row},
-                "validation": figures,
+                "validation": sets if apart else next(iter(sets.values())),
             }
             save_detector(
                 DetectorCheckpoint(
@@ -217,6 +231,21 @@ class Trainer(Training):
                 self.folder / "best.pt",
             )
         write_curves(self.rows, self.folder, ("minutes", "minutes of training"), PANELS)
+        return row
+
+
+class Forward(nn.Module):
+    """One pass, as `DistributedDataParallel` wants it: the first layers' map, the trunk's maps, raw heads."""
+
+    def __init__(self, network: Nano) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, images: torch.Tensor) -> tuple[torch.Tensor, tuple[torch.Tensor, ...], tuple[torch.Tensor, ...]]:
+        """Pictures (B, 3, H, W)."""
+        x4 = self.network.early(images)
+        maps = self.network.late(x4)
+        return x4, maps, self.network.look(maps)
 
 
 def _groups(network: Nano, settings: Settings) -> list[dict[str, Any]]:

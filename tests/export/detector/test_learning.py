@@ -178,7 +178,7 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(drawn, tmp_path):
     settings = Settings(size=64, batch=8, epochs=2, rate=1e-3, threads=1)
 
     def trainer(folder, given=settings):
-        return Trainer(begin("none", CLASSES, 64, seed=0), drawn, drawn[:8], tmp_path / folder, given)
+        return Trainer(begin("none", CLASSES, 64, seed=0), drawn, {"drawn": drawn[:8]}, tmp_path / folder, given)
 
     whole = trainer("whole")
     whole.run()
@@ -205,7 +205,9 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(drawn, tmp_path):
 def test_going_on_from_other_weights_keeps_to_the_start_s_features(drawn, tmp_path):
     """The features are held near the start's, whose own then lie off by as much as the two networks differ."""
     start, other = (begin("none", CLASSES, 64, seed=seed) for seed in (0, 1))
-    trainer = Trainer(start, drawn, drawn[:8], tmp_path, Settings(size=64, keep=1.0, threads=1), other.network)
+    trainer = Trainer(
+        start, drawn, {"drawn": drawn[:8]}, tmp_path, Settings(size=64, keep=1.0, threads=1), other.network
+    )
     assert trainer.teacher is start.network
     for name, tensor in other.network.state_dict().items():
         assert torch.equal(trainer.network.state_dict()[name], tensor), name
@@ -256,6 +258,6 @@ def test_the_blend_nearest_to_the_start_within_the_loss_is_chosen(drawn, monkeyp
     figures = iter((0.80, 0.79, 0.76, 0.1, 0.0))
     monkeypatch.setattr(module, "validate", lambda *_: {"ap50": next(figures), "ap": 0.5})
     start = begin("none", CLASSES, 64, seed=0)
-    chosen, rows = choose_blend(start.network, begin("none", CLASSES, 64, seed=1), drawn, 0.03)
+    chosen, rows = choose_blend(start.network, begin("none", CLASSES, 64, seed=1), {"drawn": drawn}, 0.03)
     assert [row["share"] for row in rows] == [1.0, 0.95, 0.9]
     assert [row["share"] for row in chosen.measured["blend"]] == [1.0, 0.95]

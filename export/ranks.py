@@ -1,0 +1,48 @@
+"""Training in several processes at once (`torchrun`): who this one is, and what they must agree on."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from torch import Tensor, distributed, nn
+from torch.nn.parallel import DistributedDataParallel
+
+
+class Ranks:
+    """The processes of one training. rank: this one's number; count: how many; alone unless `torchrun` started them."""
+
+    def __init__(self) -> None:
+        self.rank, self.count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+        if self.count > 1 and not distributed.is_initialized():
+            distributed.init_process_group("gloo")
+
+    @property
+    def first(self) -> bool:
+        """Whether this process writes files and prints."""
+        return self.rank == 0
+
+    def wrap(self, module: nn.Module) -> nn.Module:
+        """The module whose gradients are means over all processes."""
+        return DistributedDataParallel(module) if self.count > 1 else module
+
+    def mean(self, value: Tensor) -> Tensor:
+        """The mean of a tensor without gradient over all processes."""
+        if self.count == 1:
+            return value
+        total = value.detach().clone()
+        distributed.all_reduce(total)
+        return total / self.count
+
+    def told(self, value: Any) -> Any:
+        """What the first process has for this value."""
+        if self.count == 1:
+            return value
+        box = [value]
+        distributed.broadcast_object_list(box)
+        return box[0]
+
+    def close(self) -> None:
+        """Leave the group."""
+        if self.count > 1 and distributed.is_initialized():
+            distributed.destroy_process_group()
