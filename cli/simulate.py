@@ -51,7 +51,18 @@ def command(
         tyro.conf.arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
     ] = None,
     seeds: Annotated[
-        str | None, tyro.conf.arg(metavar="A:B", help="Homes for --pictures: seeds from A up to, not including, B.")
+        str | None,
+        tyro.conf.arg(
+            metavar="A:B",
+            help="Homes from seed A up to, not including, B: --pictures of each, else a drive DIR/SEED of each.",
+        ),
+    ] = None,
+    shard: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="I/N",
+            help="Only every N-th home of --seeds, from the I-th (1 to N) on: one machine's part of a farm.",
+        ),
     ] = None,
 ) -> None:
     """Render a robot's drive through a furnished home, with poses, boxes, objects and wheel odometry.
@@ -81,7 +92,7 @@ def command(
         if pictures is not None:
             from edgemap.simulation.pictures import render_pictures
 
-            render_pictures(out, pictures, _span(seeds), progress, command=typed)
+            render_pictures(out, pictures, _homes(seeds, shard), progress, command=typed)
         elif locobot:
             from edgemap.simulation.locobot import record_locobot
 
@@ -90,8 +101,13 @@ def command(
             from edgemap.simulation.record import record
             from edgemap.simulation.world import draw_world
 
-            world = draw_world(seed, frames, _choices(plain, mount, rate, light, people, moved))
-            record(world, out, video=video, depth=depth, progress=progress, command=typed)
+            for home in [seed] if seeds is None else _homes(seeds, shard):
+                world = draw_world(home, frames, _choices(plain, mount, rate, light, people, moved))
+                folder = out if seeds is None else out / str(home)
+                record(world, folder, video=video, depth=depth, progress=progress, command=typed)
+    if seeds is not None and pictures is None:
+        print(f"{out}: done; use its folders as --data drive:{out}/SEED")
+        return
     kind = "yolo" if pictures is not None else "drive"
     print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
 
@@ -113,8 +129,14 @@ def _choices(
     return choices if people is None else replace(choices, people=people)
 
 
-def _span(text: str | None) -> range:
+def _homes(text: str | None, shard: str | None) -> range:
     first, colon, last = (text or "").partition(":")
     if not (colon and first.isdecimal() and last.isdecimal() and int(first) < int(last)):
         raise OptionError(f"--seeds {text!r}: expected A:B, homes from A up to, not including, B")
-    return range(int(first), int(last))
+    part, slash, parts = ("1/1" if shard is None else shard).partition("/")
+    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise OptionError(f"--shard {shard!r}: expected I/N with I from 1 to N")
+    homes = range(int(first) + int(part) - 1, int(last), int(parts))
+    if not homes:
+        raise OptionError(f"--shard {shard}: no home of {text} is left for it")
+    return homes

@@ -6,7 +6,7 @@ images/HOME_VIEW.jpg    labels/HOME_VIEW.txt    boxes.json (visible share and wh
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ FORMAT = "edgemap.pictures/1"
 def render_pictures(
     folder: Path,
     per_home: int,
-    homes: Sequence[int],
+    homes: range,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
     command: str = "edgemap simulate",
     workers: int | None = None,
@@ -50,6 +50,7 @@ def render_pictures(
     for module in ("moderngl", "embreex", "PIL"):
         require(module)
     settings = {"format": FORMAT, "per_home": per_home, "first_home": homes[0], "homes": len(homes)}
+    settings |= {"home_step": homes.step} if homes.step > 1 else {}
     store = PartStore(folder, settings, ("images", "labels"))
     if store.complete:
         progress(per_home * len(homes), per_home * len(homes))

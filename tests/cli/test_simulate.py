@@ -12,6 +12,8 @@ import pytest
         (("simulate", "--seed", "-3", "-o", "x"), "--seed -3: must be 0 or more"),
         (("simulate", "--pictures", "4", "-o", "x"), "--seeds None: expected A:B"),
         (("simulate", "--pictures", "4", "--seeds", "9:2", "-o", "x"), "--seeds '9:2': expected A:B"),
+        (("simulate", "--seeds", "0:9", "--shard", "0/3", "-o", "x"), "--shard '0/3': expected I/N"),
+        (("simulate", "--seeds", "0:2", "--shard", "3/3", "-o", "x"), "--shard 3/3: no home of 0:2 is left"),
         (("simulate", "--mount", "0.5", "-o", "x"), "--mount '0.5': expected 2 numbers"),
         (("bench", "--camera", "sim:kitchen", "--bundle", "BUNDLE"), "camera 'sim:kitchen': expected sim:SEED"),
         (("eval", "map", "--camera", "sim:-1", "--bundle", "BUNDLE"), "camera 'sim:-1': expected sim:SEED"),
@@ -24,6 +26,14 @@ def test_what_goes_wrong_is_one_line(edgemap_here, painted_bundle, tmp_path, arg
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "x").exists()
+
+
+def test_shards_share_the_homes():
+    from edgemap.cli.simulate import _homes
+
+    parts = [_homes("3:14", f"{part}/4") for part in range(1, 5)]
+    assert list(parts[1]) == [4, 8, 12]
+    assert sorted(home for part in parts for home in part) == list(_homes("3:14", None)) == list(range(3, 14))
 
 
 def test_without_the_extra_one_line_names_it(monkeypatch):
