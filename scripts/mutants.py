@@ -173,7 +173,7 @@ class _Recorder:
         import coverage
 
         self.coverage = coverage.Coverage(
-            data_file=str(STORE / "coverage"), include=[str(ROOT / file) for file in files()], context="imports"
+            data_file=str(STORE / "coverage"), include=[str(ROOT / file) for file in files()]
         )
         self.seconds: dict[str, float] = {}
         self.failed: set[str] = set()
@@ -250,31 +250,41 @@ class _Finder:
         exec(compile(self.tree, str(self.path), "exec"), module.__dict__)
 
 
-def _child(mutant: Mutant, tests: list[str]) -> None:
-    """Exit status 0: all tests pass, the mutant lives."""
+def _child(mutant: Mutant | None, tests: list[str]) -> None:
+    """Exit status 0: all tests pass, the mutant lives. None changes nothing."""
     import pytest
 
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 1)
     os.dup2(quiet, 2)
     resource.setrlimit(resource.RLIMIT_CPU, (3 * CPU_S, 3 * CPU_S))
-    sys.meta_path.insert(0, _Finder(mutant.file, mutated(mutant)))  # type: ignore[arg-type]
+    if mutant is not None:
+        sys.meta_path.insert(0, _Finder(mutant.file, mutated(mutant)))  # type: ignore[arg-type]
     os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--timeout=900", *tests])))
 
 
 def outcome(mutant: Mutant, chooser: Chooser) -> str:
-    """killed, survived, or untested where no test runs its line."""
+    """killed, survived, or untested where no test runs its line. Raises RuntimeError where pytest itself fails."""
     tests = chooser.tests(mutant)
     if not tests:
         return "untested"
+    code = _exit_code(mutant, tests)
+    if code in (3, 4, 5):  # of pytest: internal error, usage error, no tests
+        raise RuntimeError(f"{mutant.name}: pytest ended with {code} for {tests[:3]}")
+    return "survived" if code == 0 else "killed"
+
+
+def _exit_code(mutant: Mutant | None, tests: list[str]) -> int:
     process = multiprocessing.get_context("fork").Process(target=_child, args=(mutant, tests))
     process.start()
     process.join()
-    return "survived" if process.exitcode == 0 else "killed"
+    return process.exitcode or 0
 
 
 def _work(share: list[Mutant]) -> Iterator[dict[str, object]]:
     chooser = Chooser()
+    if share and (code := _exit_code(None, chooser.tests(share[0]))):
+        raise RuntimeError(f"tests fail without any mutant (pytest {code}): record again with --again")
     for mutant in share:
         begun = time.monotonic()
         yield {"mutant": mutant.name, "outcome": outcome(mutant, chooser), "s": round(time.monotonic() - begun, 1)}
