@@ -18,7 +18,7 @@ Pace = Literal["camera", "files"]  # a frame now and then, or as fast as they ar
 # 8.5 ms on one thread, 8.8 on two that sleep and 7.4 on two that spin, and a frame 20, 27 and 58 ms of processor time.
 ONE_THREAD_MS = 15.0
 WORTH_IT = 0.8  # time on all threads over that on one, at most
-WARM_UP, ROUNDS = 1, 3
+WARM_UP, ROUNDS = 2, 4
 
 
 def settle(

@@ -9,6 +9,7 @@ import onnxruntime as ort
 from edgemap.runtime.network import Compute, Network
 
 PROVIDERS = ["CPUExecutionProvider"]
+SPIN_US = "300"  # longer than between two operators, shorter than what a step does between two networks
 
 
 def session_options(compute: Compute) -> ort.SessionOptions:
@@ -17,6 +18,7 @@ def session_options(compute: Compute) -> ort.SessionOptions:
     options.intra_op_num_threads = compute.threads
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", str(int(compute.spin)))
+    options.add_session_config_entry("session.intra_op.spin_duration_us", SPIN_US)
     options.log_severity_level = 4
     return options
 
