@@ -1,15 +1,15 @@
-"""Speed of the whole step on this processor: frames per second, latency by stage, memory; and against others."""
+"""What a robot pays for the whole step on this processor: latency by stage, processor time, memory.
+
+The step is what `run` drives, over the source's frames in order. Decoding is outside every clock.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import psutil
-from numpy.typing import NDArray
 
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.cameras.reading import next_frame
@@ -18,64 +18,94 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.slam import SemanticSlam
 from edgemap.runtime.timing import percentiles
 
-RING = 64  # decoded frames kept, cycled forwards and backwards
+CHUNK = 30  # frames decoded ahead
 WARM_UP = 10  # steps before the clock starts
-REST_S = 0.02  # between rivals, so that no one's spinning threads slow the next
+QUIET_PERCENT = 5.0  # of one core: what other programs and the host may take while the figures count
+
+OpenDrive = Callable[[], tuple[Camera, SemanticSlam]]
 
 
-@dataclass(frozen=True, slots=True)
-class Ring:
-    """Decoded frames and what decoding one cost."""
+def drive_chunks(open_drive: OpenDrive) -> Iterator[tuple[SemanticSlam, list[Frame]]]:
+    """The source's frames in order, decoded ahead chunk by chunk; from the start with an empty map at its end.
 
-    frames: list[Frame]
-    decode_ms: float
-    rate_hz: float
+    Raises CameraError for a source with fewer than two frames.
+    """
+    while True:
+        camera, slam = open_drive()
+        count = 0
+        with camera:
+            while chunk := read_frames(camera):
+                count += len(chunk)
+                yield slam, chunk
+        if count < 2:
+            raise CameraError(f"bench needs two frames or more, {camera.name} gave {count}")
 
-    def cycle(self) -> Iterator[Frame]:
-        """Forwards and backwards without end, renumbered and stamped evenly."""
-        index, there_and_back = 0, [*range(len(self.frames)), *range(len(self.frames) - 2, 0, -1)]
-        while True:
-            frame = self.frames[there_and_back[index % len(there_and_back)]]
-            yield Frame(index, index / self.rate_hz, frame.image, frame.name)
-            index += 1
 
-
-def read_ring(camera: Camera, first: Frame) -> Ring:
-    """Fill a ring from a camera whose first frame was read already. Raises CameraError for fewer than two frames."""
-    frames, start = [first], time.perf_counter()
-    while len(frames) < RING and (frame := next_frame(camera, lambda _: None)) is not None:
+def read_frames(camera: Camera, count: int = CHUNK) -> list[Frame]:
+    """The next frames of a camera, so many at most."""
+    frames = []
+    while len(frames) < count and (frame := next_frame(camera, lambda _: None)) is not None:
         frames.append(frame)
-    if len(frames) < 2:
-        raise CameraError(f"bench needs two frames or more, {camera.name} gave {len(frames)}")
-    return Ring(frames, (time.perf_counter() - start) * 1e3 / (len(frames) - 1), camera.rate_hz or 10.0)
+    return frames
 
 
-def measure(slam: SemanticSlam, ring: Ring, seconds: float) -> dict[str, Any]:
-    """Run the step over the ring for so many seconds; the numbers of `edgemap bench`."""
-    frames = ring.cycle()
-    for _ in range(WARM_UP):
-        slam.step(next(frames))
+def measure(open_drive: OpenDrive, seconds: float, rate_hz: float | None = None) -> dict[str, Any]:
+    """Run the step for so many seconds, paced as a camera of this rate would; None for as fast as it goes.
+
+    cpu_ms_per_frame, cpu_percent (of one core): of this whole process, its waiting threads included.
+    other_cpu_percent: of one core, what other programs and the host took meanwhile.
+    """
     totals: list[float] = []
     stages: dict[str, list[float]] = {}
-    process = psutil.Process()
-    process.cpu_percent()
-    start = time.perf_counter()
-    while time.perf_counter() - start < seconds:
-        before = time.perf_counter()
-        result = slam.step(next(frames))
-        totals.append((time.perf_counter() - before) * 1e3)
-        for stage, lap_ms in result.stages_ms.items():
-            stages.setdefault(stage, []).append(lap_ms)
-    wall = time.perf_counter() - start
+    wall_s = cpu_s = other_s = 0.0
+    warm = 0
+    for slam, frames in drive_chunks(open_drive):
+        if warm < WARM_UP:
+            for frame in frames[: WARM_UP - warm]:
+                slam.step(frame)
+            frames, warm = frames[WARM_UP - warm :], warm + len(frames)
+        own, other, start = time.process_time(), _machine_s(), time.perf_counter()
+        for index, frame in enumerate(frames):
+            if rate_hz is not None:
+                time.sleep(max(0.0, start + index / rate_hz - time.perf_counter()))
+            before = time.perf_counter()
+            result = slam.step(frame)
+            slam.objects()
+            totals.append((time.perf_counter() - before) * 1e3)
+            for stage, stage_ms in result.stages_ms.items():
+                stages.setdefault(stage, []).append(stage_ms)
+        if rate_hz is not None:
+            time.sleep(max(0.0, start + len(frames) / rate_hz - time.perf_counter()))
+        spent = time.process_time() - own
+        cpu_s, wall_s = cpu_s + spent, wall_s + time.perf_counter() - start
+        other_s += _machine_s() - other - spent
+        if wall_s >= seconds:
+            break
     return {
-        "fps": round(len(totals) / wall, 2),
+        "fps": round(len(totals) / wall_s, 2),
         "frames": len(totals),
         "latency_ms": percentiles(totals),
         "stages_ms": {stage: percentiles(laps) for stage, laps in stages.items()},
-        "decode_ms": round(ring.decode_ms, 3),
-        "cpu_percent": round(process.cpu_percent(), 1),
-        "peak_rss_mb": round(peak_rss_mb(), 1),
+        "cpu_ms_per_frame": round(1e3 * cpu_s / len(totals), 2),
+        "cpu_percent": round(100.0 * cpu_s / wall_s, 1),
+        "other_cpu_percent": round(max(0.0, 100.0 * other_s / wall_s), 1),
     }
+
+
+def soak(open_drive: OpenDrive, minutes: float, rate_hz: float) -> dict[str, Any]:
+    """Run paced for so many minutes: what each minute took, and how much the process grew after the first."""
+    rows = []
+    for _ in range(max(1, round(minutes))):
+        row = measure(open_drive, 60.0 * min(1.0, minutes), rate_hz)
+        kept = {key: row[key] for key in ("frames", "latency_ms", "cpu_ms_per_frame", "other_cpu_percent")}
+        rows.append(kept | {"rss_mb": round(psutil.Process().memory_info().rss / 1e6, 1)})
+    return {"minutes": rows, "rss_growth_mb": round(rows[-1]["rss_mb"] - rows[0]["rss_mb"], 1)}
+
+
+def _machine_s() -> float:
+    """Processor seconds of everything on this machine, and what its host took from it."""
+    times = psutil.cpu_times()
+    return sum(times) - times.idle - getattr(times, "iowait", 0.0) - getattr(times, "guest", 0.0)
 
 
 def peak_rss_mb() -> float:
@@ -85,45 +115,3 @@ def peak_rss_mb() -> float:
     except ImportError:  # Windows
         return psutil.Process().memory_info().rss / 1e6
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-
-
-def compare(
-    ours: Callable[[NDArray[np.uint8]], object],
-    full: Callable[[Frame], object],
-    theirs: Callable[[NDArray[np.uint8]], object],
-    networks: tuple[Callable[[], object], Callable[[], object]],
-    ring: Ring,
-    seconds: float,
-) -> dict[str, float]:
-    """Ours and theirs in turn over the same frames in one run: ratios of median latency, ours / theirs, and ms.
-
-    ours, theirs: a picture to boxes. full: our whole step. networks: only the network, ours and theirs.
-    """
-    names = ("ours_end_to_end", "theirs_end_to_end", "ours_full", "ours_network", "theirs_network")
-    laps: dict[str, list[float]] = {name: [] for name in names}
-    frames = ring.cycle()
-    start, rounds = time.perf_counter(), 0
-    while time.perf_counter() - start < seconds or rounds < 5:
-        frame = next(frames)
-        calls = (
-            lambda frame=frame: ours(frame.image),
-            lambda frame=frame: theirs(frame.image),
-            lambda frame=frame: full(frame),
-            networks[0],
-            networks[1],
-        )
-        order = range(len(calls)) if rounds % 2 else reversed(range(len(calls)))
-        for turn in order:
-            time.sleep(REST_S)
-            before = time.perf_counter()
-            calls[turn]()
-            if rounds >= 2:
-                laps[names[turn]].append((time.perf_counter() - before) * 1e3)
-        rounds += 1
-    median = {name: float(np.median(values)) for name, values in laps.items()}
-    return {
-        "network_ratio": round(median["ours_network"] / median["theirs_network"], 3),
-        "end_to_end_ratio": round(median["ours_end_to_end"] / median["theirs_end_to_end"], 3),
-        "full_ratio": round(median["ours_full"] / median["theirs_end_to_end"], 3),
-        **{f"{name}_ms": round(value, 3) for name, value in median.items()},
-    }

@@ -1,25 +1,23 @@
-"""The same backbone run by others, as their own demos do it: resize, network, numpy decode, OpenCV's suppression."""
+"""The same backbone in another runtime's own loop, none of our code in it: OpenCV, the network, numpy, OpenCV."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from time import perf_counter
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import MissingExtraError
 from edgemap.runtime.manifest import Detector
-from edgemap.runtime.network import Tensors
-from edgemap.runtime.preprocess import Preprocessor
 
-Infer = Callable[[NDArray[np.float32]], Tensors]
+Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]
+PAD, NMS_IOU = 114, 0.45
 
 
-def openvino_network(bundle: Bundle, threads: int) -> tuple[Infer, str]:
+def openvino_network(path: Path, detector: Detector, threads: int) -> tuple[Infer, str]:
     """The backbone compiled by OpenVINO with the LATENCY hint: the better of float32 and its default precision.
 
     Raises MissingExtraError without the extra `openvino`.
@@ -29,47 +27,103 @@ def openvino_network(bundle: Bundle, threads: int) -> tuple[Infer, str]:
     except ImportError:
         raise MissingExtraError("--against openvino needs OpenVINO: pip install 'edgemap[openvino]'") from None
     core = ov.Core()
-    model = core.read_model(bundle.folder / bundle.manifest.detector.file)
-    shape = [1, 3, bundle.manifest.detector.input.height, bundle.manifest.detector.input.width]
-    probe = np.random.default_rng(0).uniform(0, 255, shape).astype(np.float32)
+    model = core.read_model(path)
+    names = [output.get_any_name() for output in model.outputs]
+    heads = [names.index(head.name) for head in detector.heads]
+    probe = np.random.default_rng(0).uniform(0, 255, (1, 3, detector.input.height, detector.input.width))
     candidates = []
     for precision, extra in (("f32", {"INFERENCE_PRECISION_HINT": "f32"}), ("default", {})):
         config = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_NUM_THREADS": threads} | extra
         request = core.compile_model(model, "CPU", config).create_infer_request()
-        names = [output.get_any_name() for output in model.outputs]
 
-        def infer(tensor: NDArray[np.float32], request=request, names=names) -> Tensors:  # noqa: ANN001
+        def infer(tensor: NDArray[np.float32], request=request) -> Sequence[NDArray[np.float32]]:  # noqa: ANN001
             request.infer([tensor], share_inputs=True)
-            return {name: request.get_output_tensor(i).data for i, name in enumerate(names)}
+            return [request.get_output_tensor(index).data for index in heads]
 
-        candidates.append((_median_ms(infer, probe), precision, infer))
+        candidates.append((_median_ms(infer, probe.astype(np.float32)), precision, infer))
     _, precision, best = min(candidates, key=lambda candidate: candidate[0])
     return best, precision
 
 
-def opencv_network(bundle: Bundle, threads: int) -> tuple[Infer, str]:
+def opencv_network(path: Path, detector: Detector, threads: int) -> tuple[Infer, str]:
     """The backbone run by cv2.dnn on the CPU, float32."""
     cv2.setNumThreads(threads)
-    network = cv2.dnn.readNetFromONNX(str(bundle.folder / bundle.manifest.detector.file))
-    names = list(bundle.backbone.outputs)
+    network = cv2.dnn.readNetFromONNX(str(path))
+    names = [head.name for head in detector.heads]
 
-    def infer(tensor: NDArray[np.float32]) -> Tensors:
-        network.setInput(tensor, bundle.manifest.detector.input.name)
-        outputs: list = list(network.forward(names))
-        return dict(zip(names, outputs, strict=True))
+    def infer(tensor: NDArray[np.float32]) -> Sequence[NDArray[np.float32]]:
+        network.setInput(tensor, detector.input.name)
+        return list(network.forward(names))  # type: ignore[arg-type]
 
     return infer, "f32"
 
 
 def picture_to_boxes(detector: Detector, infer: Infer, confidence: float) -> Callable[[NDArray[np.uint8]], object]:
-    """Their whole way: the same resize and decode as ours, so that only the network's runtime differs."""
-    preprocess, decode = Preprocessor(detector.input), Decoder(detector, confidence)
+    """Their loop as their demos write it: letterbox, network, boxes of all cells, suppression.
 
-    def run(image: NDArray[np.uint8]) -> object:
-        tensor, placement = preprocess(image)
-        return decode(infer(tensor), placement)
+    Gives boxes xywh in picture px, scores and class ids.
+    """
+    spec = detector.input
+    decode = _yolox if detector.decode == "yolox" else _yolov3
+    centred = detector.input.resize == "letterbox"
+    mean, factor = np.array(spec.mean, np.float32), np.float32(spec.scale) / np.array(spec.std, np.float32)
+
+    def run(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+        scale = min(spec.width / image.shape[1], spec.height / image.shape[0])
+        size = int(image.shape[1] * scale), int(image.shape[0] * scale)
+        canvas = np.full((spec.height, spec.width, 3), PAD, np.uint8)
+        left, top = (spec.width - size[0]) // 2 * centred, (spec.height - size[1]) // 2 * centred
+        canvas[top : top + size[1], left : left + size[0]] = cv2.resize(image, size)
+        if spec.colour == "rgb":
+            canvas = canvas[..., ::-1]
+        tensor = canvas.transpose(2, 0, 1)[None].astype(np.float32)
+        if spec.scale != 1.0 or any(spec.mean) or set(spec.std) != {1.0}:
+            tensor = (tensor - mean[:, None, None] / np.float32(spec.scale)) * factor[:, None, None]
+        boxes, scores, classes = decode(infer(np.ascontiguousarray(tensor, np.float32)), detector, confidence)
+        boxes[:, :2] -= boxes[:, 2:] / 2 + np.array([left, top], np.float32)
+        boxes /= np.float32(scale)
+        kept = np.asarray(cv2.dnn.NMSBoxes(boxes.tolist(), scores.tolist(), confidence, NMS_IOU), np.int64).reshape(-1)
+        return boxes[kept], scores[kept], classes[kept]
 
     return run
+
+
+def _yolov3(outputs: Sequence[NDArray[np.float32]], detector: Detector, confidence: float) -> tuple:
+    parts = []
+    for output, head in zip(outputs, detector.heads, strict=True):
+        count, (rows, columns) = len(head.anchors), output.shape[2:]
+        grid = output.reshape(count, -1, rows, columns).transpose(0, 2, 3, 1)
+        objectness = _sigmoid(grid[..., 4])
+        a, v, u = np.nonzero(objectness > confidence)
+        cells = grid[a, v, u]
+        xy = (_sigmoid(cells[:, :2]) * head.scale_xy - (head.scale_xy - 1) / 2 + np.stack([u, v], 1)) * head.strides[0]
+        wh = np.exp(cells[:, 2:4]) * np.array(head.anchors, np.float32)[a]
+        parts.append((np.concatenate([xy, wh], 1), objectness[a, v, u, None] * _sigmoid(cells[:, 5:])))
+    boxes, scores = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return _strong(boxes, scores, confidence)
+
+
+def _yolox(outputs: Sequence[NDArray[np.float32]], detector: Detector, confidence: float) -> tuple:
+    rows, spec = outputs[0][0], detector.input
+    grids, strides = [], []
+    for stride in detector.heads[0].strides:
+        u, v = np.meshgrid(np.arange(spec.width // stride), np.arange(spec.height // stride))
+        grids.append(np.stack([u, v], 2).reshape(-1, 2))
+        strides.append(np.full((u.size, 1), stride))
+    grid, stride = np.concatenate(grids), np.concatenate(strides)
+    boxes = np.concatenate([(rows[:, :2] + grid) * stride, np.exp(rows[:, 2:4]) * stride], 1)
+    return _strong(boxes, rows[:, 4:5] * rows[:, 5:], confidence)
+
+
+def _strong(boxes: NDArray, scores: NDArray, confidence: float) -> tuple:
+    classes = scores.argmax(1)
+    best = scores[np.arange(len(scores)), classes]
+    keep = best >= confidence
+    return boxes[keep].astype(np.float32), best[keep].astype(np.float32), classes[keep]
+
+
+def _sigmoid(x: NDArray) -> NDArray:
+    return 1 / (1 + np.exp(-x))
 
 
 def _median_ms(infer: Infer, probe: NDArray[np.float32]) -> float:

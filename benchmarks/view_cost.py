@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.benchmarks.bench import Ring, read_ring
+from edgemap.benchmarks.ring import Ring, read_ring
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.pipeline import Pipeline

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -25,33 +27,47 @@ from edgemap.cli.options import (
 def command(
     bundle: BundleName = None,
     camera: CameraSpec = "demo",
-    seconds: Annotated[float, tyro.conf.arg(metavar="S", help="How long to measure, in seconds.")] = 10.0,
+    rate: Annotated[
+        tuple[float, ...],
+        tyro.conf.arg(metavar="HZ…", help="Frames per second that a camera delivers; the first one's figures lead."),
+    ] = (10.0, 30.0),
+    seconds: Annotated[float, tyro.conf.arg(metavar="S", help="How long to measure at each rate, in seconds.")] = 10.0,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     against: Annotated[
         Literal["openvino", "opencv"] | None,
         tyro.conf.arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
     ] = None,
+    soak: Annotated[
+        float | None,
+        tyro.conf.arg(metavar="MINUTES", help="Go on at the first rate for so long: memory and times by the minute."),
+    ] = None,
+    plot: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help="Draw stages and processor time into DIR/bench.png.")
+    ] = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
     json: Json = False,
 ) -> None:
-    """Measure frames per second and latency of the whole step, stage by stage.
+    """Measure what `run` costs: latency stage by stage and processor time, paced by a camera and as fast as it goes.
 
-    Up to 64 decoded frames are cycled forwards and backwards; decoding is reported apart. Every frame is detected
-    (detect_every 1). Times in milliseconds; compare two builds only within one run, as a ratio.
+    The source's frames go in order through front end and back end, its IMU and wheels with them; decoding is reported
+    apart. Every frame is detected (detect_every 1). Compare two builds only within one run, as a ratio, on a quiet
+    machine.
     """
     import time
 
     import psutil
 
-    from edgemap.benchmarks.bench import compare, measure, read_ring
+    from edgemap.benchmarks import bench
     from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.bundle import Bundle, load_bundle
+    from edgemap.runtime.cameras import Camera
     from edgemap.runtime.cameras.reading import next_frame
-    from edgemap.runtime.detector import Detector
+    from edgemap.runtime.config import Config
     from edgemap.runtime.errors import CameraError
-    from edgemap.runtime.mapper import Mapper
+    from edgemap.runtime.mapper import new_mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.processor import processor_name
@@ -59,51 +75,76 @@ def command(
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
-    loaded = find_bundle(bundle, threads, precision, camera)
-    with open_described(camera, camera_file) as source:
+    if not rate or not all(0.0 < hz < 1e4 for hz in rate):
+        raise OptionError(f"--rate {' '.join(f'{hz:g}' for hz in rate)}: must be positive numbers")
+    if soak is not None and not 0.0 < soak < 1e5:
+        raise OptionError(f"--soak {soak}: must be a positive number of minutes")
+    paced = find_bundle(bundle, threads, precision, camera, pace="camera")
+
+    def open_drive(loaded: Bundle = paced) -> tuple[Camera, SemanticSlam]:
+        source = open_described(camera, camera_file)
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
+        pipeline = Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor))
+        return source, SemanticSlam(pipeline, new_mapper(Config(), "default", "hybrid"))
 
-        def new_slam() -> SemanticSlam:
-            # The ring's stamps are its own: no wheels.
-            odometry = open_odometry("hybrid", loaded, source, floor, wheels=False)
-            return SemanticSlam(Pipeline(loaded, floor, odometry), Mapper())
-
-        pipeline = new_slam()
+    source, slam = open_drive()
+    with source:
         first = next_frame(source, lambda _: None)
         if first is None:
             raise CameraError(f"{camera}: no frames")
-        pipeline.step(first)
+        slam.step(first)
         cold_start_s = time.time() - psutil.Process().create_time()
-        ring = read_ring(source, first)
-    figures = measure(new_slam(), ring, seconds)
+        start, decoded = (
+            time.perf_counter(),
+            sum(next_frame(source, lambda _: None) is not None for _ in range(bench.CHUNK)),
+        )
+        decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
+    legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
+    peak_rss_mb = bench.peak_rss_mb()
+    files = load_bundle(paced.folder, threads, precision, "files")
+    legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
+    lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
+    other = max(leg["other_cpu_percent"] for leg in legs.values())
     document: dict[str, Any] = {
-        "bundle": loaded.manifest.name,
+        "bundle": paced.manifest.name,
         "camera": camera,
-        **figures,
+        **{key: unpaced[key] for key in ("fps", "frames", "latency_ms", "stages_ms")},
+        **{key: lead[key] for key in ("cpu_ms_per_frame", "cpu_percent")},
+        "paced": {name: {key: leg[key] for key in PACED} for name, leg in legs.items()},
+        "quiet": other <= bench.QUIET_PERCENT,
+        "other_cpu_percent": other,
+        "decode_ms": round(decode_ms, 3),
         "cold_start_s": round(cold_start_s, 3),
-        "threads": loaded.compute.threads,
+        "peak_rss_mb": round(peak_rss_mb, 1),
+        "threads": files.compute.threads,
+        "paced_threads": paced.compute.threads,
         "detect_every": 1,
+        "engine": "onnxruntime",
         "provider": "onnxruntime CPUExecutionProvider",
-        "precision": loaded.precision,
+        "precision": files.precision,
         "odometry": "hybrid",
         "processor": processor_name(),
     }
     if against:
+        from edgemap.benchmarks.compare import Contest, compare
         from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
+        from edgemap.runtime.detector import Detector
 
+        spec = files.manifest.detector
         opener = openvino_network if against == "openvino" else opencv_network
-        infer, their_precision = opener(loaded, loaded.compute.threads)
-        spec = loaded.manifest.detector
-        tensor = _probe(spec.input.height, spec.input.width)
-        ratios = compare(
-            Detector(loaded),
-            new_slam().step,
-            picture_to_boxes(spec, infer, 0.3),
-            (lambda: loaded.backbone.run({spec.input.name: tensor}), lambda: infer(tensor)),
-            ring,
-            seconds,
-        )
+        infer, their_precision = opener(files.folder / spec.file, spec, files.compute.threads)
+        probe = files.backbone.zeros()
+        tensor = probe[spec.input.name]
+        networks = (lambda: files.backbone.run(probe), lambda: infer(tensor))
+        contest = Contest(Detector(files), picture_to_boxes(spec, infer, files.manifest.confidence), networks)
+        ratios = compare(contest, lambda: open_drive(files), seconds)
         document["against"] = {against: ratios | {"precision": their_precision}}
+    if soak is not None:
+        document["soak"] = bench.soak(open_drive, soak, rate[0])
+    if plot is not None:
+        from edgemap.plots.bench import plot_bench
+
+        print(f"see it:  {plot_bench(plot / 'bench.png', document)}", file=sys.stderr)
     if json:
         import json as json_module
 
@@ -112,26 +153,31 @@ def command(
         _tell(document)
 
 
-def _probe(height: int, width: int):
-    import numpy as np
-
-    return np.random.default_rng(0).uniform(0, 255, (1, 3, height, width)).astype(np.float32)
+PACED = ("cpu_ms_per_frame", "cpu_percent", "latency_ms", "fps", "other_cpu_percent")
 
 
 def _tell(document: dict[str, Any]) -> None:
-    latency = document["latency_ms"]
     how = f"{document['threads']} threads, {document['precision']}, {document['processor']}"
     print(f"{document['bundle']} on {document['camera']}, {how}")
+    if not document["quiet"]:
+        print(f"  NOT QUIET: other programs or the host took {document['other_cpu_percent']:.0f} % of a core meanwhile")
     print(f"  {document['fps']:.1f} frames/s over {document['frames']} frames, every frame detected")
-    print(f"  {'stage':<12} {'p50':>8} {'p95':>8} {'p99':>8}  ms")
-    rows = [*document["stages_ms"].items(), ("whole step", latency)]
-    for name, values in rows:
-        print(f"  {name:<12} {values['p50']:8.2f} {values['p95']:8.2f} {values['p99']:8.2f}")
+    print(f"  {'stage':<14} {'p50':>8} {'p95':>8} {'p99':>8}  ms")
+    for name, values in [*document["stages_ms"].items(), ("whole step", document["latency_ms"])]:
+        print(f"  {name:<14} {values['p50']:8.2f} {values['p95']:8.2f} {values['p99']:8.2f}")
+    for name, leg in document["paced"].items():
+        told = name if name == "unpaced" else f"at {name} Hz"
+        print(
+            f"  {told}: {leg['cpu_ms_per_frame']:.1f} ms of processor time a frame, {leg['cpu_percent']:.0f} % of one "
+            f"core, step p50 {leg['latency_ms']['p50']:.1f} ms, p99 {leg['latency_ms']['p99']:.1f} ms"
+        )
     print(f"  decoding a picture {document['decode_ms']:.2f} ms (not in the step)")
-    print(
-        f"  cold start {document['cold_start_s']:.2f} s, peak memory {document['peak_rss_mb']:.0f} MB, "
-        f"cpu {document['cpu_percent']:.0f} %"
-    )
+    print(f"  cold start {document['cold_start_s']:.2f} s, peak memory {document['peak_rss_mb']:.0f} MB")
     for name, ratios in document.get("against", {}).items():
-        print(f"  ours / {name} ({ratios['precision']}): network {ratios['network_ratio']:.2f}, ", end="")
-        print(f"picture to boxes {ratios['end_to_end_ratio']:.2f}, our whole step {ratios['full_ratio']:.2f}")
+        print(
+            f"  ours / {name} ({ratios['precision']}): network {ratios['network_ratio']:.2f}, picture to boxes "
+            f"{ratios['end_to_end_ratio']:.2f} (processor time {ratios['cpu_ratio']:.2f}), our whole step "
+            f"{ratios['full_ratio']:.2f}"
+        )
+    for minute, row in enumerate(document.get("soak", {}).get("minutes", ()), 1):
+        print(f"  minute {minute}: {row['rss_mb']:.0f} MB, step p99 {row['latency_ms']['p99']:.1f} ms")

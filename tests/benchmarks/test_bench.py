@@ -1,10 +1,17 @@
+import time
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.bench import RING, compare, read_ring
+from edgemap.benchmarks import compare as contest
+from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
+from edgemap.benchmarks.ring import RING, read_ring
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.slam import SemanticSlam
 
 
 class Counting(CameraBase):
@@ -49,20 +56,74 @@ def test_one_frame_is_too_few():
         read_ring(camera, first_of(camera))
 
 
+class Slam(SemanticSlam):
+    """Remembers the frames of its drive; a step takes what it is told on a clock of its own."""
+
+    def __init__(self, step=lambda frame: None):
+        self.seen, self._step = [], step
+
+    def step(self, frame) -> Any:
+        self.seen.append(int(frame.image[0, 0, 0]))
+        self._step(frame)
+        return SimpleNamespace(stages_ms={"all": 1.0})
+
+    def objects(self):
+        return []
+
+
+def test_drives_go_in_order_and_begin_again_with_an_empty_map():
+    count = CHUNK + 5
+    chunks = drive_chunks(lambda: (Counting(count), Slam()))
+    (first, a), (same, b), (other, c) = (next(chunks) for _ in range(3))
+    assert first is same
+    assert other is not first
+    assert [int(frame.image[0, 0, 0]) for frame in [*a, *b]] == list(range(count))
+    assert (int(c[0].image[0, 0, 0]), c[0].index) == (0, 0)
+
+
+def test_a_source_of_one_frame_is_refused():
+    with pytest.raises(CameraError, match="two frames or more, counting gave 1"):
+        list(zip(range(2), drive_chunks(lambda: (Counting(1), Slam())), strict=False))
+
+
+def test_processor_time_is_counted_and_sleeping_is_not():
+    def work(frame):
+        end = time.process_time() + 0.004
+        while time.process_time() < end:
+            pass
+        time.sleep(0.002)
+
+    slams = []
+
+    def open_drive():
+        slams.append(Slam(work))
+        return Counting(60), slams[-1]
+
+    found = measure(open_drive, 0.5, rate_hz=50.0)
+    assert slams[0].seen == list(range(len(slams[0].seen)))
+    assert sum(len(slam.seen) for slam in slams) == found["frames"] + WARM_UP
+    assert 4.0 <= found["cpu_ms_per_frame"] < 6.0
+    assert found["fps"] <= 50.5
+    assert found["latency_ms"]["p50"] >= 6.0
+
+
 def test_ratios_are_ours_over_theirs(monkeypatch):
-    """A clock that only our calls move: theirs twice as slow as ours."""
-    import edgemap.benchmarks.bench as bench
+    """Clocks that only our calls move: theirs twice as slow as ours, and three times as thirsty."""
+    now, burnt = [0.0], [0.0]
 
-    now = [0.0]
-
-    def spend(seconds):
+    def spend(seconds, threads=1):
         now[0] += seconds
+        burnt[0] += seconds * threads
 
-    monkeypatch.setattr(bench.time, "perf_counter", lambda: now[0])
-    monkeypatch.setattr(bench.time, "sleep", lambda _: None)
-    camera = Counting(5)
-    ratios = compare(
-        lambda image: spend(0.01), lambda frame: spend(0.015), lambda image: spend(0.02),
-        (lambda: spend(0.004), lambda: spend(0.005)), read_ring(camera, first_of(camera)), 1.0,
-    )  # fmt: skip
+    monkeypatch.setattr(contest.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(contest.time, "process_time", lambda: burnt[0])
+    monkeypatch.setattr(contest.time, "sleep", lambda _: None)
+    ratios = contest.compare(
+        contest.Contest(
+            lambda image: spend(0.01, 2), lambda image: spend(0.02, 3), (lambda: spend(0.004), lambda: spend(0.005))
+        ),
+        lambda: (Counting(5), Slam(lambda frame: spend(0.015))),
+        1.0,
+    )
     assert (ratios["network_ratio"], ratios["end_to_end_ratio"], ratios["full_ratio"]) == (0.8, 0.5, 0.75)
+    assert ratios["cpu_ratio"] == pytest.approx(1 / 3, abs=1e-3)

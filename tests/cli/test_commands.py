@@ -228,15 +228,17 @@ def test_detect_draws_figure_4(edgemap, painted_bundle, pictures, tmp_path):
 
 
 def test_bench_prints_the_contract(edgemap, painted_bundle, pictures):
-    flags = ("--bundle", painted_bundle, "--seconds", "0.5", "--json", "--against", "openvino")
+    flags = ("--bundle", painted_bundle, "--rate", "20", "--seconds", "0.5", "--json", "--against", "openvino")
     result = edgemap("bench", "--camera", pictures, *flags)
     figures = json.loads(result.stdout)
     assert {
         "fps", "latency_ms", "stages_ms", "cold_start_s", "peak_rss_mb", "cpu_percent", "threads", "detect_every",
-        "provider", "precision", "against",
+        "provider", "precision", "against", "cpu_ms_per_frame", "engine", "quiet",
     } <= set(figures)  # fmt: skip
+    assert set(figures["paced"]) == {"20", "unpaced"}
+    assert {"cpu_ms_per_frame", "cpu_percent", "latency_ms"} <= set(figures["paced"]["20"])
     assert figures["detect_every"] == 1
-    assert {"network_ratio", "end_to_end_ratio", "full_ratio"} <= set(figures["against"]["openvino"])
+    assert {"network_ratio", "end_to_end_ratio", "full_ratio", "cpu_ratio"} <= set(figures["against"]["openvino"])
 
 
 def test_doctor_says_what_works_and_what_to_type(edgemap, painted_bundle, pictures, tmp_path):
