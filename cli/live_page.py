@@ -79,7 +79,7 @@ def live_page(
     from edgemap.view.server import PageServer
 
     pause = None if source.live else Pause()
-    page = LivePage(about_run(source, bundle, floor, odometry, folder), folder, pause)
+    page = LivePage(about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state)
     server = PageServer(page, host, port)
     try:
         print(f"live page:  {server.url}", flush=True)

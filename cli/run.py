@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.sinks.protocol import Sink
     from edgemap.runtime.slam import StepResult
 
 
@@ -108,11 +109,12 @@ def command(
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
-    from edgemap.runtime.loop import run, stop_on_signals
+    from edgemap.runtime.loop import run, stop_on_signals, tell_all
     from edgemap.runtime.mapper import new_mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.report.sink import ReportFile
+    from edgemap.runtime.service import ServiceNotifier
     from edgemap.runtime.sinks.progress import Progress
     from edgemap.runtime.sinks.run_folder import RunFolder
     from edgemap.runtime.slam import SemanticSlam
@@ -143,16 +145,21 @@ def command(
             report = ReportFile(folder, None if saved else source.truth, judge)
             progress = Progress(frames or source.frame_count)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
-            sinks = [RunFolder(folder, floor, record), report, progress, latest, *page.sinks, *tape]
+            sinks: list[Sink] = []
+            notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)
+            files = RunFolder(folder, floor, record, lambda text: tell_all(sinks, text))
+            sinks += [files, report, progress, latest, *page.sinks, *tape]
             with stop_on_signals() as stop:
                 try:
-                    done = run(page.camera(source, stop), SemanticSlam(pipeline, mapper), sinks, frames, stop, strict)
+                    done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat)
                 except EdgemapError as error:
                     if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                         raise
                     so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
                     error.args = (f"{error}; {so_far}",)
                     raise
+                finally:
+                    notifier.stopping()
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
             _summary(done, latest, stop.is_set(), report.evaluation_rows)
             if line := where_it_was(mapper, saved):

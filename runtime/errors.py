@@ -1,6 +1,6 @@
 """The runtime's known failures; each message is one line with what, where, and the numbers."""
 
-from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.errors import EdgemapError, MapError
 
 
 class CameraError(EdgemapError):
@@ -21,6 +21,12 @@ class MissingExtraError(EdgemapError):
 
 class RunFolderError(EdgemapError):
     """A run folder that cannot be written, or that holds another run already."""
+
+
+class DiskError(MapError):
+    """A file that the disk does not take: full, read-only, or gone."""
+
+    exit_code = 4
 
 
 class RecordingError(EdgemapError):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout
+from edgemap.runtime.cameras.fault import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam
@@ -22,40 +22,53 @@ def run(
     frames: int | None = None,
     stop: threading.Event | None = None,
     strict: bool = False,
+    beat: Callable[[str], None] = lambda _: None,
 ) -> int:
     """Drive until the camera ends, `frames` are done or `stop` is set; the number of frames done.
 
-    A camera fault is told to the sinks and driving goes on; strict: it ends the run. Sinks are closed whatever
-    happens, so the map gathered so far is on disk. A known failure on the way is told to the sinks before it is raised
-    again.
+    A camera fault is told to the sinks and driving goes on; strict: it ends the run. While a live camera is away the
+    pose is carried on by what needs no picture. beat: called with one line at every step, and every half second without
+    a frame. Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure on the way is
+    told to the sinks before it is raised again.
     """
     done = 0
+    faults: list[CameraFault] = []
     try:
         while (frames is None or done < frames) and not (stop and stop.is_set()):
             try:
                 frame = camera.read()
-            except FrameTimeout:
+            except FrameTimeout as timeout:
+                if done and timeout.stamp_s is not None and timeout.state is not CameraState.RUNNING:
+                    slam.step_blind(timeout.stamp_s, str(timeout))
+                beat(f"camera {timeout.state}, {done} frames")
                 continue
             except CameraFault as fault:
                 if strict:
                     raise
-                for sink in sinks:
-                    sink.fault(str(fault))
+                faults.append(fault)
+                tell_all(sinks, str(fault))
                 continue
             if frame is None:
                 break
-            result = slam.step(frame)
+            result = slam.step(frame, faults)
+            faults.clear()
             objects = slam.objects()
             for sink in sinks:
                 sink.write(result, objects)
             done += 1
+            beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
     except EdgemapError as error:
-        for sink in sinks:
-            sink.fault(str(error))
+        tell_all(sinks, str(error))
         raise
     finally:
         _close_all(sinks)
     return done
+
+
+def tell_all(sinks: Sequence[Sink], text: str) -> None:
+    """Tell every sink of a fault."""
+    for sink in sinks:
+        sink.fault(text)
 
 
 def _close_all(sinks: Sequence[Sink]) -> None:

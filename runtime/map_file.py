@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
-import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.errors import DiskError
 from edgemap.runtime.reading import Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
 
 FORMAT = "edgemap.map/1"
@@ -52,22 +53,44 @@ def map_document(objects: list[MapObject]) -> dict:
 def write_atomically(path: Path, text: str | bytes) -> None:
     """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
 
-    Raises MapError where the folder cannot be written.
+    Where the file system can, the new file has no name until it is whole, so a process that is killed leaves none
+    behind. Raises DiskError where the folder does not take it.
     """
+    data = text.encode() if isinstance(text, str) else text
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(text.encode() if isinstance(text, str) else text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(path)
+            handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), data)
+            try:
+                temporary.unlink(missing_ok=True)
+                os.link(f"/proc/self/fd/{handle}", temporary, follow_symlinks=True)
+            finally:
+                os.close(handle)
+        except (AttributeError, IsADirectoryError, OSError) as error:
+            if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+                raise
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+            os.close(_write(os.open(temporary, flags, 0o644), data))
+        try:
+            temporary.replace(path)
         except BaseException:
-            Path(temporary).unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise MapError(f"{path}: cannot be written ({error.strerror})") from None
+        raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def _write(handle: int, data: bytes) -> int:
+    """Write all of it and wait for the disk; the handle stays open, but where that fails."""
+    try:
+        left = memoryview(data)
+        while left:
+            left = left[os.write(handle, left) :]
+        os.fsync(handle)
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
 
 
 def map_text(objects: list[MapObject]) -> str:

@@ -76,6 +76,7 @@ class Mapper:
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
         self._started = False
+        self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
 
     def start_in(self, saved: Sequence[MapObject], start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
@@ -97,6 +98,7 @@ class Mapper:
         """Take in one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
         stage = self._watch.stage
+        observed, self._blind = _after(self._blind, observed), None
         self._advance(observed.motion)
         correction, landmarks = self._close_loops(observed)
         stage("closure")
@@ -117,6 +119,14 @@ class Mapper:
         self.trajectory.append(observed.stamp_s, self.pose_map_base)
         stage("relocalisation")
         return replace(update, stages_ms=self._watch.stages_ms)
+
+    def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
+        """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
+        self._blind = motion if self._blind is None else _then(self._blind, motion)
+        covariance = compose_covariance(
+            self.pose_map_base, self.pose_covariance, self._blind.motion, self._blind.covariance
+        )
+        return self.pose_map_base @ self._blind.motion, covariance
 
     def objects(self) -> list[MapObject]:
         """The map as it stands."""
@@ -179,3 +189,14 @@ def new_mapper(
         loop_closer=LoopCloser(config.loop_closure) if loop_closure and not given else None,
         forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
     )
+
+
+def _then(first: Motion, second: Motion) -> Motion:
+    """Two motions, one after the other, as one."""
+    covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
+    fault = "; ".join(dict.fromkeys(filter(None, (first.fault, second.fault))))
+    return Motion(first.motion @ second.motion, covariance, fault, first.blind or second.blind)
+
+
+def _after(blind: Motion | None, observed: FrameObservations) -> FrameObservations:
+    return observed if blind is None else replace(observed, motion=_then(blind, observed.motion))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.loop_closing import LoopCorrection
@@ -22,11 +24,15 @@ from edgemap.runtime.pose_journal import PoseJournal
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResult:
-    """All that one step found: the picture, what the front end observed in it, and what the back end made of that."""
+    """All that one step found: the picture, what the front end observed in it, and what the back end made of that.
+
+    faults: of delivery, since the result before.
+    """
 
     frame: Frame
     observed: FrameObservations
     update: MapUpdate
+    faults: tuple[CameraFault, ...] = ()
 
     @property
     def detections(self) -> Detections:
@@ -90,10 +96,14 @@ class SemanticSlam:
     def __init__(self, pipeline: Pipeline, mapper: Mapper) -> None:
         self.pipeline, self.mapper = pipeline, mapper
 
-    def step(self, frame: Frame) -> StepResult:
+    def step(self, frame: Frame, faults: Sequence[CameraFault] = ()) -> StepResult:
         """One frame in: what is in view, the robot's motion, and what the map makes of both."""
         observed = self.pipeline.step(frame)
-        return StepResult(frame, observed, self.mapper.step(observed))
+        return StepResult(frame, observed, self.mapper.step(observed), tuple(faults))
+
+    def step_blind(self, stamp_s: float, reason: str) -> tuple[SE2, NDArray[np.float64]]:
+        """No frame: pose and covariance by what needs no picture. The map stays."""
+        return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
 
     def objects(self) -> list[MapObject]:
         """The map as it stands."""

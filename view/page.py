@@ -44,10 +44,17 @@ class LivePage:
     """A sink that never waits: `write` puts references into a slot and wakes the server's thread if a viewer waits.
 
     about: what the page says of the run (plain JSON values). folder: where `save` writes. pause: None for live cameras.
+    camera_state: running, degraded or lost.
     """
 
-    def __init__(self, about: dict[str, Any], folder: Path, pause: Pause | None = None) -> None:
-        self.about, self.folder, self.pause = about, folder, pause
+    def __init__(
+        self,
+        about: dict[str, Any],
+        folder: Path,
+        pause: Pause | None = None,
+        camera_state: Callable[[], str] = lambda: "running",
+    ) -> None:
+        self.about, self.folder, self.pause, self.camera_state = about, folder, pause, camera_state
         self.newest: Moment | None = None
         self.revision = 0
         self.epoch = 0  # counts how often everything told before has moved

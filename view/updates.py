@@ -91,7 +91,7 @@ class Cursor:
         trail, self._trail = page.trail.since(self._trail, MOST_ITEMS)
         faults, self._faults = page.faults.since(self._faults, MOST_ITEMS)
         document: dict[str, Any] = {
-            "number": number, "state": page.state, "moved": moved,
+            "number": number, "state": page.state, "camera_state": page.camera_state(), "moved": moved,
             "trail": trail, "faults": faults, "vitals": vitals.now(),
         }  # fmt: skip
         if self._with_sightings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.frame import Frame
 
@@ -18,6 +19,11 @@ class CameraAround(CameraBase):
         self.rate_hz, self.frame_count = camera.rate_hz, camera.frame_count
         self.truth, self.wheel = camera.truth, camera.wheel
         self._camera = camera
+
+    @property
+    def state(self) -> CameraState:
+        """That of the camera behind."""
+        return self._camera.state
 
     def read(self) -> Frame | None:
         """The next frame of the camera behind."""

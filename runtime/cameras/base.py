@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.trajectory import Trajectory
@@ -29,6 +30,11 @@ class CameraBase:
         self.truth: Trajectory | None = None
         self.wheel: Path | None = None
         self._delivered = 0
+
+    @property
+    def state(self) -> CameraState:
+        """Files are always running."""
+        return CameraState.RUNNING
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. See `Camera.read`."""

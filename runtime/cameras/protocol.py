@@ -7,6 +7,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.trajectory import Trajectory
 
@@ -31,6 +32,11 @@ class Camera(Protocol):
     frame_count: int | None
     truth: Trajectory | None
     wheel: Path | None
+
+    @property
+    def state(self) -> CameraState:
+        """running, degraded (no frames, being recovered) or lost."""
+        ...
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
-from collections import deque
+import math
+import os
+from collections import Counter, deque
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
-from typing import Any, TextIO
+from typing import Any
 
 import cv2
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.errors import RunFolderError
+from edgemap.runtime.errors import DiskError, RunFolderError
 from edgemap.runtime.loop_closing import LoopCorrection
 from edgemap.runtime.map_file import save_map, write_atomically
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.sinks.line_file import LineFile
 from edgemap.runtime.slam import StepResult
 from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import tum_line
 
-SAVE_EVERY = 20  # frames between two saved maps
+SAVE_EVERY_S = 0.9  # of stream between two saved maps: with a frame at 10 Hz on top, at most 1 s is lost
 MAX_FAULTS = 200  # in run.json; the count goes on
 
 
@@ -32,39 +37,51 @@ class RunFolder:
 
     record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Trajectory
     and sightings are first written as known at the time; where loop closure or relocalisation moved the past, they are
-    written again at the end, as known then.
-    Raises RunFolderError where the folder cannot be made or holds another run already.
+    written again at the end, as known then. Where the disk takes nothing any more the run goes on, and saves again once
+    it does; tell: called with both, in one line. The folder is locked while the run lasts.
+    Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or one writes into it.
     """
 
-    def __init__(self, folder: Path, camera: FloorCamera, record: dict[str, Any]) -> None:
-        if (folder / "run.json").exists():
-            raise RunFolderError(f"{folder} already holds a run; choose another --out")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            save_map(folder / "map.json", [])
-            self._trajectory = (folder / "trajectory.tum").open("w")
-            self._sightings = (folder / "sightings.jsonl").open("w")
-        except OSError as error:
-            raise RunFolderError(f"{folder}: cannot be written ({error.strerror})") from None
+    def __init__(
+        self, folder: Path, camera: FloorCamera, record: dict[str, Any], tell: Callable[[str], None] | None = None
+    ) -> None:
         self.folder = folder
-        self._camera, self._record = camera, record
+        self._camera, self._record, self._tell = camera, record, tell or self.fault
+        self._trajectory, self._sightings = LineFile(folder / "trajectory.tum"), LineFile(folder / "sightings.jsonl")
         self._objects: list[MapObject] = []
         self._merged: dict[str, str] = {}
         self._laps: dict[str, deque[float]] = {}
         self._faults: list[str] = []
+        self._fault_kinds: Counter[str] = Counter()
         self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
         self._fault_count = self._frames = 0
+        self._saved_s = self._full_since_s = -math.inf
+        self._stamp_s = 0.0
         self._started = perf_counter()
         self._closed = False
-        self._write_record(finished=False)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = _lock(folder)
+        except OSError as error:
+            raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
+        if (folder / "run.json").exists():
+            os.close(self._lock)
+            raise RunFolderError(f"{folder} already holds a run; choose another --out")
+        try:
+            self._write_all()
+        except DiskError:
+            os.close(self._lock)
+            raise
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Append pose and sightings; save the map every `SAVE_EVERY` frames."""
+        """Append pose and sightings; save everything by the stream's time."""
         if self._frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
-            cv2.imwrite(str(self.folder / "mount.jpg"), picture)
+            with suppress(cv2.error):
+                cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
+        self._stamp_s = stamp_s = result.frame.stamp_s
         self._objects, self._merged = objects, result.merged
         self._journal = result.trajectory
         if result.correction is not None:
@@ -72,17 +89,17 @@ class RunFolder:
         if result.relocated is not None:
             start = result.relocated.vector().tolist()
             self._record = self._record | {"relocated": {"frame": self._frames, "pose_map_start": start}}
-            self._rewrite()
-        self._append(self._trajectory, tum_line(result.frame.stamp_s, result.pose_map_base))
+        self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
-            self._append(self._sightings, json.dumps(record, allow_nan=False) + "\n")
+            self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
         for stage, lap_ms in result.stages_ms.items():
             self._laps.setdefault(stage, deque(maxlen=10_000)).append(lap_ms)
         if result.motion.fault:
             self.fault(result.motion.fault)
-        if self._frames % SAVE_EVERY == 0:
-            self._save()
+        self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
+        if result.relocated is not None or not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
+            self._save(rewrite=result.relocated is not None)
 
     def fault(self, text: str) -> None:
         """Note a fault with the frame it came at."""
@@ -91,19 +108,50 @@ class RunFolder:
             self._faults.append(f"frame {self._frames}: {text}")
 
     def close(self) -> None:
-        """Save the map and the record for good. Raises MapError or RunFolderError where the disk does not take them."""
+        """Save the map and the record for good. Raises DiskError where the disk does not take them."""
         if self._closed:
             return
         self._closed = True
         try:
-            self._save()
-            self._rewrite()
+            self._write_all(rewrite=True)
         finally:
-            with suppress(OSError):
-                self._trajectory.close()
-            with suppress(OSError):
-                self._sightings.close()
-            self._write_record(finished=True)
+            os.close(self._lock)
+
+    def _save(self, rewrite: bool) -> None:
+        """Save now; a disk that takes nothing is told once, and once more when it does again."""
+        self._saved_s = self._stamp_s
+        try:
+            self._write_all(rewrite)
+        except DiskError as error:
+            if self._full_since_s == -math.inf:
+                self._full_since_s = self._stamp_s
+                self._tell(f"{error}; the map goes on in memory and is saved once that can be")
+            return
+        if self._full_since_s > -math.inf:
+            since_s, self._full_since_s = self._full_since_s, -math.inf
+            lost = self._trajectory.dropped + self._sightings.dropped
+            self._tell(f"{self.folder}: saved again after {self._stamp_s - since_s:.1f} s of stream, {lost} lines lost")
+
+    def _write_all(self, rewrite: bool = False) -> None:
+        """The map first: it is what the run is for. Raises DiskError."""
+        if not self.folder.exists():
+            self._make_again()
+        save_map(self.folder / "map.json", self._objects)
+        self._trajectory.flush()
+        self._sightings.flush()
+        if rewrite:
+            self._rewrite()
+        self._write_record(finished=self._closed)
+
+    def _make_again(self) -> None:
+        """A folder that vanished, where what it lay in is still there."""
+        try:
+            self.folder.mkdir()
+            lock = _lock(self.folder)
+        except OSError as error:
+            raise DiskError(f"{self.folder}: is gone ({error.strerror})") from None
+        os.close(self._lock)
+        self._lock = lock
 
     def _note_correction(self, correction: LoopCorrection) -> None:
         """Count a loop closure in run.json."""
@@ -117,35 +165,17 @@ class RunFolder:
         }
 
     def _rewrite(self) -> None:
-        """Trajectory and sightings as known now, each replaced atomically and open again at its end."""
+        """Trajectory and sightings as known now, each replaced atomically. Raises DiskError."""
         journal = self._journal
         if journal is None or journal.revision == self._rewritten_at:
             return
-        self._rewritten_at = journal.revision
-        self._trajectory.close()
-        self._sightings.close()
-        for name, change in (("trajectory.tum", trajectory_now), ("sightings.jsonl", sightings_now)):
-            path = self.folder / name
-            write_atomically(path, change(path.read_text(), journal))
-        self._trajectory = (self.folder / "trajectory.tum").open("a")
-        self._sightings = (self.folder / "sightings.jsonl").open("a")
-
-    def _append(self, stream: TextIO, text: str) -> None:
-        try:
-            stream.write(text)
-        except OSError as error:
-            raise RunFolderError(f"{stream.name}: cannot be written ({error.strerror})") from None
-
-    def _save(self) -> None:
-        """The map first: it is what the run is for."""
-        save_map(self.folder / "map.json", self._objects)
-        for stream in (self._trajectory, self._sightings):
+        for line_file, change in ((self._trajectory, trajectory_now), (self._sightings, sightings_now)):
             try:
-                stream.flush()
+                text = line_file.path.read_text()
             except OSError as error:
-                raise RunFolderError(f"{stream.name}: cannot be written ({error.strerror})") from None
-        if not self._closed:
-            self._write_record(finished=False)
+                raise DiskError(f"{line_file.path}: cannot be read ({error.strerror})") from None
+            write_atomically(line_file.path, change(text, journal))
+        self._rewritten_at = journal.revision
 
     def _write_record(self, finished: bool) -> None:
         seconds = perf_counter() - self._started
@@ -157,9 +187,21 @@ class RunFolder:
             "stages_ms": stages,
             "merged": self._merged,
             "fault_count": self._fault_count,
+            "camera_faults": dict(self._fault_kinds),
             "faults": self._faults,
         }
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+
+
+def _lock(folder: Path) -> int:
+    """An open handle of the folder that no other run holds. Raises RunFolderError where one does, or OSError."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise RunFolderError(f"{folder}: another run writes into it; choose another --out") from None
+    return handle
 
 
 def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:

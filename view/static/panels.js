@@ -67,15 +67,15 @@ export class Panels {
     }
   }
 
-  health({ rate_hz, age_s, state, vitals, pose, pose_sigma, motion_fault }) {
+  health({ rate_hz, age_s, state, camera_state, vitals, pose, pose_sigma, motion_fault }) {
     const total = [...this.laps.values()].reduce((sum, row) => sum + row.ms, 0), wanted = this.info.rate_hz;
     put(this.figures.rate, rate_hz ? rate_hz.toFixed(1) : "–", "/s", wanted ? `camera ${wanted.toFixed(0)} /s` : "");
     put(this.figures.step, total.toFixed(1), "ms", `of ${wanted ? (1000 / wanted).toFixed(0) + " ms" : "a frame"}`);
     put(this.figures.cpu, vitals.cpu_percent === null ? "–" : vitals.cpu_percent.toFixed(0), "%", "of all cores");
     put(this.figures.memory, vitals.memory_mb === null ? "–" : vitals.memory_mb.toFixed(0), "MB", "resident");
-    const silent = state === "running" && age_s > SILENT_S;
+    const away = camera_state !== "running", silent = state === "running" && (away || age_s > SILENT_S);
     const still = state !== "running";
-    mark(this.camera, silent ? "bad" : still ? "still" : "", silent ? `silent for ${age_s.toFixed(0)} s` : still ? state : "delivering", this.info.camera);
+    mark(this.camera, silent ? "bad" : still ? "still" : "", silent ? `${away ? `${camera_state}, ` : ""}silent for ${age_s.toFixed(0)} s` : still ? state : "delivering", this.info.camera);
     const at = `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${(pose[2] * 180 / Math.PI).toFixed(0)}°`.replaceAll("-", "−");
     const sure = `± ${pose_sigma[0].toFixed(2)} m, ± ${(pose_sigma[1] * 180 / Math.PI).toFixed(1)}°`;
     mark(this.odometry, motion_fault ? "bad" : still ? "still" : "", motion_fault || at, `${this.info.odometry}, ${sure}`);

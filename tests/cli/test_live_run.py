@@ -1,0 +1,87 @@
+"""A run on a live camera, a network camera on this machine: stalls, SIGSTOP, SIGTERM."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from support.mjpeg import MjpegServer
+
+from edgemap.runtime.cameras import open_camera
+
+
+@pytest.fixture(scope="module")
+def server():
+    with open_camera("demo") as camera:
+        pictures = [frame.image for _ in range(40) if (frame := camera.read()) is not None]
+    with MjpegServer(10.0, pictures=pictures) as server:
+        yield server
+
+
+def start(server, out, **environment):
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", server.url, "--bundle", "edgemap-nano"]
+    command += ["--out", out, "--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([str(word) for word in command], env=os.environ | environment, **pipes)
+
+
+def wait_for(condition, limit_s=60.0):
+    until = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def frames_done(out):
+    try:
+        return json.loads((out / "run.json").read_text())["frames"]
+    except (OSError, ValueError):
+        return 0
+
+
+def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds(server, tmp_path):
+    out = tmp_path / "run"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.setblocking(False)
+        run = start(server, out, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="4000000")
+        try:
+            wait_for(lambda: frames_done(out) >= 5)
+            run.send_signal(signal.SIGSTOP)
+            time.sleep(2.0)
+            run.send_signal(signal.SIGCONT)
+            done = frames_done(out)
+            wait_for(lambda: frames_done(out) > done + 10)
+            server.stalled = True
+            time.sleep(3.0)
+            server.stalled = False
+            done = frames_done(out)
+            wait_for(lambda: frames_done(out) > done + 10)
+            asked = time.monotonic()
+            run.send_signal(signal.SIGTERM)
+            output, errors = run.communicate(timeout=30)
+            took_s = time.monotonic() - asked
+        finally:
+            run.kill()
+        heard = []
+        while True:
+            try:
+                heard += manager.recv(4096).decode().split("\n")
+            except BlockingIOError:
+                break
+    assert (run.returncode, errors) == (0, "")
+    assert "stopped after" in output
+    record = json.loads((out / "run.json").read_text())
+    assert record["finished"]
+    assert "recovered" not in record["camera_faults"]
+    assert set(record["camera_faults"]) <= {"late", "failed", "stale"}
+    assert any("delivers again after" in fault for fault in record["faults"])
+    assert heard[0] == "READY=1"
+    assert heard.count("WATCHDOG=1") >= 5
+    assert any(text.startswith("STATUS=camera running") for text in heard)
+    assert heard[-1] == "STOPPING=1"
+    assert took_s < 2.0 * max(1.0, os.getloadavg()[0] / 2)  # the limit is for a machine that has its cores to itself

@@ -1,0 +1,181 @@
+"""The run folder when two runs want it, when the disk is full or gone, and when the process dies."""
+
+import json
+import subprocess
+import sys
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from support.steps import Steps
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.errors import DiskError, RunFolderError
+from edgemap.runtime.map_file import load_map, write_atomically
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.sinks.line_file import LineFile
+from edgemap.runtime.sinks.run_folder import RunFolder
+
+FLOOR = FloorCamera(Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5), Mount.from_degrees(0.6, 11.5))
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 64 KiB of its own."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    made = subprocess.run(command, capture_output=True, text=True)
+    if made.returncode:
+        pytest.skip(f"no tmpfs can be mounted here: {made.stderr.strip()}")
+    yield disk
+    subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+def drive(folder, steps, count):
+    for _ in range(count):
+        folder.write(*steps.next())
+
+
+def stamps(path):
+    return [float(line.split()[0]) for line in (path / "trajectory.tum").read_text().splitlines()]
+
+
+def test_what_is_on_disk_is_never_a_second_behind(tmp_path):
+    files, steps = RunFolder(tmp_path / "run", FLOOR, {}), Steps()
+    for _ in range(60):
+        files.write(*steps.next())
+        newest_s = 0.1 * (steps.index - 1)
+        assert newest_s - stamps(tmp_path / "run")[-1] < 1.0
+        assert newest_s - max((item.last_seen_s for item in load_map(tmp_path / "run")), default=newest_s) < 1.0
+    files.close()
+    assert len(stamps(tmp_path / "run")) == 60
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
+        "map.json", "mount.jpg", "run.json", "sightings.jsonl", "trajectory.tum",
+    ]  # fmt: skip
+
+
+def test_a_second_run_is_refused_while_the_first_one_lasts_and_after(tmp_path):
+    first = RunFolder(tmp_path / "run", FLOOR, {})
+    (tmp_path / "run" / "run.json").unlink()
+    with pytest.raises(RunFolderError, match="another run writes into it"):
+        RunFolder(tmp_path / "run", FLOOR, {})
+    first.close()
+    with pytest.raises(RunFolderError, match="already holds a run"):
+        RunFolder(tmp_path / "run", FLOOR, {})
+
+
+def test_of_many_runs_at_once_one_gets_the_folder(tmp_path):
+    program = (
+        "import sys, time; from pathlib import Path\n"
+        "from edgemap.runtime.errors import RunFolderError\n"
+        "from edgemap.runtime.sinks.run_folder import RunFolder\n"
+        "sys.stdin.readline()\n"
+        "try: mine = RunFolder(Path(sys.argv[1]), None, {}); print('mine', flush=True); time.sleep(1)\n"
+        "except RunFolderError: print('refused', flush=True)\n"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "run")]
+    runs = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    for run in runs:
+        assert run.stdin is not None
+        run.stdin.write("\n")
+        run.stdin.flush()
+    assert sorted(run.communicate()[0].strip() for run in runs) == ["mine", "refused", "refused", "refused"]
+
+
+def test_a_full_disk_costs_no_step_and_saving_resumes(small_disk):
+    told = []
+    files, steps = RunFolder(small_disk / "run", FLOOR, {}, told.append), Steps()
+    drive(files, steps, 20)
+    hog = small_disk / "hog"
+    with hog.open("wb", buffering=0) as stream, suppress(OSError):
+        while True:
+            stream.write(bytes(512))
+    drive(files, steps, 60)
+    assert len(told) == 1
+    assert "cannot be written (No space left on device); the map goes on in memory" in told[0]
+    assert load_map(small_disk / "run")  # the one before is whole
+    hog.unlink()
+    drive(files, steps, 20)
+    assert len(told) == 2
+    assert "saved again after" in told[1]
+    assert "0 lines lost" in told[1]
+    files.close()
+    assert stamps(small_disk / "run") == pytest.approx([0.1 * i for i in range(100)])
+    lines = (small_disk / "run" / "sightings.jsonl").read_text().splitlines()
+    assert [json.loads(line)["frame"] for line in lines] == [i for i in range(100) for _ in range(2)]
+
+
+def test_a_read_only_disk_is_told_and_the_last_save_fails_with_a_code_of_its_own(small_disk):
+    told = []
+    files, steps = RunFolder(small_disk / "run", FLOOR, {}, told.append), Steps()
+    drive(files, steps, 5)
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    drive(files, steps, 20)
+    assert len(told) == 1
+    assert "Read-only file system" in told[0]
+    with pytest.raises(DiskError, match="Read-only file system") as caught:
+        files.close()
+    assert caught.value.exit_code == 4
+
+
+def test_a_folder_that_vanishes_is_made_again_where_its_place_is_there(tmp_path):
+    import shutil
+
+    told = []
+    place = tmp_path / "stick"
+    place.mkdir()
+    files, steps = RunFolder(place / "run", FLOOR, {}, told.append), Steps()
+    drive(files, steps, 5)
+    shutil.rmtree(place)
+    drive(files, steps, 20)
+    assert len(told) == 1
+    assert "is gone" in told[0]
+    place.mkdir()
+    drive(files, steps, 20)
+    files.close()
+    assert [objects.label for objects in load_map(place / "run")] == ["chair", "couch"]
+    assert stamps(place / "run")[-1] == pytest.approx(4.4)
+
+
+def test_an_atomic_write_leaves_nothing_behind(small_disk):
+    path = small_disk / "map.json"
+    write_atomically(path, "old")
+    with pytest.raises(DiskError, match="No space left"):
+        write_atomically(path, bytes(1 << 20))
+    assert path.read_text() == "old"
+    assert list(small_disk.iterdir()) == [path]
+
+
+def test_lines_are_dropped_from_the_oldest_on(tmp_path, monkeypatch):
+    monkeypatch.setattr("edgemap.runtime.sinks.line_file.MAX_WAITING", 3)
+    lines = LineFile(tmp_path / "gone" / "lines")
+    for i in range(5):
+        lines.append(f"{i}\n")
+    with pytest.raises(DiskError):
+        lines.flush()
+    (tmp_path / "gone").mkdir()
+    lines.flush()
+    assert (lines.path.read_text(), lines.dropped) == ("2\n3\n4\n", 2)
+
+
+def test_without_frames_the_pose_goes_on_the_covariance_grows_and_the_map_stays():
+    steps = Steps()
+    for _ in range(5):
+        result, objects = steps.next()
+    mapper: Mapper = steps.mapper
+    before, sizes = result.pose_map_base, []
+    for i in range(1, 4):
+        pose, covariance = mapper.step_blind(Motion(SE2(0.2, 0.0, 0.0), 1e-4 * i * np.eye(3)))
+        assert pose.x_m == pytest.approx(before.x_m + 0.2 * i)
+        sizes.append(covariance.trace())
+    assert sizes == sorted(sizes)
+    assert sizes[0] > result.pose_covariance.trace()
+    assert [item.id for item in mapper.objects()] == [item.id for item in objects]
+    result, _ = steps.next()
+    assert result.pose_map_base.x_m == pytest.approx(before.x_m + 0.6 + 0.05)
+    assert result.pose_covariance.trace() > sizes[-1]
