@@ -248,7 +248,8 @@ def _check_shapes(path: Path, manifest: Manifest) -> None:
             expected = (1, sum((height // stride) * (width // stride) for stride in head.strides), values)
         elif detector.decode == "dfl":
             (stride, *others) = head.strides
-            expected = (1, values + DFL_CHANNELS - 5, height // stride, width // stride) if not others else ()
+            rows, columns = -(-height // stride), -(-width // stride)  # 416 px are 7 cells of stride 64
+            expected = (1, values + DFL_CHANNELS - 5, rows, columns) if not others else ()
         if head.shape != expected:
             raise BundleError(
                 f"bundle {path}: head {head.name} has shape {head.shape}, {detector.decode} with {len(head.anchors)} "

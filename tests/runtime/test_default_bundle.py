@@ -3,6 +3,7 @@
 import pytest
 from support.recordings import noise, record
 
+from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.default_bundle import LENS, RENDERED, default_bundle
 from edgemap.runtime.manifest import read_manifest
 from edgemap.runtime.recordings.facts import Facts
@@ -44,3 +45,4 @@ def test_both_come_with_the_package_trained_odometry_included(name, tmp_path, mo
     manifest = read_manifest(bundle_folder(name))
     assert manifest.odometry["flow"].trained
     assert manifest.licence.startswith("Apache-2.0")
+    load_bundle(bundle_folder(name), 1)
