@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -115,3 +116,60 @@ def _record(number: int, box: NDArray[np.float64], label: int) -> dict[str, Any]
 def _mean(precision: NDArray[np.float64]) -> float:
     known = precision[precision > -1]
     return round(float(known.mean()), 6) if known.size else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matches:
+    """What became of a picture's boxes at IoU 0.5. hit: (N,) of the detections; free: (N,), neither hit nor false, as
+    they lie in an ignored box; found: (G,) of the true boxes."""
+
+    hit: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+
+
+def match_boxes(picture: ScoredPicture, overlap: float = 0.5) -> Matches:
+    """Each detection, best score first, takes the true box of its class that it overlaps most and nobody has yet."""
+    ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
+    hit, free = (np.zeros(len(picture.boxes), bool) for _ in range(2))
+    found = np.zeros(len(picture.true_boxes), bool)
+    for row in np.argsort(-picture.scores, kind="stable"):
+        box, same = picture.boxes[row], picture.true_labels == picture.labels[row]
+        iou, inside = _overlaps(box, picture.true_boxes)
+        open_ = same & ~ignored & ~found & (iou >= overlap)
+        if open_.any():
+            found[np.flatnonzero(open_)[iou[open_].argmax()]] = hit[row] = True
+        else:
+            free[row] = (same & ignored & (inside >= overlap)).any()
+    return Matches(hit, free, found)
+
+
+def operating_point(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
+    """Precision and recall of these detections at IoU 0.5, over all classes and of each; None where undefined."""
+    false: Counter[int] = Counter()
+    hits: Counter[int] = Counter()
+    asked: Counter[int] = Counter()
+    for picture in pictures:
+        matches = match_boxes(picture)
+        ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
+        hits.update(picture.labels[matches.hit].tolist())
+        false.update(picture.labels[~matches.hit & ~matches.free].tolist())
+        asked.update(picture.true_labels[~ignored].tolist())
+    used = sorted(asked.keys() | hits.keys() | false.keys())
+    per_class = {names[n]: _point(hits[n], false[n], asked[n]) for n in used}
+    return {**_point(hits.total(), false.total(), asked.total()), "per_class": per_class}
+
+
+def _point(hits: int, false: int, asked: int) -> dict[str, float | None]:
+    return {
+        "precision": round(hits / (hits + false), 6) if hits + false else None,
+        "recall": round(hits / asked, 6) if asked else None,
+    }
+
+
+def _overlaps(box: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """IoU of a box with each other (N,), and the share of the box that lies in each."""
+    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+    common, own = np.maximum(sides, 0.0).prod(axis=1), float((box[2:] - box[:2]).prod())
+    union = own + (others[:, 2:] - others[:, :2]).prod(axis=1) - common
+    return common / np.maximum(union, 1e-9), common / max(own, 1e-9)

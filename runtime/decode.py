@@ -14,6 +14,7 @@ from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Placement
 
 Array = NDArray[np.float64]
+NMS_IOU = 0.45
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay
 DFL_BINS = 8  # per side of a box, whole strides 0 to 7
 
@@ -25,7 +26,7 @@ class Decoder:
     two boxes of one class goes. These are two different thresholds.
     """
 
-    def __init__(self, detector: Detector, confidence: float = 0.3, nms_iou: float = 0.45) -> None:
+    def __init__(self, detector: Detector, confidence: float = 0.3, nms_iou: float = NMS_IOU) -> None:
         self._heads = detector.heads
         self._names = tuple(entry.name for entry in detector.classes)
         self._rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
@@ -44,6 +45,15 @@ class Decoder:
         corners = np.concatenate([centres[:, :2] - centres[:, 2:] / 2.0, centres[:, :2] + centres[:, 2:] / 2.0], axis=1)
         keep = suppress(corners, scores, classes, self.nms_iou)
         return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
+
+
+def at_threshold(found: Detections, confidence: float, nms_iou: float = NMS_IOU) -> Detections:
+    """Those boxes, gathered at a lower threshold and a milder suppression, that a run would see."""
+    rows = np.flatnonzero(found.scores >= confidence)
+    if len(rows) == 0:
+        return Detections.none(found.names)
+    rows = rows[suppress(found.boxes[rows], found.scores[rows], found.class_ids[rows], nms_iou)]
+    return Detections(found.boxes[rows], found.scores[rows], found.class_ids[rows], found.names)
 
 
 def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], iou: float) -> NDArray[np.int64]:

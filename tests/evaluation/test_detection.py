@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from edgemap.evaluation.detection import EvaluationError, ScoredPicture, average_precision
+from edgemap.evaluation.detection import (
+    EvaluationError,
+    ScoredPicture,
+    average_precision,
+    match_boxes,
+    operating_point,
+)
 from edgemap.geometry.observations.detections import Detections
 
 NAMES = ("chair", "couch")
@@ -78,3 +84,38 @@ def test_only_classes_that_are_asked_for_are_compared():
     assert (one.true_labels.tolist(), one.labels.tolist(), one.scores.tolist()) == ([0], [0], [0.8])
     assert one.ignored is not None
     assert one.ignored.tolist() == [True]
+
+
+def test_precision_and_recall_by_hand():
+    """Two chairs are true, one is found twice; a couch is made up: 1 hit, 2 false boxes, 1 miss."""
+    found = [TRUE[0], TRUE[0] + 2.0, [0.0, 60, 30, 90]]
+    point = operating_point([picture(found, [0, 0, 1], [0.7, 0.9, 0.8])], NAMES)
+    assert (point["precision"], point["recall"]) == (pytest.approx(1 / 3, abs=1e-6), 0.5)
+    assert point["per_class"]["chair"] == {"precision": 0.5, "recall": 0.5}
+    assert point["per_class"]["couch"] == {"precision": 0.0, "recall": None}
+    matches = match_boxes(picture(found, [0, 0, 1], [0.7, 0.9, 0.8]))
+    assert matches.hit.tolist() == [False, True, False]  # the better score took the chair
+    assert matches.found.tolist() == [True, False]
+
+
+def test_a_box_inside_an_ignored_one_is_neither_right_nor_wrong():
+    seen = ScoredPicture(
+        100, 100, TRUE, np.array([0, 0]), np.array([[60.0, 60, 80, 80]]), np.array([0]), np.array([0.9]),
+        np.array([False, True]),
+    )  # fmt: skip
+    point = operating_point([seen], NAMES)
+    assert (point["precision"], point["recall"]) == (None, 0.0)
+
+
+def test_mistakes_are_drawn(tmp_path):
+    from edgemap.plots.detection import FALSE, MISSED, Mistakes
+
+    cv2 = pytest.importorskip("cv2")
+    mistakes = Mistakes(NAMES)
+    image = np.full((100, 100, 3), 90, np.uint8)
+    mistakes.add(image, picture([TRUE[0], [0.0, 60, 30, 90]], [0, 1], [0.9, 0.8]))
+    mistakes.add(image, picture(TRUE, [0, 0], [0.9, 0.8]))  # nothing wrong here
+    for path, colour in zip(mistakes.save(tmp_path), (FALSE, MISSED), strict=True):
+        drawn = cv2.imread(str(path))
+        assert (drawn[:, :240] == colour).all(axis=2).any()
+        assert not (drawn[:, 240:] == colour).all(axis=2).any()  # one tile only
