@@ -119,3 +119,15 @@ def test_maps_without_anything_near_each_other_are_refused():
     near = [("chair", 0.1 * k, 0.0) for k in range(5)]
     with pytest.raises(AlignmentError, match="no motion lays"):
         align(mapped(near), mapped(CROOKED[:2] * 4))
+
+
+def test_chance_explains_a_loose_fit_better_than_a_close_one():
+    """The same seven pairs, once 2 cm and once 15 cm off: unrelated maps come as near far more often in the second."""
+    random, chances = np.random.default_rng(4), []
+    noise = random.normal(0.0, 1.0, (7, 2))
+    for off_m in (0.02, 0.15):
+        other = mapped(
+            [(label, x + off_m * dx, y + off_m * dy) for (label, x, y), (dx, dy) in zip(CROOKED, noise, strict=True)]
+        )
+        chances.append(align(mapped(CROOKED), other).chance)
+    assert chances[1] > 10 * chances[0]

@@ -67,3 +67,9 @@ def test_covariance_of_a_composition_matches_sampling():
         ]
     )
     np.testing.assert_allclose(compose_covariance(pose, p, motion, q), np.cov(samples.T), rtol=0.06, atol=1.5e-5)
+
+
+def test_a_pose_holds_plain_floats_whatever_it_was_given():
+    """They go to JSON and are compared bit for bit."""
+    pose = SE2(np.float32(1.5), np.int64(2), np.array(7.0)[()])
+    assert [type(value) for value in (pose.x_m, pose.y_m, pose.yaw_rad)] == [float] * 3

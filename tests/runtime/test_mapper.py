@@ -72,6 +72,19 @@ def test_what_the_pose_drifted_in_between_joins_two_visits_of_one_chair():
     assert counts == {0.4: 1, 0.001: 2}
 
 
+def test_a_pose_unsure_to_one_side_makes_objects_unsure_to_that_side():
+    """0.3 m to the left, known ahead; and 0.1 rad of yaw, which 2 m away are 0.2 m to the side."""
+    for covariance, side_m2 in ((np.diag([0.0, 0.09, 0.0]), 0.09), (np.diag([0.0, 0.0, 0.01]), 0.04)):
+        mapper = Mapper()
+        mapper.step(observed(0, [], Motion(SE2(), np.zeros((3, 3)))))
+        for index in range(1, 9):
+            unsure = covariance if index == 1 else np.zeros((3, 3))
+            mapper.step(observed(index, [sight("chair", 2.0, 0.0, 0.05, index)], Motion(SE2(), unsure)))
+        ((xx, xy), (_, yy)) = mapper.objects()[0].covariance_m2
+        assert yy - xx == pytest.approx(side_m2, abs=1e-6)
+        assert xy == pytest.approx(0.0, abs=1e-9)
+
+
 def test_objects_move_with_a_closure(closed):
     """In the step that corrects, objects keep their place relative to the robot that sees them."""
     largest = max((result for result, _ in closed if result.correction), key=lambda r: r.correction.moved_m)
