@@ -14,15 +14,17 @@ TABLETOP_LABELS = frozenset(
     {"vase", "potted plant", "tv", "laptop", "book", "bottle", "wine glass", "cup", "bowl", "clock", "microwave",
      "toaster", "teddy bear", "keyboard", "mouse", "remote", "cell phone", "fork", "knife", "spoon", "scissors",
      "hair drier", "toothbrush", "banana", "apple", "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza",
-     "donut", "cake", "sink", "backpack", "handbag"}
+     "donut", "cake", "sink", "backpack", "handbag", "suitcase"}
 )  # fmt: skip
 SUPPORT_LABELS = frozenset({"dining table", "couch", "bed", "bench", "oven", "refrigerator", "chair", "sink"})
+BAG_LABELS = frozenset({"backpack", "handbag", "suitcase"})  # people carry them, too
 
 _IN_FRONT_PX = 3.0  # a box whose lower edge is this much lower in the picture stands nearer
 
 
 def carried(detections: Detections) -> NDArray[np.bool_]:
-    """Tabletop objects whose lower edge lies inside a piece of furniture's box, well above its own feet; (N,)."""
+    """Tabletop objects and bags on furniture, and bags on people: their lower edge lies inside that box, well above its
+    feet; (N,)."""
     labels = detections.labels
     return np.array([_is_carried(i, detections.boxes, labels) for i in range(len(detections))], dtype=bool)
 
@@ -45,7 +47,9 @@ def _is_carried(index: int, boxes: Array, labels: list[str]) -> bool:
     x0, _, x1, y1 = boxes[index]
     middle = (x0 + x1) / 2.0
     for other, label in enumerate(labels):
-        if other == index or label not in SUPPORT_LABELS or label == labels[index]:
+        if other == index or label == labels[index]:
+            continue
+        if label not in SUPPORT_LABELS and not (label == "person" and labels[index] in BAG_LABELS):
             continue
         sx0, sy0, sx1, sy1 = boxes[other]
         if sx0 <= middle <= sx1 and sy0 <= y1 <= sy1 - 0.15 * (sy1 - sy0) and (sx1 - sx0) > (x1 - x0):

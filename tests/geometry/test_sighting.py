@@ -13,7 +13,7 @@ from edgemap.geometry.observations.occlusion import covered
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 
-NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator")
+NAMES = ("chair", "person", "vase", "dining table", "tv", "refrigerator", "suitcase", "couch")
 CAMERA = FloorCamera(Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), Mount(1.0, 0.0, 0.0, 0.2, 0.0))
 
 
@@ -72,6 +72,15 @@ def test_a_vase_on_a_table_is_not_on_the_floor_and_one_beside_it_is():
     table = ("dining table", 200, 250, 440, 400)
     assert on_floor(seen(table, ("vase", 300, 200, 330, 270)), FloorRule()) == [0]
     assert on_floor(seen(table, ("vase", 500, 300, 530, 380)), FloorRule()) == [0, 1]
+
+
+def test_a_bag_on_a_couch_or_a_back_is_not_on_the_floor_and_one_before_them_is():
+    couch, person = ("couch", 200, 200, 500, 400), ("person", 240, 100, 360, 400)
+    for holder in (couch, person):
+        rule = FloorRule(mapped={"couch", "suitcase"})
+        on_it, before_it = ("suitcase", 270, 220, 330, 300), ("suitcase", 270, 340, 330, 420)
+        assert 1 not in on_floor(seen(holder, on_it), rule)
+        assert 1 in on_floor(seen(holder, before_it), rule)
 
 
 @pytest.mark.parametrize(("lower_edge", "rows"), [(370, [0]), (390, [0, 1])])
