@@ -1,0 +1,81 @@
+"""What is wrong with a picture is told, and nothing is wrong with good ones."""
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.health import HealthMonitor
+
+SHARED = Path(os.environ.get("EDGEMAP_SHARED", Path(__file__).parents[3] / "shared")) / "data"
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """The demo's first two seconds."""
+    with open_camera("demo") as camera:
+        return [camera.read().image for _ in range(20)]
+
+
+def noisy(image, sigma, seed=0):
+    return np.clip(image + np.random.default_rng(seed).normal(0.0, sigma, image.shape), 0, 255).astype(np.uint8)
+
+
+def kinds(images, rate_hz=10.0):
+    monitor = HealthMonitor()
+    return [monitor.judge(Frame(i, i / rate_hz, np.ascontiguousarray(image))).kind for i, image in enumerate(images)]
+
+
+def test_good_pictures_are_trusted(pictures):
+    assert kinds(pictures) == [""] * 20
+
+
+RUINED = {
+    "dark": lambda image: image // 30,
+    "blown": lambda image: np.clip(image.astype(int) * 6 + 150, 0, 255).astype(np.uint8),
+    "covered": lambda image: noisy(np.full_like(image, 70), 4.0),
+    "blurred": lambda image: cv2.GaussianBlur(image, (0, 0), 8.0),
+}
+
+
+@pytest.mark.parametrize("kind", RUINED)
+def test_a_ruined_picture_is_named_and_forgiven_at_the_next_good_one(pictures, kind):
+    assert kinds([pictures[0], RUINED[kind](pictures[1]), pictures[2]]) == ["", kind, ""]
+
+
+def test_pictures_that_do_not_change_are_repeated_and_after_a_second_frozen(pictures):
+    found = kinds([pictures[0]] * 13 + [pictures[1]])
+    assert found == ["", *["repeated"] * 9, *["frozen"] * 3, ""]
+
+
+def test_a_robot_at_rest_is_not_frozen():
+    """A sensor's noise of one grey level is enough."""
+    scene = np.kron(np.random.default_rng(0).integers(0, 255, (60, 80, 3)), np.ones((8, 8, 1))).astype(np.uint8)
+    assert kinds([noisy(scene, 1.0, seed) for seed in range(15)]) == [""] * 15
+
+
+def test_rows_of_the_last_picture_and_rows_that_are_missing_are_a_torn_picture(pictures):
+    top, missing = pictures[19].copy(), pictures[10].copy()
+    top[:200] = pictures[0][:200]
+    missing[360:] = 128
+    assert kinds([pictures[0], top, pictures[5]]) == ["", "torn", ""]
+    assert kinds([pictures[0], missing]) == ["", "torn"]
+
+
+def test_a_blindness_is_a_fault_when_it_begins_and_every_ten_seconds(pictures):
+    monitor = HealthMonitor()
+    found = [monitor.judge(Frame(i, i / 10, noisy(pictures[0] // 30, 1.0, i))) for i in range(121)]
+    assert [i for i, health in enumerate(found) if health.fault] == [0, 100]
+    assert found[0].reason.startswith("blind: picture dark (98 % of it at grey level")
+
+
+@pytest.mark.parametrize("folder", ["hololens/image", "lounge/image", "coco_val/images", "redkitchen", "euroc"])
+def test_photographs_are_trusted(folder):
+    if not (SHARED / folder).is_dir():
+        pytest.skip(f"{SHARED / folder} is not there: set EDGEMAP_SHARED")
+    paths = [path for path in sorted((SHARED / folder).rglob("*")) if path.suffix in (".jpg", ".png")][::10]
+    assert set(kinds(cv2.imread(str(path)) for path in paths)) == {""}
