@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -37,6 +38,7 @@ WINDOW_PX, LEVELS = 11, 3  # of the tracker; with two levels it loses a robot th
 MAX_CORNERS = 160
 CORNERS_APART_PX = 6
 FLOOR_SHARE = 0.6  # of the corners, looked for where the floor is within reach
+MASK_PX = 8  # the floor is told from the rest on every so many pixels
 REACH_HEIGHTS = 12.0  # what lies farther than this many camera heights is not taken for floor
 MAX_AGE = 30  # frames that a landmark is remembered
 TRACK_SIGMA_PX = 0.3  # of one tracked corner, at working resolution
@@ -61,14 +63,13 @@ class PlanarOdometry:
         scale = min(1.0, WORKING_WIDTH / camera.intrinsics.width)
         size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self._size = size
-        self._camera = FloorCamera(camera.intrinsics.scaled(*size), camera.mount)
-        focal = self._camera.intrinsics.fx
-        self._noise = Noise(TRACK_SIGMA_PX / focal, DRIFT_SIGMA_PX / focal)
+        self._level = self._camera = FloorCamera(camera.intrinsics.scaled(*size), camera.mount)
+        focal = self._level.intrinsics.fx
+        self._level_noise = self._noise = Noise(TRACK_SIGMA_PX / focal, DRIFT_SIGMA_PX / focal)
         self._reach_m = REACH_HEIGHTS * camera.mount.height_m
         self._rays = _ray_table(self._camera)
-        base = np.dstack([self._rays, np.ones(self._rays.shape[:2])]) @ camera.mount.rotation_base_optical().T
-        reaches = -base[..., 2] * self._reach_m > camera.mount.height_m * np.linalg.norm(base, axis=2)
-        self._floor_mask = np.where(reaches, 255, 0).astype(np.uint8)
+        self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
+        self._mask = self._floor_mask(self._level)
         self._seed, self._coasting = seed, Coasting()
         self.reset("start")
 
@@ -80,6 +81,7 @@ class PlanarOdometry:
         if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_GAP_S:
             self._start_again()
         last, self._grey = self._grey, grey
+        self._attend(frame.attitude)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
             self._seek(grey)
@@ -128,6 +130,24 @@ class PlanarOdometry:
         self._landmarks = Landmarks.none()
         self._motion, self._trusted = SE2(), False
 
+    def _attend(self, attitude: Attitude | None) -> None:
+        """The camera of this frame: its attitude, and what remains unknown of it."""
+        self._camera_before = self._camera
+        if attitude is None:
+            self._camera, self._noise = self._level, self._level_noise
+            return
+        self._camera = self._level.at(attitude)
+        sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
+        self._noise = replace(self._level_noise, tilt_rad=sigma)
+        self._mask = self._floor_mask(self._camera)
+
+    def _floor_mask(self, camera: FloorCamera) -> NDArray[np.uint8]:
+        """255 where the floor is within reach, 0 elsewhere; judged on every few pixels."""
+        down = camera.mount.rotation_base_optical()[2]
+        falls = -(self._coarse @ down[:2] + down[2]) / np.sqrt((self._coarse**2).sum(axis=2) + 1.0)
+        reaches = (falls * self._reach_m > camera.mount.height_m).astype(np.uint8) * 255
+        return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
+
     def _locate(self, index: int) -> Located:
         """The view that the remembered landmarks agree on; where few do, and more do when forgotten, anew."""
         seen = self._bearings(self._corners)
@@ -136,8 +156,9 @@ class PlanarOdometry:
         if self._trusted and found.weights.sum() > TRUSTED_SHARE * len(seen):
             return found
         rays = _rays(self._bearings(self._before))
-        anew = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m)
-        before, after = (self._camera.floor_points(pixels[anew.floor]) for pixels in (self._before, self._corners))
+        anew = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m)
+        before = self._camera_before.floor_points(self._before[anew.floor])
+        after = self._camera.floor_points(self._corners[anew.floor])
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
         start = View(self._view.pose @ (rough.motion if rough else self._since @ self._motion))
@@ -190,8 +211,8 @@ class PlanarOdometry:
             cv2.circle(free, (int(x), int(y)), CORNERS_APART_PX, 0, -1)
         floors = int(self._landmarks.floor.sum())
         for mask, have, share in (
-            (free & self._floor_mask, floors, FLOOR_SHARE),
-            (free & ~self._floor_mask, len(self._corners) - floors, 1.0 - FLOOR_SHARE),
+            (free & self._mask, floors, FLOOR_SHARE),
+            (free & ~self._mask, len(self._corners) - floors, 1.0 - FLOOR_SHARE),
         ):
             wanted = round(share * MAX_CORNERS) - have
             if wanted <= 0:
