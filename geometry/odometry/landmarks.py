@@ -57,7 +57,9 @@ class Landmarks:
     """N points, each on the ray along which it was first seen, in one fixed frame with the floor at z = 0.
 
     anchor_m (N, 3): where the lens was. ray (N, 3): unit direction. inverse_m (N,): one over the distance along it,
-    variance (N,) of that. floor (N,): taken for floor. age (N,): pictures since it was first seen.
+    variance (N,) of that. floor (N,): taken for floor. on_floor (N,): the inverse depth that it would have as floor,
+    for those below the horizon whose depth is to show whether they are; 0 for others. age (N,): pictures since it was
+    first seen.
     """
 
     anchor_m: Array
@@ -65,12 +67,14 @@ class Landmarks:
     inverse_m: Array
     variance: Array
     floor: NDArray[np.bool_]
+    on_floor: Array
     age: NDArray[np.int64]
 
     @classmethod
     def none(cls) -> Landmarks:
         """No landmark."""
-        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool), np.zeros(0, int))
+        none, vectors = np.zeros(0), np.zeros((0, 3))
+        return cls(vectors, vectors, none, none, np.zeros(0, bool), none, np.zeros(0, int))
 
     def __len__(self) -> int:
         return len(self.inverse_m)
@@ -84,22 +88,30 @@ class Landmarks:
         return Landmarks(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 
 
-def new_landmarks(rays: Array, camera: FloorCamera, view: View, noise: Noise, reach_m: float) -> Landmarks:
-    """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach."""
+def new_landmarks(
+    rays: Array, camera: FloorCamera, view: View, noise: Noise, reach_m: float, trusting: bool = True
+) -> Landmarks:
+    """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach.
+
+    trusting: they are taken for floor at once; else their depth is to show it first, for a table is seen below the
+    horizon too.
+    """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
     lens = camera.mount.position_base_m()
     on_floor = -base[:, 2] / lens[2]
-    floor = on_floor > 1.0 / reach_m
+    reached = on_floor > 1.0 / reach_m
+    floor = reached & trusting
     spread = noise.floor_tilt_rad * np.hypot(base[:, 0], base[:, 1]) / lens[2]
     inverse = np.where(floor, on_floor, np.maximum(noise.free_mean, on_floor))
-    variance = np.where(floor, spread**2, noise.free**2)
+    variance = np.where(floor, spread**2, np.maximum(noise.free, 0.5 * on_floor) ** 2)
     turn = _turn(view.pose)
     anchor = turn @ lens + [view.pose.x_m, view.pose.y_m, 0.0]
     count = len(rays)
     return Landmarks(
-        np.broadcast_to(anchor, (count, 3)), base @ turn.T, inverse, variance, floor, np.zeros(count, dtype=np.int64)
-    )
+        np.broadcast_to(anchor, (count, 3)), base @ turn.T, inverse, variance, floor,
+        np.where(reached & ~floor, on_floor, 0.0), np.zeros(count, dtype=np.int64),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,9 +228,69 @@ def refined(
         np.where(standing, free, inverse),
         np.where(standing, 4.0 * sigma2 / np.maximum(slope2, 1e-12), variance),
         landmarks.floor & ~standing,
+        landmarks.on_floor,
         landmarks.age + 1,
     )
-    return after, (fits & (inverse > -0.05)) | standing
+    return _judged(after, noise), (fits & (inverse > -0.05)) | standing
+
+
+KNOWN_DEPTH = 0.1  # relative standard deviation of an inverse depth that can tell floor from what stands on it
+FLOOR_BAND = 0.08  # relative difference of inverse depths that still is the floor, for the scale may be off as well
+BELOW_SHARE, BELOW_COUNT = 0.1, 8  # of the landmarks, that lie on one plane below the floor: then that is the floor
+
+
+def _judged(landmarks: Landmarks, noise: Noise) -> Landmarks:
+    """Those whose depth is known by now and is the floor's become floor."""
+    sigma = np.sqrt(landmarks.variance)
+    off = np.abs(landmarks.inverse_m - landmarks.on_floor)
+    floor = _known(landmarks) & (off < FLOOR_BAND * landmarks.on_floor + 2.0 * sigma)
+    level = np.sqrt(np.maximum(1.0 - landmarks.ray[:, 2] ** 2, 0.0)) / np.maximum(-landmarks.ray[:, 2], 1e-6)
+    return replace(
+        landmarks,
+        inverse_m=np.where(floor, landmarks.on_floor, landmarks.inverse_m),
+        variance=np.where(floor, (noise.floor_tilt_rad * level * landmarks.on_floor) ** 2, landmarks.variance),
+        floor=landmarks.floor | floor,
+        on_floor=np.where(floor, 0.0, landmarks.on_floor),
+    )
+
+
+def _known(landmarks: Landmarks) -> NDArray[np.bool_]:
+    """Not floor, but seen below the horizon, of known depth, (N,)."""
+    return (landmarks.on_floor > 0.0) & (np.sqrt(landmarks.variance) < KNOWN_DEPTH * landmarks.on_floor)
+
+
+def oversize(landmarks: Landmarks) -> float:
+    """How much too large everything is, 1 where it is not: what was taken for floor is a table where others lie below.
+
+    Nothing lies below the floor, so the lowest plane on which enough landmarks agree is the floor.
+    """
+    known = _known(landmarks)
+    ratio = np.sort(landmarks.on_floor[known] / np.maximum(landmarks.inverse_m[known], 1e-6))
+    ratio = ratio[(ratio > 1.0 + FLOOR_BAND) & (ratio < 3.0)]
+    needed = max(BELOW_COUNT, int(BELOW_SHARE * len(landmarks)))
+    for last in range(len(ratio) - 1, needed - 2, -1):
+        agreeing = ratio[: last + 1][ratio[: last + 1] > ratio[last] * (1.0 - FLOOR_BAND)]
+        if len(agreeing) >= needed:
+            return float(np.median(agreeing))
+    return 1.0
+
+
+def shrunk(landmarks: Landmarks, camera: FloorCamera, view: View, factor: float, noise: Noise) -> Landmarks:
+    """Everything nearer by a factor, seen from a view; what was floor stands on it, what lay below is floor."""
+    lens = _turn(view.pose) @ camera.mount.position_base_m() + [view.pose.x_m, view.pose.y_m, 0.0]
+    anchor = landmarks.anchor_m.copy()
+    anchor[:, :2] = lens[:2] + (anchor[:, :2] - lens[:2]) / factor
+    return _judged(
+        replace(
+            landmarks,
+            anchor_m=anchor,
+            inverse_m=landmarks.inverse_m * factor,
+            variance=landmarks.variance * factor**2,
+            floor=np.zeros(len(landmarks), dtype=bool),
+            on_floor=np.where(landmarks.floor, landmarks.inverse_m, landmarks.on_floor),
+        ),
+        noise,
+    )
 
 
 def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float) -> tuple[Landmarks, View]:
@@ -232,9 +304,13 @@ def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float
     rotation = turn @ part.rotation() @ turn.T  # its transpose takes the tilt away
     lens = turn @ camera.mount.position_base_m() + [view.pose.x_m, view.pose.y_m, 0.0]
     ray = landmarks.ray @ rotation
-    ratio = np.where(landmarks.floor, np.clip(ray[:, 2] / landmarks.ray[:, 2], 0.5, 2.0), 1.0)
+    below = landmarks.floor | (landmarks.on_floor > 0.0)
+    slope = np.where(below, np.clip(ray[:, 2] / np.where(below, landmarks.ray[:, 2], 1.0), 0.5, 2.0), 1.0)
+    ratio = np.where(landmarks.floor, slope, 1.0)
     anchor = np.where(landmarks.floor[:, None], landmarks.anchor_m, lens + (landmarks.anchor_m - lens) @ rotation)
-    after = Landmarks(anchor, ray, landmarks.inverse_m * ratio, landmarks.variance, landmarks.floor, landmarks.age)
+    after = replace(
+        landmarks, anchor_m=anchor, ray=ray, inverse_m=landmarks.inverse_m * ratio, on_floor=landmarks.on_floor * slope
+    )
     left = AttitudeError(view.tilt.pitch_rad - part.pitch_rad, view.tilt.roll_rad - part.roll_rad)
     return after, View(view.pose, left)
 

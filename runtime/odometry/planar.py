@@ -21,7 +21,9 @@ from edgemap.geometry.odometry.landmarks import (
     locate,
     look,
     new_landmarks,
+    oversize,
     refined,
+    shrunk,
 )
 from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
@@ -38,6 +40,7 @@ WINDOW_PX, LEVELS = 11, 3  # of the tracker; with two levels it loses a robot th
 MAX_CORNERS = 160
 CORNERS_APART_PX = 6
 FLOOR_SHARE = 0.6  # of the corners, looked for where the floor is within reach
+SCALED = 25  # landmarks of known depth that keep the scale
 MASK_PX = 8  # the floor is told from the rest on every so many pixels
 REACH_HEIGHTS = 12.0  # what lies farther than this many camera heights is not taken for floor
 MAX_AGE = 30  # frames that a landmark is remembered
@@ -105,6 +108,10 @@ class PlanarOdometry:
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < MAX_AGE))
+        factor = oversize(self._landmarks)
+        if factor > 1.0:
+            self._landmarks = shrunk(self._landmarks, self._camera, self._view, factor, self._noise)
+            motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
         self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, LEVELLING)
         self._seek(grey)
         return Motion(motion, covariance)
@@ -222,8 +229,13 @@ class PlanarOdometry:
                 continue
             fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
             rays = _rays(self._bearings(fresh))
-            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m)
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, not self._scaled())
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
+
+    def _scaled(self) -> bool:
+        """Whether landmarks of known depth tell the scale, so that new ones need not be taken for floor."""
+        known = self._landmarks
+        return int((known.floor | (known.variance < (0.1 * known.inverse_m) ** 2)).sum()) >= SCALED
 
     def _bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
