@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
+from edgemap.runtime.health import PictureHealth
 from edgemap.runtime.odometry.protocol import Motion
 
 
@@ -13,7 +14,8 @@ from edgemap.runtime.odometry.protocol import Motion
 class FrameObservations:
     """Boxes, objects on the floor and the robot's own motion of one frame, without its picture.
 
-    motion: of the base since the frame before. stages_ms: time of each stage so far, in order.
+    motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
+    a blind one gives observations only where it is stale and the robot at rest.
     """
 
     index: int
@@ -22,3 +24,9 @@ class FrameObservations:
     sightings: list[Sighting]
     motion: Motion
     stages_ms: dict[str, float] = field(default_factory=dict)
+    health: PictureHealth = field(default_factory=PictureHealth)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with the picture or the motion, where it is news."""
+        return tuple(dict.fromkeys(fault for fault in (self.health.fault, self.motion.fault) if fault))

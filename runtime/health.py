@@ -35,7 +35,7 @@ REPEATED_S = 10.0  # of stream, between two faults of one blindness
 class PictureHealth:
     """kind: dark, blown, covered, blurred, frozen, repeated or torn; empty for a picture that can be trusted.
 
-    reason: one line for people. fault: the reason where it is news, else empty.
+    reason: one line for people, the same as long as it lasts. fault: the reason where it is news, else empty.
     """
 
     kind: str = ""
@@ -43,8 +43,13 @@ class PictureHealth:
     fault: str = ""
 
     @property
+    def stale(self) -> bool:
+        """Whether the picture is as it was before: true of a robot at rest as well, if without a sensor's noise."""
+        return self.kind in ("repeated", "frozen")
+
+    @property
     def blind(self) -> bool:
-        """Whether nothing may trust the picture."""
+        """Whether the picture tells nothing new."""
         return bool(self.kind)
 
 
@@ -77,17 +82,18 @@ class HealthMonitor:
         """Forget the last picture."""
         self._last: NDArray[np.uint8] | None = None
         self._changed_s = self._told_s = -math.inf
-        self._told = ""
+        self._kind = self._reason = ""
 
     def _found(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
         if not kind:
-            self._told = ""
+            self._kind = ""
             return PictureHealth()
-        reason = f"blind: picture {kind} ({detail})"
-        news = kind != self._told or stamp_s - self._told_s >= REPEATED_S
+        if kind != self._kind:
+            self._kind, self._reason, self._told_s = kind, f"blind: picture {kind} ({detail})", -math.inf
+        news = kind != "repeated" and stamp_s - self._told_s >= REPEATED_S
         if news:
-            self._told, self._told_s = kind, stamp_s
-        return PictureHealth(kind, reason, reason if news else "")
+            self._told_s = stamp_s
+        return PictureHealth(kind, self._reason, self._reason if news else "")
 
 
 def _small(half: NDArray[np.uint8]) -> MatLike:

@@ -107,7 +107,8 @@ class Mapper:
             for sighting, landmark in zip(observed.sightings, landmarks, strict=True)
         ]
         object_ids = self.map.update(sightings)
-        self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids)
+        if not observed.health.blind:
+            self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids)
         stage("map")
         update = MapUpdate(
             sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,

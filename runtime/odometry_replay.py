@@ -13,6 +13,7 @@ from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.health import HealthMonitor
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Odometry
 from edgemap.runtime.preprocess import Preprocessor
@@ -81,16 +82,21 @@ def follow(
     true: list[SE2] = []
     estimated: list[SE2] = []
     covariances: list[NDArray[np.float64]] = []
-    faults = 0
+    faults, health = 0, HealthMonitor()
     while (frames is None or len(indices) < frames) and (frame := camera.read()) is not None:
         if frame.index < first or (frame.index - first) % every:
             continue
-        step = odometry.step(replace(frame, index=len(indices)), features(frame))
+        picture = health.judge(frame)
+        if picture.blind:
+            step = odometry.step_blind(frame.stamp_s, picture.reason, frame.attitude)
+        else:
+            step = odometry.step(replace(frame, index=len(indices)), features(frame))
+        step = step.checked(odometry.name)
         true.append(camera.truth.at(frame.stamp_s))
         if indices:
             estimated.append(estimated[-1] @ step.motion)
             covariances.append(step.covariance)
-            faults += bool(step.fault)
+            faults += bool(step.fault or step.blind)
         else:
             estimated.append(SE2())
         indices.append(frame.index)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.odometry.protocol import Odometry
+from edgemap.runtime.health import HealthMonitor, PictureHealth
+from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.timing import Stopwatch
+
+# A picture that did not change shows what is in view as long as the robot has moved by less since it was new.
+REST_M, REST_RAD = 0.02, math.radians(0.5)
 
 
 class Pipeline:
@@ -43,11 +50,21 @@ class Pipeline:
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
         self._decode = Decoder(bundle.manifest.detector, min_score)
+        self._nothing = Detections.none(bundle.names)
+        self._health = HealthMonitor()
+        self._since_seen = SE2()
         self._watch = Stopwatch()
 
     def step(self, frame: Frame) -> FrameObservations:
         """One frame in: boxes, positions on the floor, own motion. Raises CameraError for a frame of another size."""
         stage = self._begin(frame)
+        health = self._health.judge(frame)
+        stage("health")
+        motion = self._move_blind(frame, health) if health.blind else None
+        if motion is not None and not (health.stale and self._at_rest()):
+            return FrameObservations(
+                frame.index, frame.stamp_s, self._nothing, [], motion, self._watch.stages_ms, health
+            )
         tensor, placement = self._preprocess(frame.image)
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
@@ -56,9 +73,25 @@ class Pipeline:
         stage("decode")
         sightings = sightings_of(detections, self.camera, self.rule, frame.index, frame.stamp_s)
         stage("floor")
-        motion = self.odometry.step(frame, outputs)
+        if motion is None:
+            self._since_seen = SE2()
+            motion = self.odometry.step(frame, outputs).checked(self.odometry.name)
         stage("odometry")
-        return FrameObservations(frame.index, frame.stamp_s, detections, sightings, motion, self._watch.stages_ms)
+        return FrameObservations(
+            frame.index, frame.stamp_s, detections, sightings, motion, self._watch.stages_ms, health
+        )
+
+    def _move_blind(self, frame: Frame, health: PictureHealth) -> Motion:
+        """The odometry goes on with what needs no picture."""
+        motion = self.odometry.step_blind(frame.stamp_s, health.reason, frame.attitude).checked(self.odometry.name)
+        self._since_seen = self._since_seen @ motion.motion
+        self._watch.stage("odometry")
+        return motion
+
+    def _at_rest(self) -> bool:
+        """Whether the robot stands where the last picture that could be trusted was taken."""
+        since = self._since_seen
+        return math.hypot(since.x_m, since.y_m) < REST_M and abs(since.yaw_rad) < REST_RAD
 
     def _begin(self, frame: Frame):
         height, width = frame.image.shape[:2]

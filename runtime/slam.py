@@ -15,6 +15,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
+from edgemap.runtime.health import PictureHealth
 from edgemap.runtime.loop_closing import LoopCorrection
 from edgemap.runtime.mapper import Mapper, MapUpdate
 from edgemap.runtime.odometry.protocol import Motion
@@ -43,6 +44,11 @@ class StepResult:
     def motion(self) -> Motion:
         """Of the base since the frame before."""
         return self.observed.motion
+
+    @property
+    def health(self) -> PictureHealth:
+        """Of the picture; a blind one gives no observations."""
+        return self.observed.health
 
     @property
     def sightings(self) -> list[PlacedSighting]:

@@ -84,10 +84,11 @@ class LivePage:
             x_base_m, y_base_m = placed.sighting.position_base_m
             self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
         self.newest = Moment(result, objects, now_s)
-        if result.motion.fault != self._last_fault:
-            self._last_fault = result.motion.fault
-            if self._last_fault:
-                self.faults.append(Fault(result.frame.index, self._last_fault))
+        fault = "; ".join(result.observed.faults)
+        if fault != self._last_fault:
+            self._last_fault = fault
+            if fault:
+                self.faults.append(Fault(result.frame.index, fault))
         self._changed()
 
     def fault(self, text: str) -> None:

@@ -124,7 +124,7 @@ def _step(result: StepResult) -> dict[str, Any]:
         "stamp_s": result.frame.stamp_s,
         "pose": [float(pose.x_m), float(pose.y_m), float(pose.yaw_rad)],
         "pose_sigma": [way_m, turn_rad],
-        "motion_fault": result.motion.fault,
+        "motion_fault": "; ".join(result.observed.faults),
         "boxes": _boxes(result),
         "stages_ms": result.stages_ms,
     }

@@ -91,7 +91,7 @@ class HybridOdometry:
             if not (motion.fault or motion.blind)
         ]
         if all(item.source == GYRO for item in alive):
-            guess = self._coasting.guess(stamp_s, faults or "hybrid odometry: no source measures motion")
+            guess = self._coasting.guess(stamp_s, told)
             return guess if not alive else _turned(guess, alive[0])
         found = consensus(alive)
         self._conflicts = self._conflicts + 1 if found.conflict else 0

@@ -77,7 +77,7 @@ class LearnedOdometry:
         """Blind: the recurrent state starts again at the next picture."""
         self._start_again()
         self._last_s = stamp_s
-        return blind_motion(f"{self.name} odometry: {reason}")
+        return blind_motion(reason)
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""

@@ -118,7 +118,7 @@ class PlanarOdometry:
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the landmarks wait for the next picture, which tells the motion since the last one."""
-        guess = self._coasting.guess(stamp_s, f"planar odometry: {reason}")
+        guess = self._coasting.guess(stamp_s, reason)
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         self._motion, self._trusted = guess.motion, False
         return guess

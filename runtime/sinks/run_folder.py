@@ -95,8 +95,8 @@ class RunFolder:
             self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
         for stage, lap_ms in result.stages_ms.items():
             self._laps.setdefault(stage, deque(maxlen=10_000)).append(lap_ms)
-        if result.motion.fault:
-            self.fault(result.motion.fault)
+        for fault in result.observed.faults:
+            self.fault(fault)
         self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
         if result.relocated is not None or not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
             self._save(rewrite=result.relocated is not None)

@@ -6,6 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from support.noise import noise
 from support.painted import write_painted
 
 from edgemap.benchmarks.paper_page import page, table
@@ -26,7 +27,7 @@ def write(folder, share, boxes):
     """12 m ahead; wheels too long by a share."""
     (folder / "images").mkdir(parents=True)
     for index in range(COUNT):
-        cv2.imwrite(str(folder / "images" / f"{index}.png"), np.full((96, 128, 3), 90, np.uint8))
+        cv2.imwrite(str(folder / "images" / f"{index}.png"), noise(index, (96, 128, 3)))
     way = tuple(SE2(0.1 * i, 0, 0) for i in range(COUNT))
     wheel = [(stamp, (1 + share) * pose.x_m, 0, 0) for stamp, pose in zip(STAMPS_S, way, strict=True)]
     lens = Intrinsics(128, 96, 100.0, 100.0, 63.5, 47.5)

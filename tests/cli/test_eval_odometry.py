@@ -6,6 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from support.noise import noise
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -25,7 +26,7 @@ STAMPS_S = np.arange(COUNT) / 10
 def pictures(folder):
     folder.mkdir(parents=True)
     for index in range(COUNT):
-        cv2.imwrite(str(folder / f"{index}.png"), np.full((48, 64, 3), 90, np.uint8))
+        cv2.imwrite(str(folder / f"{index}.png"), noise(index, (48, 64, 3)))
 
 
 def wheels(share):

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.landmarks import (
     AttitudeError,
-    Landmarks,
     Noise,
     View,
     levelled,
@@ -73,7 +73,7 @@ def test_jacobians_are_the_slopes_of_what_is_seen():
         np.testing.assert_allclose((moved - sight.seen) / step, sight.by_view[:, :, column], atol=1e-4)
     pitched = look(known, CAMERA, View(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).seen
     np.testing.assert_allclose((pitched - sight.seen) / step, sight.by_view[:, :, 3], atol=1e-4)
-    nearer = Landmarks(known.anchor_m, known.ray, known.inverse_m + step, known.variance, known.floor, known.age)
+    nearer = replace(known, inverse_m=known.inverse_m + step)
     np.testing.assert_allclose(
         (look(nearer, CAMERA, View(pose, tilt)).seen - sight.seen) / step, sight.by_inverse, atol=1e-4
     )

@@ -18,7 +18,7 @@ SHARED = Path(os.environ.get("EDGEMAP_SHARED", Path(__file__).parents[3] / "shar
 def pictures():
     """The demo's first two seconds."""
     with open_camera("demo") as camera:
-        return [camera.read().image for _ in range(20)]
+        return [frame.image for _ in range(20) if (frame := camera.read()) is not None]
 
 
 def noisy(image, sigma, seed=0):

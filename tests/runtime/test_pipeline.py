@@ -4,6 +4,7 @@ import threading
 import numpy as np
 import pytest
 from support import painted
+from support.noise import noise
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -44,7 +45,7 @@ class Memory(CameraBase):
         if self.index >= self.count:
             return None
         self.index += 1
-        return Frame(self.index - 1, (self.index - 1) / 10, np.zeros(self.shape, np.uint8))
+        return Frame(self.index - 1, (self.index - 1) / 10, noise(self.index, self.shape))
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def pipeline(bundle, object_map=None, poses=None):
 def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind):
     pipe = pipeline(bundle, kind())
     for index in range(10):
-        result = pipe.step(Frame(index, index / 10, np.zeros((64, 64, 3), np.uint8)))
+        result = pipe.step(Frame(index, index / 10, noise(index)))
     assert result.detections.labels == ["chair", "person"]
     (chair,) = pipe.objects()
     assert (chair.id, chair.count) == ("chair-1", 10)
@@ -72,8 +73,8 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind
 
 
 def test_stages_stand_in_the_order_of_the_step(bundle):
-    result = pipeline(bundle).step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
-    stages = ["preprocess", "backbone", "decode", "floor", "odometry", "closure", "map", "relocalisation"]
+    result = pipeline(bundle).step(Frame(0, 0.0, noise(0)))
+    stages = ["health", "preprocess", "backbone", "decode", "floor", "odometry", "closure", "map", "relocalisation"]
     assert list(result.stages_ms) == stages
 
 
@@ -81,7 +82,7 @@ def test_stages_stand_in_the_order_of_the_step(bundle):
 def test_only_a_map_that_can_move_is_corrected(bundle, kind, corrects):
     still = RecordedOdometry(Trajectory(np.arange(2.0), (SE2(), SE2())), "test")
     slam = SemanticSlam(Pipeline(bundle, FLOOR, still), Mapper(kind(), loop_closer=LoopCloser()))
-    result = slam.step(Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8)))
+    result = slam.step(Frame(0, 0.0, noise(0)))
     assert slam.mapper.loop_closer.closes_loops is corrects
     assert [placed.thing for placed in result.sightings] == [0 if corrects else -1]
 
@@ -90,7 +91,7 @@ def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):
     poses = [SE2(3, 1, 0.5), SE2(3.2, 1, 0.5), SE2(3.2, 1.1, 0.7)]
     pipe = pipeline(bundle, poses=poses)
     for index in range(3):
-        result = pipe.step(Frame(index, index / 10, np.zeros((64, 64, 3), np.uint8)))
+        result = pipe.step(Frame(index, index / 10, noise(index)))
         if index == 0:
             assert result.pose_map_base == SE2()
             assert not result.pose_covariance.any()

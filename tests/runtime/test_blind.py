@@ -1,0 +1,83 @@
+"""Five seconds without a picture that shows anything, through the real Pipeline and Mapper, on the demo."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.odometry import open_odometry
+from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.slam import SemanticSlam
+from edgemap.runtime.store import bundle_folder
+
+START, FIRST, LAST, END = 80, 90, 140, 150  # frames at 10 Hz: 2.9 m with turns while blind
+BLIND = slice(FIRST - START, LAST - START)
+
+RUINED = {
+    "dark": lambda image, first: np.zeros_like(image),
+    "frozen": lambda image, first: first,
+    "covered": lambda image, first: cv2.GaussianBlur(image, (0, 0), 60) // 8 + 60,
+    "blurred": lambda image, first: cv2.GaussianBlur(image, (0, 0), 12),
+}
+
+
+@pytest.fixture(scope="module")
+def bundle():
+    return load_bundle(bundle_folder("edgemap-nano"))
+
+
+def drive(bundle, ruin, wheels):
+    """The steps of the demo with ruined pictures, and how far the last pose is off the true one, (3,)."""
+    with open_camera("demo") as camera:
+        assert camera.intrinsics
+        assert camera.mount
+        assert camera.truth
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        odometry = open_odometry("hybrid", bundle, camera, floor, wheels=wheels)
+        slam = SemanticSlam(Pipeline(bundle, floor, odometry), Mapper(FloorMap()))
+        steps, first = [], np.zeros(0)
+        while (frame := camera.read()) is not None and frame.index <= END:
+            if frame.index < START:
+                continue
+            if frame.index == FIRST - 1:
+                first = frame.image
+            if FIRST <= frame.index < LAST:
+                frame = replace(frame, image=ruin(frame.image, first))
+            steps.append(slam.step(frame))
+        error = (camera.truth.at(steps[0].frame.stamp_s).inverse() @ camera.truth.at(steps[-1].frame.stamp_s)).inverse()
+        return steps, (error @ steps[-1].pose_map_base).vector()
+
+
+@pytest.mark.parametrize("kind", RUINED)
+def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(bundle, kind):
+    steps, off = drive(bundle, RUINED[kind], wheels=True)
+    assert math.hypot(off[0], off[1]) < 0.25
+    covariance = steps[-1].pose_covariance
+    assert off @ np.linalg.solve(_in_base(steps[-1], covariance), off) < 3.0 * 9.0
+    assert any(kind in fault for step in steps[BLIND] for fault in step.observed.faults)
+    seen_from = steps[BLIND.start - 1].pose_map_base.inverse()
+    away = [step for step in steps[BLIND] if math.hypot(*(seen_from @ step.pose_map_base).vector()[:2]) > 0.03]
+    assert len(away) > 20
+    assert not any(step.sightings for step in away)
+    assert not any(step.health.blind for step in (*steps[: BLIND.start], *steps[BLIND.stop + 1 :]))
+
+
+@pytest.mark.parametrize("kind", ["dark", "frozen"])
+def test_without_wheels_the_covariance_covers_the_error(bundle, kind):
+    steps, off = drive(bundle, RUINED[kind], wheels=False)
+    assert off @ np.linalg.solve(_in_base(steps[-1], steps[-1].pose_covariance), off) < 9.0
+    assert all(step.motion.blind for step in steps[BLIND])
+    assert any(kind in fault for step in steps[BLIND] for fault in step.observed.faults)
+
+
+def _in_base(step, covariance):
+    turn = np.eye(3)
+    turn[:2, :2] = step.pose_map_base.rotation().T
+    return turn @ covariance @ turn.T
