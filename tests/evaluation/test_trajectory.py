@@ -98,3 +98,6 @@ def test_honest_covariances_give_three():
 def test_another_number_of_poses_is_refused():
     with pytest.raises(ValueError, match="101 true poses or motions against 100"):
         segment_errors(STRAIGHT, STRAIGHT[1:], 1.0)
+    for errors in (aligned_errors_m, motion_errors):
+        with pytest.raises(ValueError, match="101 true poses or motions against 100"):
+            errors(STRAIGHT, STRAIGHT[1:])

@@ -131,3 +131,19 @@ def test_chance_explains_a_loose_fit_better_than_a_close_one():
         )
         chances.append(align(mapped(CROOKED), other).chance)
     assert chances[1] > 10 * chances[0]
+
+
+def test_the_covariance_is_that_of_the_pairs_as_they_lie():
+    """Where they lie worse than their maps say, residuals decide: s^2 = sum r^2 / (2 n - 3); yaw has s^2 over the
+    pairs' squared distances from their middle."""
+    noise = 0.018 * np.sign(np.random.default_rng(4).normal(0.0, 1.0, (7, 2)))
+    moved = zip(CROOKED, noise, strict=True)
+    first = mapped(CROOKED, told_sigma_m=0.01)
+    second = mapped([(label, x + dx, y + dy) for (label, x, y), (dx, dy) in moved], told_sigma_m=0.01)
+    found = align(first, second)
+    rows_first, rows_second = np.array(found.pairs).T
+    places = np.array([item.position_m for item in second])[rows_second]
+    residuals = np.array([item.position_m for item in first])[rows_first] - found.pose_a_b.apply(places)
+    variance = (residuals**2).sum() / (2 * len(places) - 3)
+    assert variance > 1.2 * 2 * 0.01**2  # or this shows nothing
+    assert found.covariance[2, 2] == pytest.approx(variance / ((places - places.mean(axis=0)) ** 2).sum(), rel=1e-3)

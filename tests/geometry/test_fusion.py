@@ -82,3 +82,24 @@ def test_one_alone_is_believed_and_none_is_an_error():
     assert consensus([alone]) is alone
     with pytest.raises(ValueError, match="no measurement"):
         consensus([])
+
+
+def test_independent_measurements_add_their_information_whatever_their_axes():
+    random = np.random.default_rng(2)
+    a, b = (part @ part.T + 0.1 * np.eye(3) for part in random.normal(0.0, 1.0, (2, 3, 3)))
+    x, y = random.normal(0.0, 0.1, (2, 3))
+    found = fused(MotionEstimate(x, a, "camera"), MotionEstimate(y, b, "wheels"))
+    information = np.linalg.inv(a) + np.linalg.inv(b)
+    assert found.covariance == pytest.approx(np.linalg.inv(information))
+    expected = np.linalg.solve(information, np.linalg.solve(a, x) + np.linalg.solve(b, y))
+    assert found.motion == pytest.approx(expected)
+
+
+def test_what_sources_disagree_about_is_covered_around_the_middle():
+    """0.1 and 0.3 m at 0.01 m: 0.2 m, with the 0.1 m to either of them on top."""
+    small = np.diag([1e-4, 1e-4, 1e-4])
+    camera, wheels = (MotionEstimate(np.array([x, 0.0, 0.0]), small, s) for x, s in ((0.1, "camera"), (0.3, "wheels")))
+    found = consensus([camera, wheels])
+    assert found.conflict == "camera against wheels"
+    assert found.motion == pytest.approx([0.2, 0.0, 0.0])
+    assert found.covariance == pytest.approx(np.diag([1e-4 + 0.01, 1e-4, 1e-4]))

@@ -47,6 +47,14 @@ def test_the_covariance_of_a_motion_is_turned_by_the_pose_before_it():
     assert second.pose_covariance == pytest.approx(np.diag([0.04, 0.09, 0.0]))
 
 
+def test_the_trajectory_holds_every_pose_there_and_back():
+    mapper = Mapper()
+    for index, step_m in enumerate((0.0, 1.0, -1.0, 0.0, 1.0)):
+        update = mapper.step(observed(index, [], Motion(SE2(step_m, 0.0, 0.0), np.zeros((3, 3)))))
+    assert update.trajectory.at(np.arange(5) / 10)[:, 0] == pytest.approx([0.0, 1.0, 0.0, 0.0, 1.0])
+    assert update.travelled_m == pytest.approx(3.0)
+
+
 def test_a_yaw_error_grows_with_the_way_driven_after_it():
     mapper = Mapper()
     mapper.step(observed(0, [], Motion()))
