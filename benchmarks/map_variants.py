@@ -11,12 +11,15 @@ from edgemap.evaluation.objects import TrueObject
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.runtime.attitude import open_attitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.config import Config
 from edgemap.runtime.drives import Drive
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.mapper import Mapper, new_mapper
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry import Motion, Odometry, open_odometry
@@ -69,10 +72,13 @@ def map_drive(
     frames: int | None = None,
     confidence: float | None = None,
     config: Config | None = None,
+    imu: bool = True,
     progress: Callable[[], object] = lambda: None,
 ) -> dict[str, list[MapObject]]:
     """The map that each variant makes of the drive's first frames, as `run` would.
 
+    Poses that are given bring their attitudes; other variants see the floor by the IMU's, where `imu` and the drive
+    allow it, or the mount's.
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
     """
     config = config or Config()
@@ -88,14 +94,24 @@ def map_drive(
                 for spec, wheels in sources
             }
         )
-        pipeline = Pipeline(bundle, floor, odometry, rule=config.floor, confidence=confidence)
+        estimated, given = (open_attitude(spec, camera, floor.mount, imu) for spec in ("estimated", "truth"))
+        pipeline = Pipeline(bundle, floor, odometry, rule=config.floor, attitude=estimated, confidence=confidence)
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
+            true = seen_from(observed, floor.at(given.step(frame)), pipeline.rule)
             for name, variant in variants.items():
-                motion = odometry.motions[variant.odometry, variant.wheels]
-                mappers[name].step(replace(observed, motion=motion))
+                seen, motion = observed, odometry.motions[variant.odometry, variant.wheels]
+                if variant.odometry == "truth" and camera.attitudes is not None:
+                    seen = true
+                mappers[name].step(replace(seen, motion=motion))
             progress()
     return {name: mapper.objects() for name, mapper in mappers.items()}
+
+
+def seen_from(observed: FrameObservations, camera: FloorCamera, rule: FloorRule) -> FrameObservations:
+    """The same boxes on the floor as another attitude has it."""
+    sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s)
+    return replace(observed, sightings=sightings, camera=camera)
 
 
 def true_objects(drive: Drive, frames: int | None = None) -> list[TrueObject]:

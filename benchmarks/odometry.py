@@ -16,6 +16,7 @@ from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, Drive
 from edgemap.evaluation.planar_fit import planar_fit
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude import open_attitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.drive_camera import drive_camera
@@ -31,13 +32,14 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 @dataclass(frozen=True, slots=True)
 class Selection:
     """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
-    for the kind's own. wheels: whether hybrid may use those that come with the data."""
+    for the kind's own. wheels, imu: whether those that come with the data may be used."""
 
     first: int = 0
     every: int = 1
     frames: int | None = None
     lengths_m: tuple[float, ...] | None = None
     wheels: bool = True
+    imu: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +81,9 @@ def score_drive(
             odometry = f"wheel:{camera.wheel}"
         floor = FloorCamera(camera.intrinsics, camera.mount)
         motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
+        attitude = open_attitude(odometry, camera, camera.mount, selection.imu)
         followed = follow(
-            camera, motion, FeatureSource(bundle), first=selection.first, every=selection.every,
+            camera, motion, FeatureSource(bundle), attitude=attitude, first=selection.first, every=selection.every,
             frames=selection.frames, progress=progress,
         )  # fmt: skip
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)

@@ -17,6 +17,8 @@ from edgemap.cli.options import (
     OdometrySpec,
     PrecisionName,
     Threads,
+    WithoutImu,
+    WithoutWheels,
     at_least,
     find_bundle,
     in_unit,
@@ -28,15 +30,14 @@ def command(
         str,
         tyro.conf.arg(
             aliases=["--camera"],
-            metavar="demo|drive:DIR|sim:SEED",
+            metavar="demo|KIND:DIR|sim:SEED",
             help="A drive with poses and objects.json, or one that is rendered: 450 frames unless --frames says more.",
         ),
     ] = "demo",
     bundle: BundleName = None,
     odometry: OdometrySpec = "hybrid",
-    without_wheels: Annotated[
-        bool, tyro.conf.arg(help="hybrid leaves out the wheel odometry that comes with the data.")
-    ] = False,
+    without_wheels: WithoutWheels = False,
+    without_imu: WithoutImu = False,
     frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
     clustering: Annotated[
@@ -88,6 +89,7 @@ def command(
             "precision": loaded.precision,
             "odometry": odometry,
             "wheels": drive.wheel is not None and not without_wheels,
+            "imu": drive.imu is not None and not without_imu,
             "clustering": clustering,
             "loop_closure": loop_closure,
             "frames": count,
@@ -99,7 +101,7 @@ def command(
         ways["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
         if odometry == "hybrid" and document["wheels"]:
             ways["without_wheels"] = replace(ways["estimated"], wheels=False)
-        for name, objects in map_drive(drive, loaded, ways, count, confidence, tuned).items():
+        for name, objects in map_drive(drive, loaded, ways, count, confidence, tuned, not without_imu).items():
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map

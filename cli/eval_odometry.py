@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import tyro
 
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, at_least, find_bundle
+from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, WithoutImu, at_least, find_bundle
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
@@ -36,6 +36,7 @@ def command(
     without_wheels: Annotated[
         bool, tyro.conf.arg(help="hybrid leaves aside the wheel odometry that comes with the data.")
     ] = False,
+    without_imu: WithoutImu = False,
     first: Annotated[
         int, tyro.conf.arg(name="from", metavar="N", help="Start with frame N, counted from 0; it is the origin.")
     ] = 0,
@@ -70,7 +71,7 @@ def command(
     at_least(1, every=every, frames=frames)
     if first < 0:
         raise OptionError(f"--from {first}: must be 0 or more")
-    selection = Selection(first, every, frames, _lengths(segments), not without_wheels)
+    selection = Selection(first, every, frames, _lengths(segments), not without_wheels, not without_imu)
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:
         raise OptionError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")

@@ -50,6 +50,10 @@ OdometrySpec = Annotated[
         "FILE.tum (poses of the base).",
     ),
 ]
+WithoutWheels = Annotated[bool, tyro.conf.arg(help="hybrid leaves out the wheel odometry that comes with the source.")]
+WithoutImu = Annotated[
+    bool, tyro.conf.arg(help="Leave out the inertial samples that come with the source: the mount's attitude, no gyro.")
+]
 MountText = Annotated[
     str | None,
     tyro.conf.arg(

@@ -20,6 +20,8 @@ from edgemap.cli.options import (
     OdometrySpec,
     PrecisionName,
     Threads,
+    WithoutImu,
+    WithoutWheels,
     at_least,
     choose_classes,
     find_bundle,
@@ -42,6 +44,8 @@ def command(
     camera: CameraSpec = "demo",
     bundle: BundleName = None,
     odometry: OdometrySpec = "hybrid",
+    without_wheels: WithoutWheels = False,
+    without_imu: WithoutImu = False,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
@@ -107,6 +111,7 @@ def command(
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
+    from edgemap.runtime.attitude import open_attitude
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals, tell_all
@@ -129,8 +134,10 @@ def command(
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
-        motion = open_odometry(odometry, loaded, source, floor, allow_untrained, drift=tuned.wheels)
-        pipeline = Pipeline(loaded, floor, motion, rule=replace(tuned.floor, mapped=mapped), confidence=least)
+        motion = open_odometry(odometry, loaded, source, floor, allow_untrained, not without_wheels, drift=tuned.wheels)
+        rule = replace(tuned.floor, mapped=mapped)
+        attitude = open_attitude(odometry, source, seat, not without_imu)
+        pipeline = Pipeline(loaded, floor, motion, rule=rule, attitude=attitude, confidence=least)
         forgetful = floor if forgets(forget, saved, clustering) else None
         mapper = new_mapper(tuned, clustering, odometry, loop_closure, forgetful)
         enter_saved_map(mapper, saved, start, clustering)

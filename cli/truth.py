@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
 
-DRIVES_WITH_OBJECTS = ("drive",)
-
 
 def _shown(camera: Camera) -> list[TrueObject]:
     """What sim:SEED knows, which is more with every picture that it renders."""
@@ -31,10 +29,10 @@ def judge_of(
     from edgemap.benchmarks.map_variants import true_objects
     from edgemap.evaluation.rows import evaluation_rows
     from edgemap.runtime.cameras.open import DEMO
-    from edgemap.runtime.drives import open_drive
+    from edgemap.runtime.drives import READERS, open_drive
 
     spec = f"drive:{DEMO}" if spec == "demo" else spec
-    drive = open_drive(spec) if spec.partition(":")[0] in DRIVES_WITH_OBJECTS else None
+    drive = open_drive(spec) if spec.partition(":")[0] in READERS else None
     if camera.object_records() is None and (drive is None or not drive.objects or camera.truth is None):
         return None
 

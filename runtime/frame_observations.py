@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.runtime.health import PictureHealth
@@ -15,7 +16,8 @@ class FrameObservations:
     """Boxes, objects on the floor and the robot's own motion of one frame, without its picture.
 
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
-    a blind one gives observations only where it is stale and the robot at rest.
+    a blind one gives observations only where it is stale and the robot at rest. camera: with this frame's attitude, None
+    for the level robot's.
     """
 
     index: int
@@ -25,6 +27,7 @@ class FrameObservations:
     motion: Motion
     stages_ms: dict[str, float] = field(default_factory=dict)
     health: PictureHealth = field(default_factory=PictureHealth)
+    camera: FloorCamera | None = None
 
     @property
     def faults(self) -> tuple[str, ...]:

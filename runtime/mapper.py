@@ -108,7 +108,7 @@ class Mapper:
         ]
         object_ids = self.map.update(sightings)
         if not observed.health.blind:
-            self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids)
+            self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids, observed.camera)
         stage("map")
         update = MapUpdate(
             sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,

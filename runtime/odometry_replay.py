@@ -8,7 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
@@ -50,7 +53,8 @@ class FeatureSource:
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
     """N frames of a drive. indices: which of the camera's frames. true, estimated: N poses of the base in the frame of
-    the first one. covariances: (N - 1, 3, 3) of the estimated motions. faults: motions that were guesses."""
+    the first one. covariances: (N - 1, 3, 3) of the estimated motions. faults: motions that were guesses.
+    attitudes: N, as the odometry was told."""
 
     indices: tuple[int, ...]
     stamps_s: NDArray[np.float64]
@@ -58,6 +62,7 @@ class Followed:
     estimated: tuple[SE2, ...]
     covariances: NDArray[np.float64]
     faults: int
+    attitudes: tuple[Attitude | None, ...] = ()
 
 
 def follow(
@@ -66,26 +71,33 @@ def follow(
     features: Callable[[Frame], Tensors],
     *,
     first: int = 0,
+    attitude: AttitudeSource | None = None,
     every: int = 1,
     frames: int | None = None,
     progress: Callable[[], object] = lambda: None,
 ) -> Followed:
     """Feed every `every`-th frame from `first` on, `frames` of them at most, and add up the motions.
 
-    features: of a frame, as `FeatureSource` gives them. progress: called after each frame that is fed. Raises
+    features: of a frame, as `FeatureSource` gives them. attitude: of each frame, for the odometry.
+    progress: called after each frame that is fed. Raises
     OdometryError where the camera brings no true poses or fewer than two frames.
     """
     if camera.truth is None:
         raise OdometryError(f"{camera.name} brings no true poses of its own to compare with")
+    attitudes: list[Attitude | None] = []
     indices: list[int] = []
     stamps_s: list[float] = []
     true: list[SE2] = []
     estimated: list[SE2] = []
     covariances: list[NDArray[np.float64]] = []
-    faults, health = 0, HealthMonitor()
+    faults, health, skipped = 0, HealthMonitor(), []
     while (frames is None or len(indices) < frames) and (frame := camera.read()) is not None:
+        skipped.append(frame.imu)
         if frame.index < first or (frame.index - first) % every:
             continue
+        frame, skipped = replace(frame, imu=ImuSamples.joined(skipped)), []
+        frame = replace(frame, attitude=None if attitude is None else attitude.step(frame))
+        attitudes.append(frame.attitude)
         picture = health.judge(frame)
         if picture.blind:
             step = odometry.step_blind(frame.stamp_s, picture.reason, frame.attitude)
@@ -107,5 +119,5 @@ def follow(
     start = true[0].inverse()
     return Followed(
         tuple(indices), np.array(stamps_s), tuple(start @ pose for pose in true), tuple(estimated),
-        np.array(covariances), faults,
+        np.array(covariances), faults, tuple(attitudes),
     )  # fmt: skip

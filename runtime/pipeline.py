@@ -9,6 +9,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.attitude import AttitudeSource, MountAttitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import CameraError
@@ -36,9 +37,11 @@ class Pipeline:
         odometry: Odometry,
         *,
         rule: FloorRule | None = None,
+        attitude: AttitudeSource | None = None,
         confidence: float | None = None,
     ) -> None:
         self.camera, self.odometry = camera, odometry
+        self.attitude = attitude or MountAttitude(camera.mount)
         rule = rule or FloorRule()
         self.rule = replace(
             rule,
@@ -60,26 +63,27 @@ class Pipeline:
         stage = self._begin(frame)
         health = self._health.judge(frame)
         stage("health")
+        attitude = self.attitude.step(frame)
+        frame, camera = replace(frame, attitude=attitude), self.camera.at(attitude)
+        stage("attitude")
         motion = self._move_blind(frame, health) if health.blind else None
         if motion is not None and not (health.stale and self._at_rest()):
-            return FrameObservations(
-                frame.index, frame.stamp_s, self._nothing, [], motion, self._watch.stages_ms, health
-            )
+            stages_ms = self._watch.stages_ms
+            return FrameObservations(frame.index, frame.stamp_s, self._nothing, [], motion, stages_ms, health, camera)
         tensor, placement = self._preprocess(frame.image)
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
         stage("backbone")
         detections = self._decode(outputs, placement)
         stage("decode")
-        sightings = sightings_of(detections, self.camera, self.rule, frame.index, frame.stamp_s)
+        sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s)
         stage("floor")
         if motion is None:
             self._since_seen = SE2()
             motion = self.odometry.step(frame, outputs).checked(self.odometry.name)
         stage("odometry")
-        return FrameObservations(
-            frame.index, frame.stamp_s, detections, sightings, motion, self._watch.stages_ms, health
-        )
+        stages_ms = self._watch.stages_ms
+        return FrameObservations(frame.index, frame.stamp_s, detections, sightings, motion, stages_ms, health, camera)
 
     def _move_blind(self, frame: Frame, health: PictureHealth) -> Motion:
         """The odometry goes on with what needs no picture."""

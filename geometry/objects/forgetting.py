@@ -73,6 +73,7 @@ class NoForgetting:
         detections: Detections,  # noqa: ARG002
         pose_map_base: SE2,  # noqa: ARG002
         object_ids: Sequence[str],  # noqa: ARG002
+        camera: FloorCamera | None = None,  # noqa: ARG002
     ) -> list[str]:
         """Nothing leaves the map."""
         return []
@@ -91,17 +92,24 @@ class Forgetter:
         self._class: dict[str, _Rate] = defaultdict(_Rate)
 
     def look(
-        self, floor_map: ObjectMap, detections: Detections, pose_map_base: SE2, object_ids: Sequence[str]
+        self,
+        floor_map: ObjectMap,
+        detections: Detections,
+        pose_map_base: SE2,
+        object_ids: Sequence[str],
+        camera: FloorCamera | None = None,
     ) -> list[str]:
         """Weigh one frame, after the map has taken in its sightings; the ids that leave the map by it.
 
         detections: all boxes of the frame. pose_map_base: where they were seen from. object_ids: objects sighted.
+        camera: with the frame's attitude, None for the level robot's.
         """
+        camera = camera or self.camera
         self._frame += 1
         sighted, gone = set(object_ids), []
         objects = self._concerned(floor_map.objects(), pose_map_base, sighted)
-        boxes = expected_boxes(objects, self.camera, pose_map_base)
-        clear = in_plain_view(objects, boxes, self.camera, pose_map_base, detections, self.rule.view)
+        boxes = expected_boxes(objects, camera, pose_map_base)
+        clear = in_plain_view(objects, boxes, camera, pose_map_base, detections, self.rule.view)
         labels = np.array(detections.labels, dtype=object)
         for row, item in enumerate(objects):
             if item.id in sighted:

@@ -17,7 +17,7 @@ class CameraAround(CameraBase):
         super().__init__(camera.name, camera.intrinsics, camera.mount)
         self.live, self.size = camera.live, camera.size
         self.rate_hz, self.frame_count = camera.rate_hz, camera.frame_count
-        self.truth, self.wheel = camera.truth, camera.wheel
+        self.truth, self.attitudes, self.wheel = camera.truth, camera.attitudes, camera.wheel
         self._camera = camera
 
     @property

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
@@ -17,7 +20,10 @@ from edgemap.runtime.trajectory import Trajectory
 
 
 class CameraBase:
-    """The protocol's fields with nothing known, and `frame` to wrap a picture. Subclasses set `size`, add `read`."""
+    """The protocol's fields with nothing known, and `frame` to wrap a picture. Subclasses set `size`, add `read`.
+
+    imu: all inertial samples of a recording, which `frame` deals out.
+    """
 
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
         self.name = name
@@ -28,8 +34,10 @@ class CameraBase:
         self.rate_hz: float | None = None
         self.frame_count: int | None = None
         self.truth: Trajectory | None = None
+        self.attitudes: AttitudeTrack | None = None
+        self.imu: ImuSamples | None = None
         self.wheel: Path | None = None
-        self._delivered = 0
+        self._delivered, self._sampled_s = 0, -math.inf
 
     @property
     def state(self) -> CameraState:
@@ -53,8 +61,9 @@ class CameraBase:
         lens = self.intrinsics
         if lens is not None and (width, height) != (lens.width, lens.height):
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
-        frame = Frame(self._delivered, stamp_s, image, name)
-        self._delivered += 1
+        samples = ImuSamples.none() if self.imu is None else self.imu.between(self._sampled_s, stamp_s)
+        frame = Frame(self._delivered, stamp_s, image, name, samples)
+        self._delivered, self._sampled_s = self._delivered + 1, stamp_s
         return frame
 
     def __enter__(self) -> Self:

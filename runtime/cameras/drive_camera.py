@@ -22,6 +22,6 @@ def drive_camera(
     else:
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
     camera.rate_hz = drive.rate_hz
-    camera.truth = drive.truth
-    camera.wheel = drive.wheel
+    camera.truth, camera.attitudes = drive.truth, drive.attitudes
+    camera.wheel, camera.imu = drive.wheel, drive.imu
     return camera

@@ -14,10 +14,10 @@ UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
     "a video file, a folder of pictures, "
     "a recording FILE.mcap[#/topic], "
-    "or KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo"
+    "or KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo"
 )
 STREAMS = ("rtsp", "rtsps", "http", "https")
-KINDS = ("kitti", "tum", "c2w", "drive", "locobot", "yolo")
+KINDS = ("kitti", "tum", "c2w", "drive", "euroc", "locobot", "yolo")
 DEMO = Path(__file__).parents[1] / "demo"
 
 

@@ -7,6 +7,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.trajectory import Trajectory
@@ -19,7 +20,8 @@ class Camera(Protocol):
     name: the SPEC it was opened from. live: true for devices that run on whether we read or not.
     intrinsics, mount: None where the source does not know them. rate_hz: nominal frame rate, None if unknown.
     size: (width, height) of the pictures that it delivers, px. frame_count: None for live sources.
-    truth: the drive's own poses from its start, None where unknown. wheel: wheel odometry that came with the pictures,
+    truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
+    the poses are planar. wheel: wheel odometry that came with the pictures,
     a CSV or a recording, None where there is none.
     """
 
@@ -31,6 +33,7 @@ class Camera(Protocol):
     rate_hz: float | None
     frame_count: int | None
     truth: Trajectory | None
+    attitudes: AttitudeTrack | None
     wheel: Path | None
 
     @property

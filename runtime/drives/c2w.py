@@ -9,7 +9,7 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.layout import read_setup, stamps_for
 from edgemap.runtime.drives.pictures import first_folder, list_pictures, read_picture
-from edgemap.runtime.drives.planarise import planarise_camera, upright_camera
+from edgemap.runtime.drives.planarise import camera_attitudes, planarise_camera, upright_camera
 from edgemap.runtime.drives.pose_files import check_count, read_matrices, trajectory
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import read_text
@@ -36,7 +36,7 @@ def read_c2w(folder: Path) -> Drive:
     truth, full = trajectory(path, stamps, planarise_camera(*way)), upright_camera(*way)
     return Drive(
         "c2w", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, full_poses=full,
-        notes=setup.notes,
+        attitudes=camera_attitudes(stamps, poses, setup.world_up), notes=setup.notes,
     )  # fmt: skip
 
 

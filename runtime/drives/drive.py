@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.trajectory import Trajectory
 
 # A picture counts as having seen an object when this share of it is visible and its box's longer side is this long.
@@ -52,6 +54,7 @@ class Drive:
     images: in order of time; empty for a drive whose pictures are in `video`. stamps_s: seconds, one per picture.
     truth: poses of the base, seen from the first one. boxes: true boxes per picture, empty where unknown.
     objects: records of `objects.json`. wheel: path of a CSV with the wheels' poses (stamp_s, x_m, y_m, yaw_rad).
+    attitudes: of the camera, where the recorded poses have six dimensions. imu: samples in the optical frame.
     depth: depth pictures, one per image, empty where there are none. full_poses: of the lens, (N, 4, 4), one per
     picture, base axes in a z-up frame, where the recorded poses have six dimensions.
     """
@@ -70,4 +73,6 @@ class Drive:
     video: Path | None = None
     depth: tuple[Path, ...] = ()
     full_poses: NDArray[np.float64] | None = None
+    attitudes: AttitudeTrack | None = None
+    imu: ImuSamples | None = None
     notes: dict[str, Any] = field(default_factory=dict)

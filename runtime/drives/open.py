@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+
+import msgspec
 
 from edgemap.runtime.drives.c2w import read_c2w
 from edgemap.runtime.drives.drive import Drive
+from edgemap.runtime.drives.euroc import read_euroc
 from edgemap.runtime.drives.kitti import read_kitti
 from edgemap.runtime.drives.locobot import read_locobot
 from edgemap.runtime.drives.own import read_own
+from edgemap.runtime.drives.truth_json import read_objects
 from edgemap.runtime.drives.tum import read_tum_drive
 from edgemap.runtime.drives.yolo import read_yolo
 from edgemap.runtime.errors import CameraError
@@ -19,6 +24,7 @@ READERS: dict[str, Callable[[Path], Drive]] = {
     "tum": read_tum_drive,
     "c2w": read_c2w,
     "drive": read_own,
+    "euroc": read_euroc,
     "locobot": read_locobot,
     "yolo": read_yolo,
 }
@@ -27,9 +33,14 @@ READERS: dict[str, Callable[[Path], Drive]] = {
 def open_drive(spec: str) -> Drive:
     """Read the drive `KIND:DIR`, KIND one of `READERS`. Pictures are found, not decoded.
 
+    What the readers do not know themselves is the same for every KIND: the objects of `objects.json`.
     Raises CameraError, one line with the path and the numbers, for an unknown KIND and for anything missing or wrong.
     """
     kind, colon, folder = spec.partition(":")
     if not colon or not folder or kind not in READERS:
         raise CameraError(f"data {spec!r} is not KIND:DIR with KIND one of {', '.join(READERS)}")
-    return READERS[kind](Path(folder).expanduser())
+    drive = READERS[kind](Path(folder).expanduser())
+    objects = drive.folder / "objects.json"
+    if drive.objects or not objects.is_file():
+        return drive
+    return replace(drive, objects=tuple(msgspec.structs.asdict(record) for record in read_objects(objects)))

@@ -6,6 +6,7 @@ poses.tum                  base poses, one per picture (or at any stamps where s
 stamps.txt                 optional; seconds, one per picture
 objects.json, boxes.json   optional; see `write_drive`
 wheel.csv                  optional; stamp_s,x_m,y_m,yaw_rad
+imu.csv                    optional; stamp_s,gx,gy,gz,ax,ay,az: rad/s and m/s^2, the camera's optical frame
 depth/…                    optional; 16-bit pictures, millimetres along the optical axis
 """
 
@@ -20,9 +21,10 @@ import numpy as np
 
 from edgemap.runtime.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
+from edgemap.runtime.drives.imu_csv import read_imu_csv
 from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ
 from edgemap.runtime.drives.pictures import list_pictures
-from edgemap.runtime.drives.planarise import planarise_base
+from edgemap.runtime.drives.planarise import base_attitudes, planarise_base
 from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_stamps, read_tum_3d, trajectory
 from edgemap.runtime.drives.truth_json import ObjectRecord, read_boxes, read_objects
 from edgemap.runtime.errors import CameraError
@@ -39,7 +41,9 @@ def read_own(folder: Path) -> Drive:
     path = folder / "poses.tum"
     stamps, matrices = read_tum_3d(path)
     check_increasing(path, stamps)
-    truth = trajectory(path, stamps, planarise_base(matrices, camera.world_up or "z"))
+    world_up = camera.world_up or "z"
+    truth = trajectory(path, stamps, planarise_base(matrices, world_up))
+    attitudes = base_attitudes(stamps, matrices, world_up, camera.mount) if camera.mount else None
     source = folder / "images" if images else folder / VIDEO_NAME
     if (folder / "stamps.txt").is_file():
         stamps = read_stamps(folder / "stamps.txt")
@@ -57,7 +61,7 @@ def read_own(folder: Path) -> Drive:
         boxes = read_boxes(folder / "boxes.json")
         check_count(folder / "boxes.json", len(boxes), len(stamps), source)
     records = read_objects(folder / "objects.json") if (folder / "objects.json").is_file() else ()
-    wheel = folder / "wheel.csv"
+    wheel, imu = folder / "wheel.csv", folder / "imu.csv"
     depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
     if depth:
         check_count(folder / "depth", len(depth), len(stamps), source)
@@ -75,6 +79,8 @@ def read_own(folder: Path) -> Drive:
         wheel=wheel if wheel.is_file() else None,
         video=video,
         depth=depth,
+        attitudes=attitudes,
+        imu=read_imu_csv(imu) if imu.is_file() else None,
     )
 
 

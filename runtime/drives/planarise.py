@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.errors import CameraError
 
 Array = NDArray[np.float64]
 
 OPTICAL_FORWARD = (0.0, 0.0, 1.0)
 BASE_FORWARD = (1.0, 0.0, 0.0)
+LEVEL = 1e-4  # rad and m; files round
 
 
 def up_vector(world_up: str) -> Array:
@@ -47,6 +49,24 @@ def upright_camera(poses_world_camera: Array, world_up: str, mount: Mount | None
     poses[:, :3, :3] = start_world @ poses_world_camera[:, :3, :3] @ optical_base
     poses[:, :3, 3] = (poses_world_camera[:, :3, 3] - poses_world_camera[0, :3, 3]) @ start_world.T
     return poses
+
+
+def camera_attitudes(stamps_s: Array, poses_world_camera: Array, world_up: str) -> AttitudeTrack:
+    """Roll, pitch and rise of the lens from camera-to-world poses (N, 4, 4), optical camera axes."""
+    up = up_vector(world_up)
+    directions = np.einsum("nij,i->nj", poses_world_camera[:, :3, :3], up)
+    return AttitudeTrack.of_up(stamps_s, directions, poses_world_camera[:, :3, 3] @ up)
+
+
+def base_attitudes(stamps_s: Array, poses_world_base: Array, world_up: str, mount: Mount) -> AttitudeTrack | None:
+    """Roll, pitch and rise of the lens from base-to-world poses (N, 4, 4), base axes; None where the base stays level
+    and at one height."""
+    up = up_vector(world_up)
+    directions = np.einsum("nij,i->nj", poses_world_base[:, :3, :3], up)
+    heights = poses_world_base[:, :3, 3] @ up + directions @ mount.position_base_m()
+    if np.abs(directions[:, :2]).max() < LEVEL and np.ptp(heights) < LEVEL:
+        return None
+    return AttitudeTrack.of_up(stamps_s, directions @ mount.rotation_base_optical(), heights)
 
 
 def planarise_base(poses_world_base: Array, world_up: str) -> tuple[SE2, ...]:

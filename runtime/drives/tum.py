@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.layout import Setup, read_setup
 from edgemap.runtime.drives.pictures import first_folder, list_pictures
-from edgemap.runtime.drives.planarise import planarise_camera
+from edgemap.runtime.drives.planarise import camera_attitudes, planarise_camera
 from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_tum_3d, trajectory
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.number_rows import STAMP
@@ -41,7 +42,7 @@ def read_tum_drive(folder: Path) -> Drive:
     check_count(path, len(stamps), len(images), pictures_folder)
     check_increasing(path, stamps)
     truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
-    return _drive(folder, images, stamps, setup, truth)
+    return _drive(folder, images, stamps, setup, truth, camera_attitudes(stamps, poses, setup.world_up))
 
 
 def _read_listed(folder: Path, setup: Setup) -> Drive:
@@ -64,7 +65,8 @@ def _read_listed(folder: Path, setup: Setup) -> Drive:
     notes = {"pictures_without_truth": dropped} if dropped else {}
     kept = stamps[known]
     truth = trajectory(truth_path, kept, poses_at)
-    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, notes)
+    attitudes = camera_attitudes(truth_stamps, poses, setup.world_up)
+    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, attitudes, notes)
 
 
 def _drive(
@@ -73,10 +75,14 @@ def _drive(
     stamps: Array,
     setup: Setup,
     truth: Trajectory | None,
+    attitudes: AttitudeTrack | None = None,
     notes: dict[str, int] | None = None,
 ) -> Drive:
     rate_hz = float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else setup.rate_hz
-    return Drive("tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, notes=notes or {})
+    return Drive(
+        "tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes,
+        notes=notes or {},
+    )  # fmt: skip
 
 
 def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:

@@ -74,7 +74,18 @@ def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind
 
 def test_stages_stand_in_the_order_of_the_step(bundle):
     result = pipeline(bundle).step(Frame(0, 0.0, noise(0)))
-    stages = ["health", "preprocess", "backbone", "decode", "floor", "odometry", "closure", "map", "relocalisation"]
+    stages = [
+        "health",
+        "attitude",
+        "preprocess",
+        "backbone",
+        "decode",
+        "floor",
+        "odometry",
+        "closure",
+        "map",
+        "relocalisation",
+    ]
     assert list(result.stages_ms) == stages
 
 

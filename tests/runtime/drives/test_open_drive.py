@@ -81,7 +81,7 @@ def test_missing_things_are_named(tmp_path):
     kitti(tmp_path / "k")
     (tmp_path / "k" / "poses.txt").unlink()
     assert refusal(f"kitti:{tmp_path / 'k'}").endswith("poses.txt: cannot be read (No such file or directory)")
-    assert "not KIND:DIR with KIND one of kitti, tum, c2w, drive, locobot, yolo" in refusal("kity:here")
+    assert "not KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo" in refusal("kity:here")
 
 
 def test_c2w_reads_k_and_pictures_in_the_folder_itself(tmp_path):

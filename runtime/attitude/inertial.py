@@ -1,0 +1,105 @@
+"""Attitude of each frame from the camera's IMU, where its samples come with the frames."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.camera.inertial import InertialNoise, InertialState, inertial_start, inertial_step
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.protocol import AttitudeSource
+from edgemap.runtime.frame import Frame
+
+# Between IMU and mount lies a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg) and the mount's error.
+OFFSET_RAD = math.radians(2.5)
+FARTHEST_RAD = math.radians(6.0)  # what is tilted more than this is no offset, but a camera that is held otherwise
+NODDING_RAD, NODDING_S = math.radians(0.5), 2.0  # of a level robot about its mount, and for how long it stays so
+START_S = 0.1  # of samples, whose mean force is the first guess of where up is
+
+
+class ConstantTilt:
+    """The mean of what the IMU says beyond the mount, roll and pitch, taken for a constant as far as its scatter lets.
+
+    Raises nothing; deviations above `FARTHEST_RAD` teach nothing.
+    """
+
+    def __init__(self) -> None:
+        self._sum, self._squares, self._seconds, self._count = np.zeros(2), np.zeros(2), 0.0, 0
+
+    def learn(self, deviation_rad: np.ndarray, span_s: float) -> None:
+        """One frame's deviation (2,) from the mount, which stands for this time."""
+        if np.abs(deviation_rad).max() < FARTHEST_RAD:
+            self._sum, self._squares = self._sum + deviation_rad, self._squares + deviation_rad**2
+            self._seconds, self._count = self._seconds + span_s, self._count + 1
+
+    def estimate(self) -> tuple[np.ndarray, np.ndarray]:
+        """The constant (2,), rad, and its variance (2,)."""
+        prior = OFFSET_RAD**2
+        if not self._count:
+            return np.zeros(2), np.full(2, prior)
+        mean = self._sum / self._count
+        scatter = np.maximum(self._squares / self._count - mean**2, NODDING_RAD**2)
+        variance = scatter / max(self._seconds / (2.0 * NODDING_S), 1.0)
+        gain = prior / (prior + variance)
+        return gain * mean, prior * (1.0 - gain)
+
+
+class InertialAttitude:
+    """Roll, pitch and rotation by gyro and accelerometer, against the mount; without samples the `other` source.
+
+    Starts with the first samples, and again after a hole of `InertialNoise.lost_s`.
+    """
+
+    name = "imu"
+
+    def __init__(self, mount: Mount, other: AttitudeSource, noise: InertialNoise | None = None) -> None:
+        self._mount = np.array([mount.roll_rad, mount.pitch_rad])
+        self._other, self._noise = other, noise or InertialNoise()
+        self._tilt = ConstantTilt()
+        self._state: InertialState | None = None
+
+    def step(self, frame: Frame) -> Attitude:
+        """The attitude at the frame's stamp."""
+        other = self._other.step(frame)
+        state, rotation = self._state, None
+        if not len(frame.imu):
+            if state is not None and frame.stamp_s - state.stamp_s > self._noise.lost_s:
+                self._state = None
+            return other
+        if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= self._noise.lost_s:
+            self._state = self._begun(frame)
+        else:
+            self._state, rotation = inertial_step(state, frame.imu, frame.stamp_s, self._noise)
+        return self._against_mount(self._state, rotation, 0.0 if state is None else frame.stamp_s - state.stamp_s)
+
+    def reset(self, reason: str) -> None:
+        """Start again with the next samples; the constant tilt is kept."""
+        self._state = None
+        self._other.reset(reason)
+
+    def _begun(self, frame: Frame) -> InertialState:
+        """Started with the earliest samples and taken on to the frame: a camera at rest before it teaches the bias."""
+        samples, noise = frame.imu, self._noise
+        edges = [*np.arange(samples.stamps_s[0] + START_S, frame.stamp_s - 1e-6, START_S).tolist(), frame.stamp_s]
+        state = inertial_start(samples.between(-math.inf, edges[0]), edges[0], noise)
+        for edge_s in edges[1:]:
+            part = samples.between(state.stamp_s, edge_s)
+            if len(part):
+                state, _ = inertial_step(state, part, edge_s, noise)
+        return state
+
+    @property
+    def constant_tilt(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the IMU against the mount, roll and pitch (2,), rad, with variances (2,)."""
+        return self._tilt.estimate()
+
+    def _against_mount(self, state: InertialState, rotation: GyroRotation | None, span_s: float) -> Attitude:
+        plain = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
+        measured = np.array([plain.roll_rad, plain.pitch_rad])
+        self._tilt.learn(measured - self._mount, span_s)
+        offset, variance = self._tilt.estimate()
+        roll, pitch = (float(value) for value in measured - offset)
+        covariance = plain.covariance_rad2 + np.diag(variance)
+        return Attitude(roll, pitch, covariance, rotation=rotation, source=self.name)

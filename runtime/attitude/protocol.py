@@ -1,0 +1,22 @@
+"""What tells the step how the camera is tilted."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.runtime.frame import Frame
+
+
+class AttitudeSource(Protocol):
+    """Fed every frame in order; depends on frames, their stamps and their IMU samples only."""
+
+    name: str
+
+    def step(self, frame: Frame) -> Attitude:
+        """The camera's attitude at this frame."""
+        ...
+
+    def reset(self, reason: str) -> None:
+        """Forget the past."""
+        ...

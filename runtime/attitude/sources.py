@@ -1,0 +1,44 @@
+"""Attitudes that need no measurement: recorded ones, and the mount's own."""
+
+from __future__ import annotations
+
+import math
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.track import AttitudeTrack
+from edgemap.runtime.frame import Frame
+
+NODDING_RAD = math.radians(0.3)  # of a robot on wheels that brakes and rolls over hard floors
+
+
+class MountAttitude:
+    """The mount's angles in every frame, with the covariance of a robot that nods."""
+
+    name = "mount"
+
+    def __init__(self, mount: Mount, sigma_rad: float = NODDING_RAD) -> None:
+        self._attitude = Attitude.of_mount(mount, sigma_rad)
+
+    def step(self, frame: Frame) -> Attitude:  # noqa: ARG002
+        """The same in every frame."""
+        return self._attitude
+
+    def reset(self, reason: str) -> None:
+        """Nothing to forget."""
+
+
+class RecordedAttitude:
+    """The attitude of recorded 6-DoF poses."""
+
+    name = "truth"
+
+    def __init__(self, track: AttitudeTrack, mount: Mount) -> None:
+        self._track, self._height_m = track, mount.height_m
+
+    def step(self, frame: Frame) -> Attitude:
+        """Read off the track at the frame's stamp."""
+        return self._track.at(frame.stamp_s, self._height_m)
+
+    def reset(self, reason: str) -> None:
+        """Nothing to forget."""

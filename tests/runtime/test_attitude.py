@@ -1,0 +1,132 @@
+"""Where attitudes come from: recorded poses, inertial samples, the mount."""
+
+import math
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, inertial_step
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.inertial import InertialAttitude
+from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
+from edgemap.runtime.drives import open_drive
+from edgemap.runtime.drives.imu_csv import read_imu_csv, write_imu_csv
+from edgemap.runtime.drives.planarise import base_attitudes
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frame import Frame
+
+BLANK = np.zeros((4, 4, 3), np.uint8)
+
+
+def samples_of(pitch_rad, stamps, roll_deg=0.0, bias=(0.0, 0.0, 0.0), offset_rad=0.0):
+    """A camera that only nods, as its IMU has it; pitch_rad: at each stamp. A pitch is a rate about x (right)."""
+    rates = np.zeros((len(stamps), 3))
+    rates[:, 0] = -np.gradient(pitch_rad, stamps)
+    ups = [
+        Mount(1.0, pitch + offset_rad, math.radians(roll_deg)).rotation_base_optical().T @ [0, 0, 9.81]
+        for pitch in pitch_rad
+    ]
+    return ImuSamples(stamps, rates + bias, np.array(ups))
+
+
+def frames_of(samples, rate_hz):
+    ends = np.arange(samples.stamps_s[0] + 1.0 / rate_hz, samples.stamps_s[-1], 1.0 / rate_hz)
+    for index, end_s in enumerate(ends):
+        yield Frame(index, float(end_s), BLANK, imu=samples.between(end_s - 1.0 / rate_hz, end_s))
+
+
+def test_a_nodding_robot_is_followed_and_its_gyro_bias_is_learnt_at_rest():
+    stamps = np.arange(0.0, 30.0, 0.005)
+    nod = np.where(stamps > 4.0, math.radians(3.0) * np.sin(2.0 * math.pi * 0.7 * (stamps - 4.0)), 0.0)
+    mount = Mount.from_degrees(0.5, 10.0)
+    samples = samples_of(mount.pitch_rad + nod, stamps, bias=(0.02, -0.03, 0.04))
+    source = InertialAttitude(mount, MountAttitude(mount))
+    errors, yaw = [], 0.0
+    for frame in frames_of(samples, 10.0):
+        attitude = source.step(frame)
+        errors.append(attitude.pitch_rad - mount.pitch_rad - np.interp(frame.stamp_s, stamps, nod))
+        if frame.stamp_s > 4.0 and attitude.rotation is not None:
+            yaw += attitude.rotation.yaw_rad
+    assert math.degrees(np.sqrt(np.mean(np.square(errors[50:])))) < 0.3
+    assert abs(math.degrees(yaw)) < 1.0  # 26 s of a bias of 2.4 deg/s would be 60
+
+
+def test_a_constant_tilt_between_imu_and_mount_is_learnt():
+    stamps = np.arange(0.0, 60.0, 0.01)
+    mount = Mount.from_degrees(0.5, 10.0)
+    samples = samples_of(np.full(len(stamps), mount.pitch_rad), stamps, offset_rad=math.radians(3.0))
+    source = InertialAttitude(mount, MountAttitude(mount))
+    attitudes = [source.step(frame) for frame in frames_of(samples, 10.0)]
+    assert math.degrees(attitudes[-1].pitch_rad) == pytest.approx(10.0, abs=0.2)
+    assert math.degrees(source.constant_tilt[0][1]) == pytest.approx(3.0, abs=0.2)
+
+
+def test_without_samples_the_other_source_speaks_and_a_hole_starts_the_filter_again():
+    mount = Mount.from_degrees(0.5, 10.0)
+    source = InertialAttitude(mount, MountAttitude(mount, math.radians(0.7)))
+    bare = source.step(Frame(0, 0.0, BLANK))
+    assert bare.source == "mount"
+    assert bare.covariance_rad2[0, 0] == pytest.approx(math.radians(0.7) ** 2)
+    stamps = np.arange(1.0, 8.0, 0.01)
+    samples = samples_of(np.full(len(stamps), mount.pitch_rad), stamps)
+    told = []
+    for frame in frames_of(samples, 10.0):
+        hole = Frame(frame.index, frame.stamp_s, BLANK) if 3.0 < frame.stamp_s < 5.0 else frame
+        told.append((source.step(hole).source, round(frame.stamp_s, 2)))
+    assert {name for name, stamp_s in told if 3.05 < stamp_s < 4.95} == {"mount"}
+    assert told[-1][0] == "imu"
+
+
+def test_imu_csv_comes_back_and_bad_rows_are_named(tmp_path):
+    samples = samples_of(np.linspace(0.0, 0.1, 20), np.arange(20) / 100.0, roll_deg=3.0)
+    write_imu_csv(tmp_path / "imu.csv", samples)
+    read = read_imu_csv(tmp_path / "imu.csv")
+    np.testing.assert_allclose(read.accel_m_s2, samples.accel_m_s2, rtol=1e-6)
+    (tmp_path / "imu.csv").write_text("stamp_s,gx,gy,gz,ax,ay,az\n0.1,0,0,0,0,0\n")
+    with pytest.raises(CameraError, match=r"imu.csv:2: expected 7 finite numbers"):
+        read_imu_csv(tmp_path / "imu.csv")
+
+
+def test_a_base_that_tilts_takes_the_camera_along():
+    pitch = math.radians(5.0)
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, :3, :3] = [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
+    mount = Mount.from_degrees(0.5, 10.0, forward_m=0.2)
+    track = base_attitudes(np.array([0.0, 1.0]), poses, "z", mount)
+    assert track is not None
+    attitude = RecordedAttitude(track, mount).step(Frame(0, 1.0, BLANK))
+    assert math.degrees(attitude.pitch_rad) == pytest.approx(15.0)
+    # Nose down about the axle: 0.2 m ahead sinks by 0.2 sin 5 deg, 0.5 m up by 0.5 (1 - cos 5 deg).
+    assert attitude.height_m == pytest.approx(0.5 - 0.2 * math.sin(pitch) - 0.5 * (1 - math.cos(pitch)))
+    assert base_attitudes(np.array([0.0, 1.0]), np.tile(np.eye(4), (2, 1, 1)), "z", mount) is None
+
+
+def test_a_real_lounge_has_attitudes_heights_and_objects(shared_data):
+    drive = open_drive(f"c2w:{shared_data / 'lounge'}")
+    assert len(drive.objects) > 15
+    track = drive.attitudes
+    assert track is not None
+    assert math.degrees(track.pitch_rad[0]) == pytest.approx(35.4, abs=0.1)  # asin(0.5795), line 1 of poses.txt
+    assert track.risen_m.max() == pytest.approx(0.1085, abs=1e-3)
+
+
+def test_a_real_flight_is_levelled_within_a_degree(shared_data):
+    """EuRoC V1_01: 145 s. Truth and IMU frame differ by a constant rotation, which is taken out."""
+    drive = open_drive(f"euroc:{shared_data / 'euroc'}")
+    assert drive.imu is not None
+    assert drive.attitudes is not None
+    noise, state, last_s = InertialNoise(), None, -math.inf
+    found, true, rate_hz = [], [], 20.0
+    for end_s in np.arange(0.05, drive.imu.stamps_s[-1], 1.0 / rate_hz):
+        part, last_s = drive.imu.between(last_s, end_s), end_s
+        state = inertial_start(part, end_s, noise) if state is None else inertial_step(state, part, end_s, noise)[0]
+        if drive.attitudes.stamps_s[0] < end_s < drive.attitudes.stamps_s[-1]:
+            truth = drive.attitudes.at(end_s, 1.0)
+            true.append(Mount(1.0, truth.pitch_rad, truth.roll_rad).rotation_base_optical()[2])
+            found.append(state.up_optical)
+    found, true = np.array(found), np.array(true)
+    u, _, v = np.linalg.svd(found.T @ true)
+    turned = true @ (u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v).T
+    errors = np.arccos(np.clip((found * turned).sum(axis=1), -1.0, 1.0))
+    assert math.degrees(np.sqrt((errors**2).mean())) < 0.9
