@@ -12,7 +12,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
-from edgemap.runtime.attitude import open_attitude
+from edgemap.runtime.attitude.open import open_attitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.config import Config

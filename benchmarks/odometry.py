@@ -16,7 +16,7 @@ from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, Drive
 from edgemap.evaluation.planar_fit import planar_fit
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.attitude import open_attitude
+from edgemap.runtime.attitude.open import open_attitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.drive_camera import drive_camera

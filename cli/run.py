@@ -111,7 +111,7 @@ def command(
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.runtime.attitude import open_attitude
+    from edgemap.runtime.attitude.open import open_attitude
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals, tell_all

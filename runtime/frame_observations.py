@@ -16,8 +16,8 @@ class FrameObservations:
     """Boxes, objects on the floor and the robot's own motion of one frame, without its picture.
 
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
-    a blind one gives observations only where it is stale and the robot at rest. camera: with this frame's attitude, None
-    for the level robot's.
+    a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
+    frame, None for the level robot's.
     """
 
     index: int

@@ -9,7 +9,8 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.attitude import AttitudeSource, MountAttitude
+from edgemap.runtime.attitude.protocol import AttitudeSource
+from edgemap.runtime.attitude.sources import MountAttitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import CameraError
