@@ -50,7 +50,9 @@ class SideBySide:
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """All of them; the first one's motion."""
-        self.motions = {key: odometry.step(frame, features) for key, odometry in self.odometries.items()}
+        self.motions = {
+            key: odometry.step(frame, features).checked(odometry.name) for key, odometry in self.odometries.items()
+        }
         return next(iter(self.motions.values()))
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
