@@ -104,7 +104,7 @@ class HybridOdometry:
     def _checked(self, index: int, motion: Motion) -> Motion:
         member = self._members[index]
         found = motion.checked(member.odometry.name)
-        if not (found.fault or found.blind):
+        if not (found.fault or found.blind or self._first):
             self._measured.add(index)
         elif member.optional and index not in self._measured:
             return replace(found, fault="", blind=True)

@@ -15,6 +15,7 @@ from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.manifest import Manifest, OdometryHead
 from edgemap.runtime.network import Tensors
+from edgemap.runtime.odometry.coasting import Coasting
 from edgemap.runtime.odometry.protocol import Motion, blind_motion
 from edgemap.runtime.preprocess import cell_grid
 
@@ -57,6 +58,8 @@ class LearnedOdometry:
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
         dt_s, self._last_s = frame.stamp_s - self._last_s, frame.stamp_s
+        since, since_covariance = self._since, self._since_covariance
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         if not self._fresh and self._geometry and not SHORTEST_DT_S <= dt_s <= LONGEST_DT_S:
             self._start_again()
         fresh, self._fresh = self._fresh, False
@@ -67,22 +70,26 @@ class LearnedOdometry:
         if fresh and math.isfinite(dt_s):
             return blind_motion(f"{self.name} odometry: {dt_s:.3f} s since the last frame, started again")
         if fresh:
+            self._coasting.begin(frame.stamp_s)
             return Motion(fault=self._warning)
         if not (np.isfinite(motion.vector()).all() and np.isfinite(covariance).all()):
             self._start_again()
             return blind_motion(f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
-        return Motion(motion, covariance)
+        motion = since.inverse() @ motion
+        self._coasting.saw(motion, frame.stamp_s)
+        return Motion(motion, covariance + since_covariance)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """Blind: the recurrent state starts again at the next picture."""
-        self._start_again()
-        self._last_s = stamp_s
-        return blind_motion(reason)
+        """A guess; the next picture tells the motion since the last one."""
+        guess = self._coasting.guess(stamp_s, reason)
+        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
+        return guess
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""
         self._start_again()
-        self._last_s = -math.inf
+        self._coasting, self._last_s = Coasting(), -math.inf
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
 
     def _start_again(self) -> None:
         self._states, self._fed = initial_states(self._head), 0

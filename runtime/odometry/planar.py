@@ -40,6 +40,8 @@ WINDOW_PX, LEVELS = 11, 3  # of the tracker; with two levels it loses a robot th
 MAX_CORNERS = 160
 CORNERS_APART_PX = 6
 FLOOR_SHARE = 0.6  # of the corners, looked for where the floor is within reach
+SHIFT_PX = 4  # the picture's shift is looked for on every so many pixels
+SHIFT_RESPONSE, SHIFT_LEAST_PX = 0.15, 8.0  # of the phase correlation; and what the tracker does not find by itself
 SCALED = 25  # landmarks of known depth that keep the scale
 MASK_PX = 8  # the floor is told from the rest on every so many pixels
 REACH_HEIGHTS = 12.0  # what lies farther than this many camera heights is not taken for floor
@@ -140,6 +142,10 @@ class PlanarOdometry:
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame: its attitude, and what remains unknown of it."""
         self._camera_before = self._camera
+        rotation = None if attitude is None else attitude.rotation
+        self._turn_known = rotation is not None
+        if rotation is not None:
+            self._motion = SE2(self._motion.x_m, self._motion.y_m, rotation.yaw_rad)
         if attitude is None:
             self._camera, self._noise = self._level, self._level_noise
             return
@@ -194,6 +200,8 @@ class PlanarOdometry:
         sight = look(self._landmarks, self._camera, View(self._view.pose @ self._since @ self._motion))
         expected = self._camera.intrinsics.project(np.column_stack([sight.seen, np.where(sight.ahead, 1.0, np.nan)]))
         expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
+        if not self._turn_known:
+            expected += self._surprise(last, grey, expected)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
             last, grey, self._corners[:, None], expected[:, None].copy(), winSize=(WINDOW_PX, WINDOW_PX),
             maxLevel=LEVELS, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
@@ -204,6 +212,16 @@ class PlanarOdometry:
         good = (status.reshape(-1) == 1) & inside
         self._before = self._before[good]
         self._keep(good)
+
+    def _surprise(self, last: MatLike, grey: MatLike, expected: Pixels) -> Pixels:
+        """By how much the picture moved other than expected, (2,) px, where that is more than the tracker reaches."""
+        width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
+        window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+        small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
+        shift, response = cv2.phaseCorrelate(small[0], small[1], window)
+        surprise = SHIFT_PX * np.array(shift) - np.median(expected - self._corners, axis=0)
+        clear = response > SHIFT_RESPONSE and float(np.hypot(*surprise)) > SHIFT_LEAST_PX
+        return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
         self._corners, self._landmarks = self._corners[which], self._landmarks.chosen(which)
