@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 # Module name to one line. Each module has a function `run`, a `Part`.
-PARTS: dict[str, str] = {}
+PARTS: dict[str, str] = {
+    "readers": "hostile files: every reader on mutated documents",
+}
 
 
 @dataclass(frozen=True, slots=True)

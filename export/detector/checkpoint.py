@@ -92,7 +92,9 @@ def load_detector(path: Path, fold: bool = True) -> DetectorCheckpoint:
 
 def _unrefined(build: Callable[[], Nano], weights: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """For weights of before there were refinements: those of a network that does not refine yet."""
-    if any(name.startswith("refinements.") for name in weights):
+    with torch.device("meta"):
+        names = {name for name in build().state_dict() if not name.startswith("refinements.")}
+    if names != weights.keys():  # has refinements, or fits nothing
         return {}
     return {name: tensor for name, tensor in build().state_dict().items() if name.startswith("refinements.")}
 
