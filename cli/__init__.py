@@ -77,8 +77,7 @@ def _run(words: str, rest: list[str]) -> None:
 
 
 def _command(words: str, rest: list[str]) -> None:
-    import tyro
-
+    from edgemap.cli.usage import parse_and_call
     from edgemap.geometry.errors import EdgemapError
 
     try:
@@ -87,7 +86,7 @@ def _command(words: str, rest: list[str]) -> None:
             from edgemap.runtime.config import config_arguments
 
             rest = config_arguments(rest)
-        tyro.cli(command, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
+        parse_and_call(command, words, rest)
     except EdgemapError as error:
         print(f"edgemap {words}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 
 
 def command(
-    images: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="IMAGE...", help="Picture files.")],
+    images: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="IMAGE...", help="Pictures, or folders of them."),
+    ],
     bundle: BundleName = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
@@ -58,10 +61,11 @@ def command(
     from edgemap.geometry.observations.sighting import sightings_of
     from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
-    from edgemap.runtime.drives.pictures import read_picture
+    from edgemap.runtime.drives.pictures import list_pictures, read_picture
 
     if not images:
-        raise OptionError("no pictures given")
+        raise OptionError("no pictures given: edgemap detect PICTURE... or a folder of them")
+    images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
     loaded = find_bundle(bundle, threads, precision, str(images[0]))
     confidence = least_score(confidence, loaded)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))

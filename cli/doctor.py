@@ -110,8 +110,11 @@ def _libraries() -> Iterator[Finding]:
         "export": (("torch", "torch"), ("onnx", "onnx"), ("onnxscript", "onnxscript")),
         "plot": (("matplotlib", "matplotlib"),),
         "evaluation": (("faster_coco_eval", "faster-coco-eval"),),
-        "simulation": (("moderngl", "moderngl"),),
+        "simulation": (("moderngl", "moderngl"), ("av", "av"), ("PIL", "pillow"), ("embreex", "embreex")),
         "openvino": (("openvino", "openvino"),),
+        "view": (("starlette", "starlette"), ("uvicorn", "uvicorn"), ("websockets", "websockets")),
+        "record": (("mcap", "mcap"), ("mcap_ros2", "mcap-ros2-support")),
+        "rerun": (("rerun", "rerun-sdk"),),
     }
     purposes = {
         "export": "pull by name, export, train",
@@ -119,6 +122,9 @@ def _libraries() -> Iterator[Finding]:
         "evaluation": "eval detection",
         "simulation": "rendered rooms",
         "openvino": "bench --against openvino",
+        "view": "run --view",
+        "record": "record, run --record, recordings as cameras",
+        "rerun": "recordings in Rerun",
     }
     for extra, modules in extras.items():
         lacking = [package for module, package in modules if find_spec(module) is None]

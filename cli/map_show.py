@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import Json, numbers
+from edgemap.cli.options import Json, known_names, numbers
 
 if TYPE_CHECKING:
     from edgemap.geometry.objects.map_object import MapObject
@@ -105,6 +105,10 @@ class _Question:
         from edgemap.geometry.objects import queries
 
         if self.labels is not None:
+            there = {item.label for item in objects}
+            unknown = [label for label in self.labels if label not in there]
+            if unknown and (hint := known_names(unknown, there, "")).startswith("did you mean"):
+                raise OptionError(f"--label {', '.join(unknown)}: not on the map; {hint}")
             objects = queries.labelled(objects, *self.labels)
         if self.corners_m is not None:
             objects = queries.inside_polygon(objects, self.corners_m)

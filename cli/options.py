@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -186,6 +186,12 @@ def find_bundle(
         name, reason = default_bundle(*specs)
         print(f"bundle {name}: {reason}", file=sys.stderr)
     folder = bundle_folder(name)
+    if folder.suffix == ".onnx" or folder.is_file():
+        made = folder.stem
+        raise OptionError(
+            f"--bundle {name}: a bundle is a folder with a contract; make one of this file with "
+            f"edgemap export --backbone {name} -o {made}, then pass --bundle {made}"
+        )
     if not (folder / "bundle.json").is_file() and not Path(name).exists():
         from edgemap.cli.pull import pull_known
 
@@ -199,12 +205,22 @@ def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
         return bundle.mapped
     chosen = frozenset(name.strip() for name in text.split(",") if name.strip())
     if unknown := sorted(chosen - set(bundle.names)):
-        raise OptionError(f"--classes {', '.join(unknown)}: the bundle knows {', '.join(sorted(bundle.names))}")
+        raise OptionError(f"--classes {', '.join(unknown)}: {known_names(unknown, bundle.names, 'the bundle knows')}")
     if unmapped := sorted(chosen - bundle.mapped):
         raise OptionError(f"--classes {', '.join(unmapped)}: detected but never mapped (alive, carried, or on tables)")
     if not chosen:
         raise OptionError("--classes is empty")
     return chosen
+
+
+def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str:
+    """What to type for names that are not known: the ones they come close to, else all that are known."""
+    from difflib import get_close_matches
+
+    names = sorted(set(known))
+    lower = {name.casefold(): name for name in names}
+    meant = [lower[close[0]] for name in unknown if (close := get_close_matches(name.casefold(), lower, 1, 0.75))]
+    return f"did you mean {', '.join(meant)}?" if meant else f"{whose} {', '.join(names) or 'none'}"
 
 
 HOW_TO_MEASURE = (

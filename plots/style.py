@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.colours import label_colour
-from edgemap.runtime.errors import MissingExtraError
 
-try:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-    from matplotlib.axes import Axes
-    from matplotlib.colors import to_rgba
-    from matplotlib.figure import Figure
-except ImportError:
-    raise MissingExtraError("drawing needs matplotlib: pip install 'edgemap[plot]'") from None
+mpl.use("Agg")
 
 __all__ = ["Axes", "Figure", "floor_axes", "label_colours", "plt", "save"]
 

@@ -15,6 +15,7 @@ import psutil
 import uvicorn
 
 from edgemap.view.app import make_app
+from edgemap.view.connections import WaitingLimited
 from edgemap.view.errors import ViewError
 from edgemap.view.page import LivePage
 
@@ -46,6 +47,7 @@ class PageServer:
             make_app(page, self.token, f"edgemap-{self.port}"),
             log_level="error", access_log=False, lifespan="off", server_header=False, ws_max_size=4096,
             ws_per_message_deflate=False, timeout_graceful_shutdown=1, limit_concurrency=64,
+            http=WaitingLimited,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)

@@ -96,6 +96,8 @@ class Viewer:
             except (msgspec.MsgspecError, KeyError):  # KeyError: a binary message
                 await self._socket.close(1003)
                 return
+            except RecursionError:  # a field that nobody knows, nested too deeply to be skipped
+                continue
             await self._answer(ask)
             self._make_room()
 

@@ -2,6 +2,8 @@
 
 import http.client
 import json
+import socket
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -231,6 +233,33 @@ def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
                     viewer.socket.recv(timeout=10)
         good.say("stream")
         assert good.update()["frame"] == 0
+
+
+def test_silent_connections_do_not_keep_the_owner_out(serve):
+    """Seventy that say nothing and seventy that send half a header; whoever asks is answered."""
+    served = serve(host="0.0.0.0")
+    silent = [socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(70)]
+    slow = [socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(70)]
+    for connection in slow:
+        with suppress(OSError):
+            connection.sendall(b"GET / HTTP/1.1\r\nHost: ")
+    try:
+        assert ask(served.port, "/map.json", Authorization=f"Bearer {served.token}")[0] == 200
+        with raw_viewer(served.port, f"?token={served.token}") as viewer:
+            assert viewer.hello["type"] == "hello"
+            assert ask(served.port)[0] == 401
+    finally:
+        for connection in (*silent, *slow):
+            connection.close()
+
+
+def test_a_deep_unknown_field_leaves_the_viewer_its_socket(serve):
+    served = serve()
+    served.step()
+    with raw_viewer(served.port) as viewer:
+        viewer.socket.send('{"do":"shown","x":' + "[" * 2000 + "]" * 2000 + "}")
+        viewer.say("stream")
+        assert viewer.update()["frame"] == 0
 
 
 def test_there_is_an_end_to_how_many_may_look(serve):

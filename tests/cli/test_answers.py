@@ -1,0 +1,76 @@
+"""Mistakes at the command line: each is answered by one line that says what to type."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from edgemap.cli import main
+
+CHAIR = {
+    "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
+    "width_m": 0.5, "height_m": 0.9, "count": 7, "confidence": 0.9, "first_seen_s": 0.0, "last_seen_s": 3.0,
+}  # fmt: skip
+
+
+def answer(capsys, *arguments) -> tuple[int, str]:
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1, lines
+    return ended.value.code, lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("run --frames many", "--frames"),
+        ("run --frames", "Missing value for argument '--frames'"),
+        ("run --no-such-flag", "Unrecognized options: --no-such-flag"),
+        ("run extra", "Unrecognized options: extra"),
+        ("run --precision int4", "Expected one of ('float32', 'int8', 'auto')"),
+        ("run --confidence high", "--confidence"),
+        ("map export x", "--format {geojson,nav2,nav2-vector,csv,png,svg}"),
+        ("map export x --format pdf", "pdf"),
+        ("map merge a", "-o OUT, --out OUT"),
+        ("eval detection", "--data"),
+        ("bench --rate fast", "Error parsing --rate"),
+        ("pull", "NAME|URL|FOLDER"),
+        ("simulate --seed x -o y", "--seed"),
+    ],
+)
+def test_wrong_usage_is_one_line_that_names_the_help(capsys, arguments, words):
+    code, line = answer(capsys, *arguments.split())
+    command = arguments.split()[0] if arguments.split()[0] not in ("map", "eval") else " ".join(arguments.split()[:2])
+    assert code == 2
+    assert words in line
+    assert line.endswith(f"(edgemap {command} --help)")
+    assert "│" not in line
+
+
+def test_an_onnx_file_is_told_to_become_a_bundle(capsys, tmp_path):
+    (tmp_path / "net.onnx").write_bytes(b"")
+    code, line = answer(capsys, "run", "--bundle", tmp_path / "net.onnx", "--out", tmp_path / "run")
+    assert code == 1
+    assert "net.onnx -o net, then pass --bundle net" in line
+
+
+def test_names_that_are_nearly_right(capsys, tmp_path):
+    (tmp_path / "map.json").write_text(json.dumps({"format": "edgemap.map/1", "frame": "map", "objects": [CHAIR]}))
+    assert answer(capsys, "map", "show", tmp_path / "map.json", "--label", "chairs")[1].endswith("did you mean chair?")
+    given = ("--bundle", "edgemap-nano", "--classes", "Chair", "--out", tmp_path / "run")
+    assert answer(capsys, "run", *given)[1].endswith("--classes Chair: did you mean chair?")
+
+
+def test_map_show_without_matplotlib_lists_the_objects_and_names_the_extra(tmp_path):
+    (tmp_path / "map.json").write_text(json.dumps({"format": "edgemap.map/1", "frame": "map", "objects": [CHAIR]}))
+    code = (
+        "import importlib.util as u, sys\nfind = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'matplotlib' else find(name, *a)\n"
+        f"sys.modules['matplotlib'] = None\nfrom edgemap.cli import main\nmain(['map', 'show', {str(tmp_path)!r}])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert "chair-1" in result.stdout
+    assert result.stderr == "edgemap map show: drawing needs matplotlib: pip install 'edgemap[plot]'\n"
