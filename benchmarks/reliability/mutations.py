@@ -51,10 +51,10 @@ def mutated_tree(random: Random, tree: Any) -> Any:
     """A copy with one to three values replaced, scaled, deleted, doubled or moved."""
     tree = deepcopy(tree)
     for _ in range(random.choice((1, 1, 1, 2, 3))):
-        path = random.choice(places(tree)[1:] or [()])
+        path: tuple[Any, ...] = random.choice(places(tree)[1:] or [()])
         if not path:
             return random.choice(NASTY)
-        holder = tree
+        holder: Any = tree
         for key in path[:-1]:
             holder = holder[key]
         tree = _changed(random, tree, holder, path[-1])
@@ -125,9 +125,9 @@ def mutated_rows(random: Random, data: bytes) -> bytes:
     return "\n".join(lines).encode()
 
 
-def mutated_bytes(random: Random, data: bytes) -> bytes:
+def mutated_bytes(random: Random, valid: bytes) -> bytes:
     """Bytes flipped, overwritten, cut, doubled, moved or put in; numbers of two to eight bytes set to extremes."""
-    data = bytearray(data)
+    data = bytearray(valid)
     for _ in range(random.choice((1, 1, 1, 2, 3, 8))):
         if not data:
             return bytes(data)

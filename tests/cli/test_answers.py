@@ -14,7 +14,7 @@ CHAIR = {
 }  # fmt: skip
 
 
-def answer(capsys, *arguments) -> tuple[int, str]:
+def answer(capsys, *arguments):
     with pytest.raises(SystemExit) as ended:
         main([str(argument) for argument in arguments])
     lines = capsys.readouterr().err.splitlines()
