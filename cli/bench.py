@@ -13,6 +13,7 @@ from edgemap.cli.options import (
     BundleName,
     CameraFile,
     CameraSpec,
+    EngineName,
     IntrinsicsText,
     Json,
     MountText,
@@ -34,6 +35,7 @@ def command(
     seconds: Annotated[float, tyro.conf.arg(metavar="S", help="How long to measure at each rate, in seconds.")] = 10.0,
     threads: Threads = None,
     precision: PrecisionName = "float32",
+    engine: EngineName = "onnxruntime",
     against: Annotated[
         Literal["openvino", "opencv"] | None,
         tyro.conf.arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
@@ -79,7 +81,7 @@ def command(
         raise OptionError(f"--rate {' '.join(f'{hz:g}' for hz in rate)}: must be positive numbers")
     if soak is not None and not 0.0 < soak < 1e5:
         raise OptionError(f"--soak {soak}: must be a positive number of minutes")
-    paced = find_bundle(bundle, threads, precision, camera, pace="camera")
+    paced = find_bundle(bundle, threads, precision, camera, pace="camera", engine=engine)
 
     def open_drive(loaded: Bundle = paced) -> tuple[Camera, SemanticSlam]:
         source = open_described(camera, camera_file)
@@ -101,7 +103,7 @@ def command(
         decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
     legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
     peak_rss_mb = bench.peak_rss_mb()
-    files = load_bundle(paced.folder, threads, precision, "files")
+    files = load_bundle(paced.folder, threads, precision, "files", engine)
     legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
     lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
     other = max(leg["other_cpu_percent"] for leg in legs.values())
@@ -119,8 +121,8 @@ def command(
         "threads": files.compute.threads,
         "paced_threads": paced.compute.threads,
         "detect_every": 1,
-        "engine": "onnxruntime",
-        "provider": "onnxruntime CPUExecutionProvider",
+        "engine": files.compute.engine,
+        "provider": f"{files.compute.engine} CPU",
         "precision": files.precision,
         "odometry": "hybrid",
         "processor": processor_name(),

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.compute import Pace
+    from edgemap.runtime.engine_choice import EngineChoice
     from edgemap.runtime.precision import Precision
 
 HIGHEST_M = 100.0
@@ -89,6 +90,13 @@ PrecisionName = Annotated[
     tyro.conf.arg(
         help="Numbers that the backbone computes with. int8: the bundle's variant of 8-bit numbers, where it has one; "
         "auto: that one where its report loses at most 0.01 AP50 and a short trial finds it faster on this processor.",
+    ),
+]
+EngineName = Annotated[
+    Literal["onnxruntime", "openvino", "openvino-bf16", "auto"],
+    tyro.conf.arg(
+        help="What runs the backbone. openvino (extra openvino) computes with 32 bits as onnxruntime does, openvino-bf16 "
+        "with 16 where the processor has them; auto: of the first two what a trial finds clearly faster, remembered."
     ),
 ]
 LoopClosure = Annotated[
@@ -169,7 +177,12 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
 
 
 def find_bundle(
-    name: str | None, threads: int | None, precision: Precision = "float32", *specs: str, pace: Pace = "files"
+    name: str | None,
+    threads: int | None,
+    precision: Precision = "float32",
+    *specs: str,
+    pace: Pace = "files",
+    engine: EngineChoice = "onnxruntime",
 ) -> Bundle:
     """Load a bundle by folder or name; a known name that is not in the cache is pulled first.
 
@@ -196,7 +209,7 @@ def find_bundle(
         from edgemap.cli.pull import pull_known
 
         folder = pull_known(name)
-    return load_bundle(folder, threads, precision, pace)
+    return load_bundle(folder, threads, precision, pace, engine)
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:

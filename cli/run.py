@@ -14,6 +14,7 @@ from edgemap.cli.options import (
     CameraSpec,
     Confidence,
     ConfigFile,
+    EngineName,
     IntrinsicsText,
     LoopClosure,
     MountText,
@@ -90,6 +91,7 @@ def command(
     lossless: Annotated[bool, tyro.conf.arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     threads: Threads = None,
     precision: PrecisionName = "float32",
+    engine: EngineName = "onnxruntime",
     strict: Annotated[
         bool, tyro.conf.arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
     ] = False,
@@ -129,7 +131,7 @@ def command(
     tuned = load_config(config)[0] if config else Config()
     with open_described(camera, camera_file, realtime and not view, frames) as source:
         pace = "camera" if source.live or realtime or view else "files"
-        loaded = find_bundle(bundle, threads, precision, camera, pace=pace)
+        loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine)
         least = least_score(confidence, loaded)
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
@@ -145,6 +147,7 @@ def command(
         record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
         record |= {"loop_closure": mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
+        options |= {name: getattr(loaded, name) for name in ("engine", "precision") if name in options}
         record |= {"options": options, "config": config_document(tuned)}
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
             latest = _Latest()
@@ -231,6 +234,7 @@ def _record(
         "mapped": mapped,
         "threads": loaded.compute.threads,
         "spinning": loaded.compute.spin,
+        "engine": loaded.compute.engine,
         "precision": loaded.precision,
         "versions": {name: version(name) for name in ("edgemap", "onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from edgemap.runtime.compute import Pace, one_blas_thread, settle
-from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
-from edgemap.runtime.errors import BundleError, OdometryError
+from edgemap.runtime.engine_choice import EngineChoice, agrees, remembered_engine
+from edgemap.runtime.engines import open_network
+from edgemap.runtime.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.manifest import (
     METADATA_KEY,
     OPSETS,
@@ -22,12 +23,10 @@ from edgemap.runtime.manifest import (
     read_manifest,
     verified_file,
 )
-from edgemap.runtime.network import Compute, Network, Shapes
+from edgemap.runtime.network import Compute, Engine, Network, Shapes
 from edgemap.runtime.onnx_file import onnx_facts
 from edgemap.runtime.precision import WORTH_IT, Precision, report_allows_int8, time_ratio
 from edgemap.runtime.reading import one_line
-
-HEAD = Compute(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +38,11 @@ class Bundle:
     backbone: Network
     compute: Compute
     precision: Precision = "float32"
+
+    @property
+    def engine(self) -> Engine:
+        """What runs the backbone."""
+        return self.compute.engine
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,7 +61,8 @@ class Bundle:
     def odometry_head(self, kind: str) -> tuple[OdometryHead, Network]:
         """Load the bundle's learned odometry of a kind. Raises OdometryError where the bundle has none.
 
-        It runs on one thread: those of two networks would stand in each other's way.
+        It runs in onnxruntime, whose least squares have 64 bits as the head was trained with (OpenVINO's on the CPU
+        give another motion), and on one thread: those of two networks would stand in each other's way.
         """
         head = self.manifest.odometry.get(kind)
         if head is None:
@@ -68,7 +73,7 @@ class Bundle:
         if head.geometry is not None:
             inputs |= {head.geometry.cells: head.geometry.shape, head.geometry.mount: (1, 12), head.geometry.dt: (1, 1)}
             outputs |= {head.geometry.covariance: (1, 3, 3)}
-        return head, _opener(self.folder, self.manifest, head, inputs, outputs)(HEAD)
+        return head, _opener(self.folder, self.manifest, head, inputs, outputs)(Compute(1))
 
     def _feature_shape(self, head: OdometryHead) -> tuple[int, ...]:
         for feature in self.manifest.detector.features:
@@ -78,17 +83,25 @@ class Bundle:
 
 
 def load_bundle(
-    folder: Path, threads: int | None = None, precision: Precision = "float32", pace: Pace = "camera"
+    folder: Path,
+    threads: int | None = None,
+    precision: Precision = "float32",
+    pace: Pace = "camera",
+    engine: EngineChoice = "onnxruntime",
 ) -> Bundle:
     """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it.
 
     threads: of the backbone; None settles it by a short trial for the pace (`settle`). BLAS gets one thread.
     precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it and a trial of
-    about a second finds it faster on this processor, else float32.
+    about a second finds it faster on this processor, else float32. engine: auto takes the one that a trial on this
+    processor found best, now or before. What another engine than onnxruntime gives must agree with that.
     """
     one_blas_thread()
+    if engine == "auto":
+        key = f"{read_manifest(folder).sha256}, {precision}, {pace}, {threads} threads"
+        engine = remembered_engine(key, lambda one: load_bundle(folder, threads, precision, pace, one).backbone)
     if precision == "auto":
-        return _load_the_faster(folder, threads, pace)
+        return _load_the_faster(folder, threads, pace, engine)
     manifest = read_manifest(folder)
     detector = manifest.detector
     if precision != "float32":
@@ -98,15 +111,15 @@ def load_bundle(
     inputs = {detector.input.name: _input_shape(detector)}
     outputs = {head.name: head.shape for head in detector.heads}
     outputs |= {feature.name: feature.shape for feature in detector.features}
-    network, compute = settle(_opener(folder, manifest, detector, inputs, outputs), pace, threads)
+    network, compute = settle(_opener(folder, manifest, detector, inputs, outputs), pace, threads, engine)
     return Bundle(folder, manifest, network, compute, precision)
 
 
-def _load_the_faster(folder: Path, threads: int | None, pace: Pace) -> Bundle:
-    exact = load_bundle(folder, threads, pace=pace)
+def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engine) -> Bundle:
+    exact = load_bundle(folder, threads, pace=pace, engine=engine)
     if not report_allows_int8(exact.manifest):
         return exact
-    small = load_bundle(folder, threads, "int8", pace)
+    small = load_bundle(folder, threads, "int8", pace, engine)
     spec = exact.manifest.detector
     picture = np.random.default_rng(0).integers(0, 256, _input_shape(spec)).astype(np.float32)
     tensors = {spec.input.name: picture * np.float32(spec.input.scale)}
@@ -132,11 +145,15 @@ def _opener(
 
     def opened(compute: Compute) -> Network:
         try:
-            network = open_onnxruntime(path, compute)
-        except Exception as error:  # onnxruntime's exceptions share no public base
-            raise BundleError(f"{where} is not a model that onnxruntime loads ({one_line(error, 160)})") from None
+            network = open_network(path, compute)
+        except MissingExtraError:
+            raise
+        except Exception as error:  # the engines' exceptions share no public base
+            raise BundleError(f"{where} is not a model that {compute.engine} loads ({one_line(error, 160)})") from None
         _compare(where, "input", inputs, network.inputs)
         _compare(where, "output", outputs, network.outputs)
+        if compute.engine != "onnxruntime" and not agrees(network, open_network(path, Compute()), compute.engine):
+            raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
         return network
 
     return opened

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Literal
 
-from edgemap.runtime.network import Compute, Network
+from edgemap.runtime.network import Compute, Engine, Network
 
 Pace = Literal["camera", "files"]  # a frame now and then, or as fast as they are read
 
@@ -25,6 +25,7 @@ def settle(
     open_network: Callable[[Compute], Network],
     pace: Pace,
     threads: int | None = None,
+    engine: Engine = "onnxruntime",
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[Network, Compute]:
     """A network opened with what a short trial finds best here. threads: as the user asks, else one or the default's.
@@ -35,17 +36,17 @@ def settle(
     spin = pace == "files"
     most = threads or default_threads()
     if most == 1 or threads:
-        compute = Compute(most, spin and most > 1)
+        compute = Compute(most, spin and most > 1, engine)
         return open_network(compute), compute
-    one = open_network(Compute(1))
+    one = open_network(Compute(1, engine=engine))
     alone_ms = least_ms(one, clock)
     if not spin and alone_ms <= ONE_THREAD_MS:
-        return one, Compute(1)
-    compute = Compute(most, spin)
+        return one, Compute(1, engine=engine)
+    compute = Compute(most, spin, engine)
     all_threads = open_network(compute)
     if least_ms(all_threads, clock) <= WORTH_IT * alone_ms:
         return all_threads, compute
-    return one, Compute(1)
+    return one, Compute(1, engine=engine)
 
 
 def least_ms(network: Network, clock: Callable[[], float] = time.perf_counter) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,19 @@ Tensors = dict[str, NDArray[np.float32]]
 Shapes = dict[str, tuple[int, ...]]
 
 
+Engine = Literal["onnxruntime", "openvino", "openvino-bf16"]
+
+
 @dataclass(frozen=True, slots=True)
 class Compute:
-    """How a network computes. spin: idle threads wait in circles, which answers sooner and burns the cores."""
+    """How a network computes. spin: idle threads wait in circles, which answers sooner and burns the cores.
+
+    engine: openvino computes with float32 numbers as onnxruntime does, openvino-bf16 with numbers of 16 bits.
+    """
 
     threads: int = 1
     spin: bool = False
+    engine: Engine = "onnxruntime"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,5 +41,15 @@ class Network:
         return dict(zip(self.outputs, self.infer(tensors), strict=True))
 
     def zeros(self) -> Tensors:
-        """Inputs to try it with."""
+        """Inputs to time it with."""
         return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
+
+    def error(self, reference: Network) -> float:
+        """How far the outputs are from another engine's: the worst output's RMS over its standard deviation.
+
+        Both see the same random picture, 0..255.
+        """
+        random = np.random.default_rng(0)
+        tensors = {name: random.uniform(0, 255, shape).astype(np.float32) for name, shape in self.inputs.items()}
+        expected, found = reference.run(tensors), self.run(tensors)
+        return max(float(np.sqrt(np.mean((found[k] - v) ** 2)) / (v.std() + 1e-6)) for k, v in expected.items())

@@ -1,0 +1,75 @@
+"""Which engine runs a backbone fastest on this processor: tried once for each bundle, remembered in the cache."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from typing import Literal, cast, get_args
+
+from edgemap.runtime.compute import least_ms
+from edgemap.runtime.errors import BundleError
+from edgemap.runtime.network import Engine, Network
+from edgemap.runtime.processor import processor_name
+from edgemap.runtime.store import cache_folder
+
+EngineChoice = Engine | Literal["auto"]
+
+FASTER = 0.9  # time of another engine over that of onnxruntime, at most, to be taken
+TOLERANCE: dict[Engine, float] = {"onnxruntime": 0.0, "openvino": 1e-3, "openvino-bf16": 0.1}  # of `Network.error`
+
+
+def remembered_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
+    """The engine that a trial found best for this key on this processor; tried now where none was.
+
+    load: a bundle's backbone in an engine.
+    """
+    path = cache_folder() / "engines.json"
+    key = f"{processor_name()}, {_versions()}, {key}"
+    try:
+        known = json.loads(path.read_text())
+    except (OSError, ValueError):
+        known = {}
+    if not isinstance(known, dict) or known.get(key) not in get_args(Engine):
+        known = (known if isinstance(known, dict) else {}) | {key: best_engine(available_engines(), load)}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.with_suffix(".part").write_text(json.dumps(known, indent=1))
+            path.with_suffix(".part").replace(path)
+        except OSError:  # a cache that cannot be written costs a trial at the next start
+            pass
+    return cast(Engine, known[key])
+
+
+def best_engine(engines: Sequence[Engine], load: Callable[[Engine], Network]) -> Engine:
+    """The fastest of the engines, the first one unless another is clearly faster; one that disagrees is left out."""
+    best, best_ms = engines[0], FASTER * least_ms(load(engines[0]))
+    for engine in engines[1:]:
+        try:
+            ms = least_ms(load(engine))
+        except BundleError:
+            continue
+        if ms < best_ms:
+            best, best_ms = engine, ms
+    return best
+
+
+def agrees(network: Network, reference: Network, engine: Engine) -> bool:
+    """Whether the outputs are onnxruntime's, within the engine's tolerance."""
+    return network.error(reference) <= TOLERANCE[engine]
+
+
+def available_engines() -> tuple[Engine, ...]:
+    """What `auto` tries, onnxruntime first; bf16 only by name: what it costs in accuracy was not measured."""
+    return ("onnxruntime",) if find_spec("openvino") is None else ("onnxruntime", "openvino")
+
+
+def _versions() -> str:
+    found = []
+    for name in ("onnxruntime", "openvino"):
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            continue
+    return ", ".join(found)
