@@ -95,7 +95,7 @@ PrecisionName = Annotated[
 EngineName = Annotated[
     Literal["onnxruntime", "openvino", "openvino-bf16", "auto"],
     tyro.conf.arg(
-        help="What runs the backbone. openvino (extra openvino) computes with 32 bits as onnxruntime does, openvino-bf16 "
+        help="What runs the backbone. openvino (extra openvino) computes with 32 bits as well, openvino-bf16 "
         "with 16 where the processor has them; auto: of the first two what a trial finds clearly faster, remembered."
     ),
 ]
