@@ -48,7 +48,8 @@ def realsense_recording(tmp_path_factory):
     """Sixty pictures of noise recorded by librealsense itself: the `.db3`, the RGB pictures, the stamps in seconds."""
     pytest.importorskip("pyrealsense2")
     import numpy as np
-    from support.record_realsense import record_realsense
+
+    from edgemap.benchmarks.reliability.record_realsense import record_realsense
 
     random = np.random.default_rng(5)
     pictures = [random.integers(0, 256, (480, 640, 3), dtype=np.uint8) for _ in range(60)]

@@ -8,6 +8,9 @@ from typing import Any, Protocol
 
 # Module name to one line. Each module has a function `run`, a `Part`.
 PARTS: dict[str, str] = {
+    "cameras": "random camera faults in runs of the demo",
+    "kills": "kill -9 in the middle of a run",
+    "day": "a day of driving, compressed",
     "readers": "hostile files: every reader on mutated documents",
 }
 

@@ -81,17 +81,18 @@ class RealSenseDevice:
         self.size = picture_size(profile)
         self.rate_hz: float | None = float(profile.fps())
         self.intrinsics: Intrinsics | None = lens_of(profile, name)
-        self._rs, self._pipeline, self._name = rs, pipeline, name
+        self.pipeline = pipeline
+        self._rs, self._name = rs, name
 
     def grab(self) -> Picture | None:
         """The next colour frame at the device's stamp."""
-        there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
+        there, frames = self.pipeline.try_wait_for_frames(POLL_MS)
         colour = frames.get_color_frame() if there else None
         return (colour.get_timestamp() / 1000.0, to_bgr(self._rs, colour, self._name)) if colour else None
 
     def close(self) -> None:
         """Stop the stream."""
-        self._pipeline.stop()
+        self.pipeline.stop()
 
 
 class RealSenseDriver:

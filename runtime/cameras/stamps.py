@@ -12,12 +12,13 @@ BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little
 
 
 class StreamClock:
-    """Adds an offset to device stamps; where they jump, stand, or are no numbers, time goes on by the host's clock."""
+    """Adds an offset to device stamps; where they stand or are no numbers, and where they jump, time goes on by the
+    host's clock. A jump changes the offset for good."""
 
     def __init__(self) -> None:
         self.last_s: float | None = None
         self.arrived_s = 0.0
-        self._device_s = math.nan
+        self._device_s, self._device_host_s = math.nan, 0.0  # the newest good stamp, and when it arrived
         self._offset_s = 0.0
         self._restarted = False
 
@@ -31,26 +32,24 @@ class StreamClock:
 
     def stamp(self, device_s: float, host_s: float) -> tuple[float, FaultKind | None]:
         """The stream's stamp of a frame that arrived at `host_s`, and what was wrong with the device's."""
+        restarted, self._restarted = self._restarted, False
+        good = math.isfinite(device_s) and (device_s != self._device_s or restarted)
+        wrong = None if good else FaultKind.STAMP
         if self.last_s is None:
-            self._offset_s, wrong = 0.0, None if math.isfinite(device_s) else FaultKind.STAMP
-            stamp_s = device_s if math.isfinite(device_s) else host_s
+            stamp_s = device_s if good else host_s
         else:
-            wrong = self._wrong(device_s, host_s)
-            stamp_s = device_s + self._offset_s
-            if wrong is not None or self._restarted or not math.isfinite(stamp_s - self.last_s):
-                stamp_s = self.last_s + max(SMALLEST_STEP_S, host_s - self.arrived_s)
-                self._offset_s = stamp_s - device_s
-            stamp_s = max(stamp_s, self.last_s + SMALLEST_STEP_S)
-        if self._restarted:
-            wrong, self._restarted = (wrong if wrong is FaultKind.STAMP else None), False
+            by_host_s = self.last_s + max(SMALLEST_STEP_S, host_s - self.arrived_s)
+            if good and not restarted and self._jumps(device_s, host_s):
+                wrong = FaultKind.CLOCK
+            if good and (wrong or restarted or math.isnan(self._device_s)):
+                self._offset_s = by_host_s - device_s
+            stamp_s = max(device_s + self._offset_s, self.last_s + SMALLEST_STEP_S) if good else by_host_s
+        if good:
+            self._device_s, self._device_host_s = device_s, host_s
         self.last_s, self.arrived_s = stamp_s, host_s
-        self._device_s = device_s if math.isfinite(device_s) else math.nan
         return stamp_s, wrong
 
-    def _wrong(self, device_s: float, host_s: float) -> FaultKind | None:
-        if not math.isfinite(device_s) or device_s == self._device_s:
-            return FaultKind.STAMP
+    def _jumps(self, device_s: float, host_s: float) -> bool:
+        """Against the newest good stamp; never where there is none."""
         step_s = device_s - self._device_s
-        if step_s < -BACKWARD_LIMIT_S or step_s > host_s - self.arrived_s + CLOCK_JUMP_LIMIT_S:
-            return FaultKind.CLOCK
-        return None
+        return step_s < -BACKWARD_LIMIT_S or step_s > host_s - self._device_host_s + CLOCK_JUMP_LIMIT_S

@@ -50,7 +50,7 @@ def test_ap50_is_what_these_weights_are_known_for(edgemap, real_bundles, shared_
 
 def test_a_realsense_recording_gives_the_boxes_of_the_picture_folder(edgemap, real_bundles, shared_data, tmp_path):
     pytest.importorskip("pyrealsense2")
-    from support.record_realsense import CX, CY, FX, FY, record_realsense
+    from edgemap.benchmarks.reliability.record_realsense import CX, CY, FX, FY, record_realsense
 
     sources = sorted((shared_data / "hololens" / "image").glob("*.jpg"))[40:70:3]
     pictures = [cv2.resize(read_picture(path), (640, 480)) for path in sources]

@@ -16,7 +16,7 @@ from edgemap.runtime.errors import CameraError
 
 rs: Any = pytest.importorskip("pyrealsense2")
 
-from support.record_realsense import record_realsense  # noqa: E402
+from edgemap.benchmarks.reliability.record_realsense import record_realsense  # noqa: E402
 
 
 def drain(camera):

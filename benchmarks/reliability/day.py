@@ -1,0 +1,120 @@
+"""A day of driving round and round a room, a step for each second of stream: does anything grow?"""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from edgemap.benchmarks.reliability.parts import PartReport
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import Sighting
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.config import Config
+from edgemap.runtime.frame_observations import FrameObservations
+from edgemap.runtime.map_file import map_text
+from edgemap.runtime.mapper import new_mapper
+from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.recorded import WHEEL
+
+DAY_S, PIECES = 86_400, 24
+LABELS = ("chair", "couch", "potted plant", "refrigerator", "toilet")
+HALF_VIEW_RAD, NEAREST_M, FARTHEST_M = math.radians(35.0), 0.6, 5.0
+SPEED_M_S = 0.25
+SIGMA_SHARE = 0.04  # of an object's distance
+GROWTH = 1.25  # of step time and map size, last quarter of the day over the second one
+GROWTH_MB = 64.0  # of memory, likewise: the journal of poses takes 32 bytes a step
+
+
+def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
+    """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
+    random = np.random.default_rng(seed)
+    angles = np.sort(random.uniform(0, 2 * math.pi, 14))
+    room = [(LABELS[i % 5], 4.5 * math.cos(a), 3.5 * math.sin(a)) for i, a in enumerate(angles)]
+    mapper, process = new_mapper(Config()), psutil.Process()
+    steps = max(PIECES, round(DAY_S * share))
+    before, rows, spent_s, largest_s = _pose(0), [], 0.0, 0.0
+    for step in range(steps):
+        pose = _pose(step)
+        observed = _observed(step, pose, before, room, random)
+        started_s = time.process_time()
+        mapper.step(observed)
+        objects = mapper.objects()
+        took_s = time.process_time() - started_s
+        spent_s, largest_s, before = spent_s + took_s, max(largest_s, took_s), pose
+        if (step + 1) % (steps // PIECES) == 0:
+            gc.collect()
+            row = {
+                "hour": 24.0 * (step + 1) / steps,
+                "step_ms": 1000.0 * spent_s / (steps // PIECES),
+                "largest_ms": 1000.0 * largest_s,
+                "rss_mb": process.memory_info().rss / 1e6,
+                "objects": len(objects),
+                "map_kb": len(map_text(objects)) / 1e3,
+            }
+            rows.append(row)
+            print("day: " + ", ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)
+            spent_s = largest_s = 0.0
+    return _report(rows, steps)
+
+
+def _pose(step: int) -> SE2:
+    """On an ellipse of 2.5 m by 1.5 m, counter-clockwise."""
+    a = SPEED_M_S * step / 2.0
+    return SE2(2.5 * math.cos(a), 1.5 * math.sin(a), math.atan2(1.5 * math.cos(a), -2.5 * math.sin(a)))
+
+
+def _observed(
+    step: int, pose: SE2, before: SE2, room: list[tuple[str, float, float]], random: np.random.Generator
+) -> FrameObservations:
+    inverse, sightings, boxes = pose.inverse(), [], []
+    for label, x_m, y_m in room:
+        at = inverse.apply(np.array([x_m, y_m]))
+        distance_m = float(np.hypot(*at))
+        if not NEAREST_M < distance_m < FARTHEST_M or abs(math.atan2(at[1], at[0])) > HALF_VIEW_RAD:
+            continue
+        sigma_m = SIGMA_SHARE * distance_m
+        small = sigma_m**2 * np.eye(2)
+        size = (0.5, 0.9, 0.5)
+        seen = at + random.normal(0.0, sigma_m, 2)
+        sightings.append(
+            Sighting(label, 0.9, seen, small, 0.1 * small, *size, distance_m, len(boxes), step, float(step))
+        )
+        left = 320.0 - 400.0 * at[1] / at[0]
+        boxes.append([left - 40.0, 150.0, left + 40.0, 350.0])
+    classes = np.array([LABELS.index(item.label) for item in sightings], dtype=np.int64)
+    detections = Detections(np.array(boxes).reshape(-1, 4), np.full(len(boxes), 0.9), classes, LABELS)
+    true = before.inverse() @ pose
+    covariance = WHEEL.covariance(true)
+    noise = random.multivariate_normal(np.zeros(3), covariance)
+    return FrameObservations(
+        step, float(step), detections, sightings, Motion(SE2(*(true.vector() + noise)), covariance)
+    )
+
+
+def _report(rows: list[dict[str, float]], steps: int) -> PartReport:
+    quarter = len(rows) // 4
+    early, late = rows[quarter : 2 * quarter], rows[-quarter:]
+
+    def mean(part: list[dict[str, float]], name: str) -> float:
+        return float(np.mean([row[name] for row in part]))
+
+    failures = [
+        f"{name}: {mean(early, name):.2f} in the second quarter of the day, {mean(late, name):.2f} in the last"
+        for name in ("step_ms", "objects", "map_kb")
+        if mean(late, name) > GROWTH * mean(early, name)
+    ]
+    if mean(late, "rss_mb") - mean(early, "rss_mb") > GROWTH_MB:
+        failures.append(f"memory: {mean(early, 'rss_mb'):.0f} MB, then {mean(late, 'rss_mb'):.0f} MB")
+    table = ["| quarter of the day | step | memory | objects | map.json |", "| --- | --- | --- | --- | --- |"]
+    for number in range(4):
+        part = rows[number * quarter : (number + 1) * quarter]
+        table.append(
+            f"| {number + 1} | {mean(part, 'step_ms'):.2f} ms | {mean(part, 'rss_mb'):.0f} MB | "
+            f"{mean(part, 'objects'):.1f} | {mean(part, 'map_kb'):.1f} kB |"
+        )
+    return PartReport(tuple(failures), (*table, "", f"({steps} steps, one a second.)"), {"hours": rows})
