@@ -156,7 +156,7 @@ class FaultyDevice:
             fault.over_s = self._world.now_s
 
 
-def _spoilt(fault: PlannedFault, stamp_s: float, image: NDArray[np.uint8]) -> Picture:
+def _spoilt(fault: PlannedFault, stamp_s: float, image: NDArray[np.uint8]) -> Any:
     odd = fault.by_s > 0
     if fault.kind == "backwards":
         return stamp_s - abs(fault.by_s), image
