@@ -186,3 +186,10 @@ def test_floor_covariance_matches_sampling():
         ]
     )
     np.testing.assert_allclose(shared[0], np.cov(by_mount.T), rtol=0.12, atol=2e-5)
+
+
+def test_one_coefficient_bends_as_it_does_by_hand():
+    """k1 = 0.1 alone: a point at radius 0.5 goes to 0.5 (1 + 0.1 * 0.25)."""
+    camera = Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0, Distortion("brown_conrady", (0.1, 0.0, 0.0, 0.0, 0.0)))
+    assert camera.project(np.array([[1.0, 0.0, 2.0]]))[0] == pytest.approx([320.0 + 500.0 * 0.5125, 240.0])
+    assert camera.rays(np.array([[320.0 + 500.0 * 0.5125, 240.0]]))[0, :2] == pytest.approx([0.5, 0.0], abs=1e-6)
