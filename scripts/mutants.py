@@ -250,14 +250,14 @@ class _Finder:
         exec(compile(self.tree, str(self.path), "exec"), module.__dict__)
 
 
-def _child(mutant: Mutant | None, tests: list[str]) -> None:
-    """Exit status 0: all tests pass, the mutant lives. None changes nothing."""
+def _child(mutant: Mutant | None, tests: list[str], limit_s: int) -> None:
+    """Exit status 0: all tests pass, the mutant lives. None changes nothing. limit_s: of processor time."""
     import pytest
 
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 1)
     os.dup2(quiet, 2)
-    resource.setrlimit(resource.RLIMIT_CPU, (3 * CPU_S, 3 * CPU_S))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
     if mutant is not None:
         sys.meta_path.insert(0, _Finder(mutant.file, mutated(mutant)))  # type: ignore[arg-type]
     os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--timeout=900", *tests])))
@@ -268,14 +268,16 @@ def outcome(mutant: Mutant, chooser: Chooser) -> str:
     tests = chooser.tests(mutant)
     if not tests:
         return "untested"
-    code = _exit_code(mutant, tests)
+    code = _exit_code(mutant, tests, chooser)
     if code in (3, 4, 5):  # of pytest: internal error, usage error, no tests
         raise RuntimeError(f"{mutant.name}: pytest ended with {code} for {tests[:3]}")
     return "survived" if code == 0 else "killed"
 
 
-def _exit_code(mutant: Mutant | None, tests: list[str]) -> int:
-    process = multiprocessing.get_context("fork").Process(target=_child, args=(mutant, tests))
+def _exit_code(mutant: Mutant | None, tests: list[str], chooser: Chooser) -> int:
+    """Of pytest; negative where the mutant ran longer than twice what its tests take, which kills it."""
+    limit_s = 15 + int(2 * sum(chooser.seconds.get(test, 0.0) for test in tests))
+    process = multiprocessing.get_context("fork").Process(target=_child, args=(mutant, tests, limit_s))
     process.start()
     process.join()
     return process.exitcode or 0
@@ -283,7 +285,7 @@ def _exit_code(mutant: Mutant | None, tests: list[str]) -> int:
 
 def _work(share: list[Mutant]) -> Iterator[dict[str, object]]:
     chooser = Chooser()
-    if share and (code := _exit_code(None, chooser.tests(share[0]))):
+    if share and (code := _exit_code(None, chooser.tests(share[0]), chooser)):
         raise RuntimeError(f"tests fail without any mutant (pytest {code}): record again with --again")
     for mutant in share:
         begun = time.monotonic()
