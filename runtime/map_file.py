@@ -43,6 +43,7 @@ def map_document(objects: list[MapObject]) -> dict:
                 "confidence": round(item.confidence, 6),
                 "first_seen_s": round(item.first_seen_s, 6),
                 "last_seen_s": round(item.last_seen_s, 6),
+                "labels": {label: round(share, 6) for label, share in item.labels.items()},
             }
             for item in objects
         ],
@@ -119,6 +120,7 @@ class _Object(msgspec.Struct, kw_only=True):
     confidence: Share
     first_seen_s: Stamp
     last_seen_s: Stamp
+    labels: Annotated[dict[Name, Share], Meta(max_length=1000)] = msgspec.field(default_factory=dict)
 
 
 class _Map(msgspec.Struct, kw_only=True):
@@ -164,4 +166,5 @@ def _object_of(record: _Object, views: list[tuple[float, float]], where: str) ->
     return MapObject(
         record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
         record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
+        record.labels,
     )  # fmt: skip

@@ -149,7 +149,7 @@ class Mapper:
         if correction is not None:
             self.pose_map_base, self.pose_covariance = correction.pose_map_base, correction.pose_covariance
             self.trajectory.correct(correction.past)
-            self.map.moved(correction.shifts)
+            self.map.moved(correction.past)
         return correction, landmarks
 
     def _enter_saved_map(self, update: MapUpdate, alignment: Alignment) -> MapUpdate:

@@ -40,7 +40,7 @@ class PoseJournal:
 
     def correct(self, correction: TrajectoryCorrection) -> None:
         """A loop closure moved the past."""
-        self._pending = correction if self._pending is None else self._pending.then(correction)
+        self._pending = correction if self._pending is None else self._pending.compose(correction)
         self.revision += 1
         if len(self._pending.stamps_s) > SETTLE_AT:
             self._settle()
@@ -72,4 +72,4 @@ class PoseJournal:
         pending, self._pending = self._pending, None
         if pending is not None and self._count:
             rows = self._rows[: self._count]
-            rows[:, 1:] = pending.poses(rows[:, 0], rows[:, 1:])
+            rows[:, 1:] = pending.moved_poses(rows[:, 0], rows[:, 1:])

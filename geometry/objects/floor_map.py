@@ -1,14 +1,14 @@
-"""The default clustering: sightings that are the same thing under both covariances, whatever their order.
+"""The default clustering: sightings that are one object under both covariances, whatever their order.
 
 Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. What is one
-object is decided anew, for all that hangs together with a frame's sightings, from the pools that all sightings ever
-went into: the map is the one that its batch version makes of all frames at once. Objects that turn out to be one merge,
-and the older id stays; the larger part of one that turns out to be two keeps its id.
+object is decided again, for all that is linked with a frame's sightings, from the pools that all sightings ever went
+into. Objects that turn out to be one merge, and the older id stays; the larger part of one that turns out to be two
+keeps its id. Everything moves with the pose that it was seen from.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,157 +16,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.association import AssociationRule, Estimate, Positions, agglomerated
+from edgemap.geometry.objects.association import AssociationRule, Estimate
+from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, id_order
-from edgemap.geometry.objects.observation_pool import VIEW_M, Key, ObjectShift, ObservationPool, keys_of
-from edgemap.geometry.objects.overlap_suppression import without_overlaps
+from edgemap.geometry.objects.observation_pool import SAVED_SIDE, VIEW_M, ObservationPool, keys_of
+from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
 Array = NDArray[np.float64]
 
 
 @dataclass(slots=True, eq=False)
 class _Object:
-    """pools: the evidence that it is made of. shows, shown: None until asked for. most: confidence that it may show."""
+    """Sightings of one label that are one object. pools: what it is made of. limit: of the confidence that it may show.
+    estimate: None until asked for."""
 
     id: str
     label: str
     pools: list[ObservationPool]
-    most: float = 1.0
-    shows: bool | None = None
-    shown: MapObject | None = None
+    limit: float = 1.0
+    estimate: Estimate | None = None
 
-    def settled(self, rule: AssociationRule) -> MapObject | None:
-        """The object as the map shows it, None where there is not enough evidence."""
-        if self.shows is None:
-            estimate = Estimate(self.pools, rule)
-            self.shows = estimate.shows
-            if self.shows:
-                self.shown = self._as_map_object(estimate)
-        return self.shown
-
-    def _as_map_object(self, estimate: Estimate) -> MapObject:
-        if estimate.saved is not None and len(self.pools) == 1:  # not seen since
-            return replace(estimate.saved, confidence=min(estimate.saved.confidence, self.most))
-        plain = estimate.as_object(self.id, self.label)
-        views = sorted(set[tuple[int, int]]().union(*(pool.views for pool in self.pools)))
-        places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views)
-        return replace(plain, confidence=min(plain.confidence, self.most), seen_from_m=places)
-
-
-class _Class:
-    """The pools of one label, row by row, and the object that each is part of.
-
-    links: rows that each may join. region: number of the neighbourhood that each was settled with.
-    """
-
-    def __init__(self, rule: AssociationRule) -> None:
-        self.rule = rule
-        self.pools: list[ObservationPool] = []
-        self.row_of: dict[Key, int] = {}
-        self.links: list[set[int]] = []
-        self.owner: list[_Object | None] = []
-        self.region: list[int] = []
-        self.places = Positions(rule)
-
-    def append(self, pool: ObservationPool, owner: _Object | None = None) -> int:
-        """Add a pool; its row."""
-        self.row_of[pool.key] = len(self.pools)
-        self.pools.append(pool)
-        self.links.append(set())
-        self.owner.append(owner)
-        self.region.append(-1)
-        return self.places.append(pool)
-
-    def add(self, key: Key, placed: PlacedSighting, frame: int) -> int:
-        """Take in a sighting; its pool's row."""
-        row = self.row_of.get(key)
-        pool = ObservationPool(key, placed.sighting.extent_m) if row is None else self.pools[row]
-        pool.add(placed, frame)
-        if row is None:
-            return self.append(pool)
-        self.places.set(row, pool)
-        return row
-
-    def link(self, row: int) -> None:
-        """Find anew what a pool may join."""
-        near = np.flatnonzero(self.places.distances(slice(row, row + 1))[0] < np.inf).tolist()
-        now = {other for other in near if self.pools[other].key not in self.pools[row].beside}
-        for other in self.links[row] - now:
-            self.links[other].discard(row)
-        for other in now - self.links[row]:
-            self.links[other].add(row)
-        self.links[row] = now
-
-    def around(self, rows: Iterable[int]) -> list[int]:
-        """What hangs together with these rows, or did when it was settled last, in the order of their keys."""
-        found, size = set(rows), 0
-        while len(found) > size:
-            size = len(found)
-            regions = {self.region[row] for row in found} - {-1}
-            found.update(row for row, region in enumerate(self.region) if region in regions)
-            found = self._linked(found)
-        return sorted(found, key=lambda row: self.pools[row].key)
-
-    def groups(self, rows: list[int]) -> list[list[int]]:
-        """These rows as objects, each neighbourhood by itself; takes note of the neighbourhoods."""
-        left, found = dict.fromkeys(rows), []
-        while left:
-            first = next(iter(left))
-            part = sorted(self._linked({first}), key=lambda row: self.pools[row].key)
-            for row in part:
-                del left[row]
-                self.region[row] = first
-            groups = agglomerated(self.places.chosen(part), [self.pools[row] for row in part])
-            found += [[part[member] for member in group] for group in groups]
-        return found
-
-    def without(self, gone: set[str]) -> _Class:
-        """The same without some objects, by id."""
-        kept = _Class(self.rule)
-        for pool, owner in zip(self.pools, self.owner, strict=True):
-            if owner is not None and owner.id not in gone:
-                kept.append(pool, owner)
-        for row in range(len(kept.pools)):
-            kept.link(row)
-            kept.region[row] = self.region[self.row_of[kept.pools[row].key]]
-        return kept
-
-    def rekeyed(self, part_of: Mapping[int, int]) -> _Class:
-        """The same after pools were moved: those of one object that came to lie on one spot are one.
-
-        part_of: what a pool's thing turned out to be.
-        """
-        parts: dict[Key, list[int]] = {}
-        for row, pool in enumerate(self.pools):
-            thing, rank = part_of.get(pool.thing, pool.thing), 0
-            while not self._fits(row, parts.get(pool.key_here(thing, rank), [])):
-                rank += 1
-            parts.setdefault(pool.key_here(thing, rank), []).append(row)
-        became = {self.pools[row].key: key for key, rows in parts.items() for row in rows}
-        kept = _Class(self.rule)
-        for key, rows in parts.items():
-            whole = self.pools[rows[0]]
-            for row in rows[1:]:
-                whole.join(self.pools[row])
-            whole.key, whole.beside = key, {became[other] for other in whole.beside if other in became}
-            kept.append(whole, self.owner[rows[0]])
-        for row in range(len(kept.pools)):
-            kept.link(row)
-        return kept
-
-    def _fits(self, row: int, others: list[int]) -> bool:
-        """Whether a pool may become one with these: one object's, and never seen side by side."""
-        beside = self.pools[row].beside
-        return all(self.owner[other] is self.owner[row] and self.pools[other].key not in beside for other in others)
-
-    def _linked(self, rows: set[int]) -> set[int]:
-        found, new = set(rows), set(rows)
-        while new:
-            new = set[int]().union(*(self.links[row] for row in new)) - found
-            found |= new
-        return found
+    def estimated(self, rule: AssociationRule) -> Estimate:
+        """Position and covariance from its pools."""
+        if self.estimate is None:
+            self.estimate = Estimate(self.pools, rule)
+        return self.estimate
 
 
 class FloorMap:
@@ -176,11 +53,17 @@ class FloorMap:
 
     def __init__(self, rule: AssociationRule | None = None) -> None:
         self.rule = rule or AssociationRule()
-        self._classes: dict[str, _Class] = {}
+        self.merged: dict[str, str] = {}
+        self._pools: dict[str, PoolIndex] = {}
         self._objects: dict[str, _Object] = {}
+        self._owner: dict[ObservationPool, _Object] = {}
         self._issued: Counter[str] = Counter()
         self._frames = 0
-        self.merged: dict[str, str] = {}
+        self._pending: dict[ObservationPool, None] = {}
+        self._changed: dict[str, None] = {}
+        self._overlaps = Overlaps(self.rule.overlap)
+        self._shown: dict[str, MapObject] = {}
+        self._listed: list[MapObject] | None = []
 
     @classmethod
     def after(cls, saved: Sequence[MapObject], rule: AssociationRule | None = None) -> FloorMap:
@@ -212,14 +95,11 @@ class FloorMap:
             floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
         for number, item in enumerate(saved):
-            kind = floor_map._classes.setdefault(item.label, _Class(floor_map.rule))
             systematic_m = floor_map.rule.systematic_of(max(footprint_m(item.label, item.width_m)))
             pool = ObservationPool.of_saved(number, item, systematic_m, floor_map.rule.correlated)
-            item_now = floor_map._objects[item.id] = _Object(item.id, item.label, [pool])
-            kind.append(pool, item_now)
-        for kind in floor_map._classes.values():
-            for pool in kind.pools:  # the earlier map has told them apart
-                pool.beside.update(key for key in kind.row_of if key != pool.key)
+            floor_map._index(item.label).add(pool)
+            floor_map._objects[item.id] = floor_map._owner[pool] = _Object(item.id, item.label, [pool])
+            floor_map._change(item.id)
         return floor_map
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
@@ -230,76 +110,167 @@ class FloorMap:
             rows = [row for row, placed in enumerate(sightings) if placed.label == label]
             for row, identity in zip(rows, self._update_label(label, [sightings[r] for r in rows]), strict=True):
                 ids[row] = identity
+        self._associate_pending()
         if self._frames % self.rule.forget_after == 0:
             self._forget()
         return ids
 
     def objects(self) -> list[MapObject]:
-        """Objects with enough evidence, none in the place of a better one, ordered by id."""
-        found = [shown for item in self._objects.values() if (shown := item.settled(self.rule)) is not None]
-        return without_overlaps(sorted(found, key=lambda item: id_order(item.id)))
+        """Objects with enough evidence, one in each place, ordered by id."""
+        self._refresh()
+        if self._listed is None:
+            self._listed = [self._shown[identity] for identity in sorted(self._shown, key=id_order)]
+        return self._listed
 
-    def moved(self, things: Mapping[int, ObjectShift]) -> None:
-        """What was seen of some things lies elsewhere than thought, by the thing's number. What turns out to be one
-        merges, and what turns out to be two parts, as when it is sighted."""
-        for label, kind in list(self._classes.items()):
-            there = [pool for pool in kind.pools if pool.thing in things]
-            for pool in there:
-                pool.move(things[pool.thing].by_m, things[pool.thing].from_way_m2)
-            if there:
-                kind = self._classes[label] = kind.rekeyed({number: move.part_of for number, move in things.items()})
-                self._settle(label, kind, list(range(len(kind.pools))))
+    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
+        """Of `objects`, those no farther than that from a point (2,)."""
+        self._refresh()
+        found = [item.id for item in self._overlaps.within(point_m, reach_m) if item.id in self._shown]
+        return [self._shown[identity] for identity in sorted(found, key=id_order)]
 
-    def doubt(self, identity: str, most: float) -> None:
+    def shown_as(self, identity: str) -> str:
+        """The id under which the map shows what was sighted as this object: its own, or that of the object in its
+        place."""
+        self._refresh()
+        return self._overlaps.best(identity)
+
+    def moved(self, correction: TrajectoryCorrection) -> None:
+        """Everything moves with the pose that it was seen from. What turns out to be one merges, and what turns out to
+        be two parts, as when it is sighted: a bounded number of pools in each frame."""
+        for index in self._pools.values():
+            pools = [pool for pool in index.pools if pool is not None and pool.key[2] != SAVED_SIDE]
+            if not pools:
+                continue
+            rows, stamps = [pool.row for pool in pools], np.array([pool.anchor_s for pool in pools])
+            before = index.place[:2, rows].T
+            after = correction.moved_points(stamps, before)
+            pose_m2 = correction.point_covariances(stamps, after)
+            by_m = after - before
+            changed = np.abs(by_m).max(axis=1) > 0.0
+            far = np.abs(by_m).max(axis=1) > self.rule.still_m
+            for at in np.flatnonzero(changed).tolist():
+                pool = pools[at]
+                pool.move(by_m[at], pose_m2[at])
+                index.set(pool.row)
+                self._change(self._owner[pool].id)
+                if far[at]:
+                    self._pending[pool] = None
+        self._associate_pending()
+
+    def limit_confidence(self, identity: str, limit: float) -> None:
         """Show an object with this confidence at most."""
         item = self._objects.get(identity)
-        if item is not None and item.most != most:
-            item.most, item.shows = most, None
+        if item is not None and item.limit != limit:
+            item.limit = limit
+            self._change(identity)
 
     def drop(self, identity: str) -> None:
-        """Forget an object; its id is not given again."""
-        item = self._objects.pop(identity, None)
-        if item is not None:
-            self._classes[item.label] = self._classes[item.label].without({identity})
+        """Forget an object, whatever it was called; its id is not given again."""
+        self._refresh()
+        for candidate in self._overlaps.members.get(identity, ()):
+            self._remove(candidate.id)
+
+    def _index(self, label: str) -> PoolIndex:
+        if label not in self._pools:
+            self._pools[label] = PoolIndex(self.rule)
+        return self._pools[label]
 
     def _update_label(self, label: str, sightings: list[PlacedSighting]) -> list[str]:
-        kind = self._classes.setdefault(label, _Class(self.rule))
-        keys = keys_of(sightings)
-        rows = [kind.add(key, placed, self._frames) for key, placed in zip(keys, sightings, strict=True)]
-        for row in rows:
-            kind.pools[row].beside.update(key for key in keys if key != kind.pools[row].key)
-        for row in rows:
-            kind.link(row)
-        self._settle(label, kind, rows)
-        return [owner.id for row in rows if (owner := kind.owner[row]) is not None]
+        index, pools = self._index(label), []
+        for key, placed in zip(keys_of(sightings), sightings, strict=True):
+            known = index.row_of.get(key)
+            pool = ObservationPool(key, placed.sighting.extent_m) if known is None else index.pool(known)
+            pool.add(placed, self._frames)
+            index.add(pool) if known is None else index.set(pool.row)
+            pools.append(pool)
+        changed = False
+        for pool in pools:
+            known = len(pool.beside)
+            pool.beside.update(dict.fromkeys(other for other in pools if other is not pool))
+            changed |= len(pool.beside) > known or pool not in self._owner
+        changed |= sum(index.link(pool.row) for pool in pools) > 0
+        if changed:
+            self._associate(label, pools)
+        else:
+            for pool in pools:
+                self._change(self._owner[pool].id)
+                self._pending[pool] = None
+        return [self._owner[pool].id for pool in pools]
 
-    def _settle(self, label: str, kind: _Class, rows: list[int]) -> None:
-        """Decide anew what is one object, for all that these rows hang together with."""
-        affected = kind.around(rows)
-        before = {owner.id: owner for row in affected if (owner := kind.owner[row]) is not None}
-        groups = kind.groups(affected)
-        groups.sort(key=lambda group: min((kind.pools[row].sums.first_seen_s, kind.pools[row].key) for row in group))
-        homes = self._homes(kind, groups, list(before))
+    def _associate_pending(self) -> None:
+        """Associate again some of what moved, or was only seen better."""
+        for pool in list(self._pending)[: self.rule.budget]:
+            if pool in self._pending:
+                label = self._owner[pool].label
+                own = [other for other in self._owner[pool].pools if other in self._pending]
+                for other in own:
+                    del self._pending[other]
+                    self._pools[label].link(other.row)
+                self._associate(label, own)
+
+    def _associate(self, label: str, pools: list[ObservationPool]) -> None:
+        """Decide again what is one object, for all that these pools are linked with."""
+        index, rows = self._pools[label], {pool.row for pool in pools}
+        affected = sorted(self._around(index, rows), key=lambda row: index.pool(row).key)
+        before = {owner.id: owner for row in affected if (owner := self._owner.get(index.pool(row)))}
+        groups = [[index.pool(row) for row in group] for group in self._groups(index, affected)]
+        groups.sort(key=lambda group: min((pool.sums.first_seen_s, pool.key) for pool in group))
+        homes = self._homes(groups, list(before))
         for group, names in zip(groups, homes, strict=True):
             identity = names[0] if names else self._new_id(label)
-            pools = [kind.pools[row] for row in group]
             known = before.get(identity)
-            if known is None or len(names) > 1 or known.pools != pools or {*group} & {*rows}:
-                most = max((before[name].most for name in names), default=1.0)
-                known = _Object(identity, label, pools, most)
-            self._objects[identity] = known
-            for row in group:
-                kind.owner[row] = known
+            if known is None or len(names) > 1 or known.pools != group or any(pool.row in rows for pool in group):
+                limit = max((before[name].limit for name in names), default=1.0)
+                known = self._objects[identity] = _Object(identity, label, group, limit)
+                self._change(identity)
+            for pool in group:
+                self._owner[pool] = known
+            self._bound(index, known)
         self._rename({name: names[0] for names in homes for name in names[1:]})
 
-    def _homes(self, kind: _Class, groups: list[list[int]], ids: list[str]) -> list[list[str]]:
+    def _around(self, index: PoolIndex, rows: Iterable[int]) -> set[int]:
+        """All that is linked with these rows, and the rest of the objects that it is part of."""
+        found, size = set(rows), 0
+        while len(found) > size:
+            size = len(found)
+            owners = [owner for row in found if (owner := self._owner.get(index.pool(row)))]
+            found.update(pool.row for owner in owners for pool in owner.pools)
+            found = index.connected(found)
+        return found
+
+    def _groups(self, index: PoolIndex, rows: list[int]) -> list[list[int]]:
+        """These rows as objects, each connected part by itself."""
+        left, found = dict.fromkeys(rows), []
+        while left:
+            part = sorted(index.connected({next(iter(left))}), key=lambda row: index.pool(row).key)
+            for row in part:
+                del left[row]
+            found += index.agglomerated(part)
+        return found
+
+    def _bound(self, index: PoolIndex, item: _Object) -> None:
+        """Join the pools of an object that were not seen for longest, each with the nearest of the others."""
+        while len(item.pools) > self.rule.maximum_pools:
+            own = [pool for pool in item.pools if pool.saved is None]
+            gone = min(own, key=lambda pool: (pool.updated, pool.key))
+            others = [pool for pool in own if pool is not gone and not pool.is_apart(gone)]
+            if not others:
+                return
+            here = index.place[:2, gone.row]
+            near = [float(np.abs(index.place[:2, pool.row] - here).sum()) for pool in others]
+            kept = others[near.index(min(near))]
+            index.join(kept.row, gone.row)
+            item.pools.remove(gone)
+            del self._owner[gone]
+            self._pending.pop(gone, None)
+
+    def _homes(self, groups: list[list[ObservationPool]], ids: list[str]) -> list[list[str]]:
         """For each group the ids that it goes on with, oldest first: an id goes where most of its sightings are."""
-        group_of = {row: number for number, group in enumerate(groups) for row in group}
         shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
-        for row, number in group_of.items():
-            owner = kind.owner[row]
-            if owner is not None:
-                shares[owner.id][number] += kind.pools[row].sums.count
+        for number, group in enumerate(groups):
+            for pool in group:
+                if (owner := self._owner.get(pool)) is not None:
+                    shares[owner.id][number] += pool.sums.count
         homes: list[list[str]] = [[] for _ in groups]
         for identity in sorted(ids, key=id_order):
             share = shares[identity]
@@ -315,17 +286,67 @@ class FloorMap:
         if renamed:
             for old in renamed:
                 del self._objects[old]
+                self._change(old)
             self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
 
     def _forget(self) -> None:
         """Drop what never gathered enough evidence and has not been seen for long, so that a long drive stays quick."""
         since = self._frames - self.rule.forget_after
-        weak = {
-            item.id
-            for item in self._objects.values()
-            if max(pool.updated for pool in item.pools) <= since and item.settled(self.rule) is None
-        }
-        for label, kind in self._classes.items():
-            self._classes[label] = kind.without(weak)
-        for identity in weak:
-            del self._objects[identity]
+        self._refresh()
+        for item in list(self._objects.values()):
+            unseen = max(pool.updated for pool in item.pools) <= since
+            if unseen and self._overlaps.best(item.id) not in self._shown:
+                self._remove(item.id)
+
+    def _remove(self, identity: str) -> None:
+        item = self._objects.pop(identity)
+        for pool in item.pools:
+            self._pools[item.label].remove(pool.row)
+            del self._owner[pool]
+            self._pending.pop(pool, None)
+        self._change(identity)
+
+    def _change(self, identity: str) -> None:
+        self._changed[identity] = None
+        if (item := self._objects.get(identity)) is not None:
+            item.estimate = None
+
+    def _refresh(self) -> None:
+        """What the map shows, for all that changed since it was last asked for."""
+        if not self._changed:
+            return
+        for identity in self._changed:
+            item = self._objects.get(identity)
+            if item is None:
+                self._overlaps.remove(identity)
+            else:
+                own = item.estimated(self.rule)
+                width_m, evidence = own.sums.width_m / own.sums.count, own.sums.sure * own.sums.confidence
+                self._overlaps.set(Candidate(identity, item.label, own.position_m, width_m, evidence))
+        self._changed = {}
+        for identity in self._overlaps.settle():
+            self._shown.pop(identity, None)
+            members = self._overlaps.members.get(identity)
+            if members and (shown := self._as_map_object(members)) is not None:
+                self._shown[identity] = shown
+        self._listed = None
+
+    def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
+        """Candidates in one place as one object; None where they have not enough evidence together."""
+        items = [self._objects[candidate.id] for candidate in members]
+        best, estimates = items[0], [item.estimated(self.rule) for item in items]
+        named: dict[str, float] = defaultdict(float)
+        for item, own in zip(items, estimates, strict=True):
+            named[item.label] += own.sums.sure
+        others = [own.sums for item, own in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
+        estimate = estimates[0]
+        if not estimate.shows(others):
+            return None
+        labels = label_posterior(named, self._overlaps.rule)
+        if estimate.saved is not None and len(best.pools) == 1:  # not seen since
+            confidence = min(estimate.saved.confidence, best.limit)
+            return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
+        plain = estimate.as_object(best.id, best.label)
+        views = sorted(set[tuple[int, int]]().union(*(pool.views for pool in best.pools)))
+        places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views)
+        return replace(plain, confidence=min(plain.confidence, best.limit), seen_from_m=places, labels=labels)

@@ -15,6 +15,8 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.visibility import ViewRule, expected_boxes, in_plain_view, iou
 from edgemap.geometry.se2 import SE2
 
+NEAR_M = 20.0  # nothing farther is sighted
+
 
 @dataclass(frozen=True, slots=True)
 class ForgetRule:
@@ -106,8 +108,8 @@ class Forgetter:
         """
         camera = camera or self.camera
         self._frame += 1
-        sighted, gone = set(object_ids), []
-        objects = self._concerned(floor_map.objects(), pose_map_base, sighted)
+        sighted, gone = {floor_map.shown_as(identity) for identity in object_ids}, []
+        objects = self._concerned(floor_map, pose_map_base, sighted)
         boxes = expected_boxes(objects, camera, pose_map_base)
         clear = in_plain_view(objects, boxes, camera, pose_map_base, detections, self.rule.view)
         labels = np.array(detections.labels, dtype=object)
@@ -126,15 +128,18 @@ class Forgetter:
                 for known in (self._log_odds, self._open):
                     known.pop(item.id, None)
             else:
-                floor_map.doubt(item.id, 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0)
+                limit = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0
+                floor_map.limit_confidence(item.id, limit)
         return gone
 
-    def _concerned(self, objects: list[MapObject], pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
-        """Those sighted, and those near enough and ahead, for which geometry is worth its time."""
+    def _concerned(self, floor_map: ObjectMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:
+        """Those near enough that are sighted or ahead, for which geometry is worth its time."""
+        here = np.array([pose_map_base.x_m, pose_map_base.y_m])
+        objects = floor_map.near(here, NEAR_M)
         if not objects:
             return []
-        places = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
-        near = (places[:, 0] > 0.0) & (np.linalg.norm(places, axis=1) <= self.rule.view.farthest_m)
+        positions = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
+        near = (positions[:, 0] > 0.0) & (np.linalg.norm(positions, axis=1) <= self.rule.view.farthest_m)
         return [item for item, close in zip(objects, near, strict=True) if close or item.id in sighted]
 
     def detection_rate(self, item: MapObject) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 if TYPE_CHECKING:
-    from edgemap.geometry.objects.observation_pool import ObjectShift
+    from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,8 @@ class MapObject:
     """One object on the floor. position_m: (2,) x, y in the map frame; covariance_m2: (2, 2) of it.
 
     width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
-    places that it was seen from, half a metre apart; a map may not know them.
+    places that it was seen from, half a metre apart; a map may not know them. labels: probability of each class that
+    it was detected as.
     """
 
     id: str
@@ -39,6 +40,7 @@ class MapObject:
     first_seen_s: float
     last_seen_s: float
     seen_from_m: tuple[tuple[float, float], ...] = ()
+    labels: Mapping[str, float] = field(default_factory=dict)
 
 
 class ObjectMap(Protocol):
@@ -59,11 +61,19 @@ class ObjectMap(Protocol):
         """The objects as they stand now, ordered by id."""
         ...
 
-    def moved(self, things: Mapping[int, ObjectShift]) -> None:
-        """What was observed of some landmarks lies elsewhere, by the landmark's number. Raises MapError if fixed."""
+    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
+        """Of `objects`, those no farther than that from a point (2,). Raises MapError if fixed."""
         ...
 
-    def doubt(self, identity: str, most: float) -> None:
+    def shown_as(self, identity: str) -> str:
+        """The id of the object that an id of `update` is shown as."""
+        ...
+
+    def moved(self, correction: TrajectoryCorrection) -> None:
+        """Everything moves with the pose that it was seen from. Raises MapError if fixed."""
+        ...
+
+    def limit_confidence(self, identity: str, limit: float) -> None:
         """Show an object with this confidence at most. Raises MapError if fixed."""
         ...
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.objects.class_posterior import least_spacing_m
 from edgemap.geometry.objects.map_object import MapObject, id_order
 from edgemap.geometry.objects.observation_pool import positive
-from edgemap.geometry.objects.overlap_suppression import least_spacing_m
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
 
@@ -106,4 +106,6 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
         count, 1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
         min(ours.first_seen_s, theirs.first_seen_s), max(ours.last_seen_s, theirs.last_seen_s),
         ours.seen_from_m + theirs.seen_from_m,
+        {label: share * ours.labels.get(label, 0.0) + (1 - share) * theirs.labels.get(label, 0.0)
+         for label in {**ours.labels, **theirs.labels}},
     )  # fmt: skip

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,22 +17,12 @@ from edgemap.geometry.objects.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 Array = NDArray[np.float64]
-Key = tuple[int, int, int, int, int]  # cell x, cell y, side, thing, rank among the frame's sightings there
+Key = tuple[int, int, int, int, int]  # cell x, cell y, side, track, rank among the frame's sightings there
 
 CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
 SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
 VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
 SAVED_SIDE = -1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ObjectShift:
-    """How a thing was found to lie elsewhere: by_m (2,); from_way_m2 (2, 2), what its covariance has from the way;
-    part_of: number of the thing that it turned out to be, its own where it is still that."""
-
-    by_m: Array
-    from_way_m2: Array
-    part_of: int
 
 
 def keys_of(sightings: Sequence[PlacedSighting]) -> list[Key]:
@@ -44,7 +33,7 @@ def keys_of(sightings: Sequence[PlacedSighting]) -> list[Key]:
         x_m, y_m = sightings[row].position_map_m
         lever_x_m, lever_y_m = sightings[row].lever_m
         side = int((math.atan2(lever_y_m, lever_x_m) / math.tau + 0.5) * SIDES) % SIDES
-        spot = *_cell(x_m, y_m), side, sightings[row].thing
+        spot = *_cell(x_m, y_m), side, sightings[row].track
         keys[row] = (*spot, taken[spot])
         taken[spot] += 1
     return keys
@@ -55,13 +44,14 @@ class ObservationPool:
 
     information (3,): xx, xy, yy of their pixel information, 1/m^2; vector (2,): that times position. shared: (2, 2)
     m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
-    first_m2: (2, 2), all that it makes of the earliest one. beside: pools seen in one frame with it. views: squares
-    they were seen from. saved: the earlier map's object this is, if it is one. updated: number of the last frame.
+    first_m2: (2, 2), all that it makes of the earliest one. anchor_s: mean stamp, of the pose that it moves with.
+    beside: pools seen in one frame with it. views: squares they were seen from. saved: the earlier map's object this
+    is, if it is one. row: in its index. updated: number of the last frame.
     """
 
     __slots__ = (
-        "beside", "extent_m", "first_m2", "information", "key", "saved", "shared", "sums", "updated", "variance_m2",
-        "vector", "views", "weight",
+        "anchor_s", "beside", "extent_m", "first_m2", "information", "key", "row", "saved", "shared", "sums", "updated",
+        "variance_m2", "vector", "views", "weight",
     )  # fmt: skip
 
     def __init__(self, key: Key, extent_m: float, saved: MapObject | None = None) -> None:
@@ -70,9 +60,10 @@ class ObservationPool:
         self.shared, self.weight, self.variance_m2 = np.zeros((2, 2)), 0.0, 0.0
         self.first_m2 = np.zeros((2, 2))
         self.sums = SightingSums()
-        self.beside: set[Key] = set()
+        self.beside: dict[ObservationPool, None] = {}
+        self.row = -1
         self.views: set[tuple[int, int]] = set()
-        self.updated = 0
+        self.updated, self.anchor_s = 0, 0.0
 
     @classmethod
     def of_saved(cls, number: int, item: MapObject, systematic_m: float, correlated: float) -> ObservationPool:
@@ -91,6 +82,10 @@ class ObservationPool:
         known.views = {_square(x_m, y_m) for x_m, y_m in item.seen_from_m}
         return known
 
+    def is_apart(self, other: ObservationPool) -> bool:
+        """Whether the two are certainly two objects: seen in one frame, or told apart by an earlier map."""
+        return other in self.beside or (self.saved is not None and other.saved is not None)
+
     def add(self, placed: PlacedSighting, frame: int) -> None:
         """Take in one more sighting."""
         (a, b), (_, c) = placed.covariance_m2
@@ -104,6 +99,7 @@ class ObservationPool:
         if placed.sighting.stamp_s < self.sums.first_seen_s:
             self.first_m2 = pose_m2
         self.sums.add(placed)
+        self.anchor_s += (placed.sighting.stamp_s - self.anchor_s) / self.sums.count
         self.variance_m2 += (mean_variance(pose_m2) - self.variance_m2) / self.sums.count
         self.views.add(_square(x_m - placed.lever_m[0], y_m - placed.lever_m[1]))
         self.updated = frame
@@ -114,21 +110,11 @@ class ObservationPool:
         (xx, xy, yy), (vx, vy) = self.information, self.vector
         return np.array([yy * vx - xy * vy, xx * vy - xy * vx]) / (xx * yy - xy * xy)
 
-    def key_here(self, thing: int, rank: int) -> Key:
-        """The key of a pool of a thing that lies where this one does now; that of a saved object stays."""
-        side = self.key[2]
-        return self.key if side == SAVED_SIDE else (*_cell(*self.position_m), side, thing, rank)
-
-    @property
-    def thing(self) -> int:
-        """The thing that all its sightings are of, as far as the drive's graph tells; -1 where it does not."""
-        return self.key[3]
-
-    def move(self, by_m: Array, from_way_m2: Array) -> None:
-        """It lies elsewhere by (2,), and the way that it was seen from adds this (2, 2) to its covariance."""
+    def move(self, by_m: Array, pose_m2: Array) -> None:
+        """It lies elsewhere by (2,), and the poses that it was seen from add this (2, 2) to its covariance."""
         (xx, xy, yy), (dx, dy) = self.information, by_m
         self.vector += (xx * dx + xy * dy, xy * dx + yy * dy)
-        self.variance_m2, self.first_m2 = mean_variance(from_way_m2), from_way_m2
+        self.variance_m2, self.first_m2 = mean_variance(pose_m2), pose_m2
         self.views = {_square((i + 0.5) * VIEW_M + dx, (j + 0.5) * VIEW_M + dy) for i, j in self.views}
 
     def join(self, other: ObservationPool) -> None:
@@ -137,11 +123,12 @@ class ObservationPool:
         self.variance_m2 = float(np.average([self.variance_m2, other.variance_m2], weights=counts))
         if other.sums.first_seen_s < self.sums.first_seen_s:
             self.first_m2 = other.first_m2
+        self.anchor_s = max((self, other), key=lambda pool: pool.weight).anchor_s
         self.information, self.vector = self.information + other.information, self.vector + other.vector
         self.shared, self.weight = self.shared + other.shared, self.weight + other.weight
         self.sums.join(other.sums)
         self.views |= other.views
-        self.beside |= other.beside
+        self.saved = self.saved or other.saved
         self.updated = max(self.updated, other.updated)
 
 

@@ -51,7 +51,7 @@ class Sighting:
     stamp_s: float = 0.0
     sure: float = 1.0
 
-    def placed(self, pose_map_base: SE2, pose_covariance: Array, thing: int = -1) -> PlacedSighting:
+    def placed(self, pose_map_base: SE2, pose_covariance: Array, track: int = -1) -> PlacedSighting:
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
         rotation = pose_map_base.rotation()
         position = pose_map_base.apply(self.position_base_m)
@@ -62,14 +62,14 @@ class Sighting:
             shared_m2=rotation @ self.shared_m2 @ rotation.T,
             lever_m=position - [pose_map_base.x_m, pose_map_base.y_m],
             pose_covariance=pose_covariance,
-            thing=thing,
+            track=track,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedSighting:
-    """A sighting in the map frame. lever_m: (2,) from the robot to the object, how yaw errors reach it. thing: number
-    under which the drive's graph follows it, -1 where nothing does: what may be found to have moved together."""
+    """A sighting in the map frame. lever_m: (2,) from the robot to the object, how yaw errors reach it. track: number
+    under which the pose graph follows it, -1 where nothing does."""
 
     sighting: Sighting
     position_map_m: Array
@@ -77,7 +77,7 @@ class PlacedSighting:
     shared_m2: Array
     lever_m: Array
     pose_covariance: Array
-    thing: int = -1
+    track: int = -1
 
     @property
     def label(self) -> str:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject, SightingSums, id_order
-from edgemap.geometry.objects.observation_pool import ObjectShift
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.paper.single_linkage import SingleLinkage
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
 Array = NDArray[np.float64]
 Root = tuple[int, int]
@@ -58,11 +57,19 @@ class PaperMap:
                 found.append(cluster.sums.as_object(identity, label, position, cluster.covariance_sum / count))
         return sorted(found, key=lambda item: id_order(item.id))
 
-    def moved(self, things: Mapping[int, ObjectShift]) -> None:  # noqa: ARG002
+    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
+        """Of `objects`, those no farther than that from a point (2,)."""
+        return [item for item in self.objects() if float(np.linalg.norm(item.position_m - point_m)) <= reach_m]
+
+    def shown_as(self, identity: str) -> str:
+        """The id itself: objects of two labels are never one."""
+        return identity
+
+    def moved(self, correction: TrajectoryCorrection) -> None:  # noqa: ARG002
         """Raises MapError: sightings stay where they were placed."""
         raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")
 
-    def doubt(self, identity: str, most: float) -> None:  # noqa: ARG002
+    def limit_confidence(self, identity: str, limit: float) -> None:  # noqa: ARG002
         """Raises MapError: see `drop`."""
         self.drop(identity)
 

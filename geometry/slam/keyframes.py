@@ -1,4 +1,4 @@
-"""The way driven: poses every few steps with the odometry between them, and how the past moves when it is put right."""
+"""The trajectory: poses every few steps with the odometry between them, and how the past moves in a correction."""
 
 from __future__ import annotations
 
@@ -18,51 +18,59 @@ FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 
 @dataclass(frozen=True, slots=True)
 class KeyframeRule:
-    """keyframe_m, keyframe_rad: way or turn after which a pose is kept. inflation: of the odometry's own covariance, as
-    its errors repeat from frame to frame; per_metre, per_radian, still_m, still_rad: standard deviations added to it.
-    most: keyframes, from which on the older half is thinned out."""
+    """keyframe_m, keyframe_rad: path or rotation after which a pose is kept. inflation: of the odometry's own
+    covariance, as its errors repeat from frame to frame; per_metre, per_radian, still_m, still_rad: standard deviations
+    added to it. maximum: keyframes, from which on the older half is thinned out."""
 
     keyframe_m: float = 0.25
     keyframe_rad: float = 0.26
-    inflation: float = 4.0
+    inflation: float = 10.0
     per_metre: float = 0.03
     per_radian: float = 0.05
     still_m: float = 0.003
     still_rad: float = 0.003
-    most: int = 600
+    maximum: int = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrajectoryCorrection:
     """How a drive's past moved in the map: what was seen from `stamps_s[k]` until the next one, by `moves[k]`.
 
-    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one.
+    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one. poses: (K, 3), of
+    the base at those stamps, as known now; covariances: (K, 3, 3) of them.
     """
 
     stamps_s: Array
     moves: Array
+    poses: Array
+    covariances: Array
 
-    def poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
+    def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
         """Poses (N, 3) of those times (N,), x, y, yaw, where they are now."""
         return _composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
 
-    def points(self, stamps_s: ArrayLike, points_m: ArrayLike) -> Array:
+    def moved_points(self, stamps_s: ArrayLike, points_m: ArrayLike) -> Array:
         """Points (N, 2) seen at those times (N,), where they are now."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-        return self.poses(stamps_s, np.column_stack([points, np.zeros(len(points))]))[:, :2]
+        return self.moved_poses(stamps_s, np.column_stack([points, np.zeros(len(points))]))[:, :2]
 
-    def then(self, later: TrajectoryCorrection) -> TrajectoryCorrection:
+    def point_covariances(self, stamps_s: ArrayLike, points_m: Array) -> Array:
+        """What the poses' covariances mean for points (N, 2) of the corrected map seen at those times, (N, 2, 2)."""
+        rows = self._rows(stamps_s)
+        x, y = (points_m - self.poses[rows, :2]).T
+        wrt_pose = np.zeros((len(rows), 2, 3))
+        wrt_pose[:, 0, 0] = wrt_pose[:, 1, 1] = 1.0
+        wrt_pose[:, 0, 2], wrt_pose[:, 1, 2] = -y, x
+        return wrt_pose @ self.covariances[rows] @ wrt_pose.transpose(0, 2, 1)
+
+    def compose(self, later: TrajectoryCorrection) -> TrajectoryCorrection:
         """This one and a later one as one."""
         stamps = np.union1d(self.stamps_s, later.stamps_s)
-        return TrajectoryCorrection(stamps, later.poses(stamps, self.moves[self._rows(stamps)]))
+        moves, rows = later.moved_poses(stamps, self.moves[self._rows(stamps)]), later._rows(stamps)
+        return TrajectoryCorrection(stamps, moves, later.poses[rows], later.covariances[rows])
 
     def _rows(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
         return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
-
-
-def points_from(poses: Array, points_m: Array) -> Array:
-    """Points (N, 2) seen from poses (N, 3), in the frame that these are in."""
-    return _composed(poses, np.column_stack([points_m, np.zeros(len(points_m))]))[:, :2]
 
 
 def _composed(a: Array, b: Array) -> Array:
@@ -73,7 +81,7 @@ def _composed(a: Array, b: Array) -> Array:
 
 
 class KeyframeTrajectory:
-    """Keyframes in order. The odometer counts a turn of one radian as a metre: both make odometry drift."""
+    """Keyframes in order. The odometer counts a rotation of one radian as a metre: both make odometry drift."""
 
     def __init__(self, rule: KeyframeRule | None = None) -> None:
         self.rule = rule or KeyframeRule()
@@ -110,18 +118,18 @@ class KeyframeTrajectory:
     def keep(self, stamp_s: float) -> None:
         """The pose as it is becomes a keyframe."""
         self._motions.append(self.since)
-        self._covariances.append(self._loosened(self.since, self._since_covariance))
+        self._covariances.append(self._inflated(self.since, self._since_covariance))
         self.poses.append(self.pose)
         self.stamps_s.append(stamp_s)
         self.since, self._since_covariance = SE2(), np.zeros((3, 3))
 
-    def _loosened(self, motion: SE2, covariance: Array) -> Array:
+    def _inflated(self, motion: SE2, covariance: Array) -> Array:
         rule = self.rule
-        way = (rule.per_metre * math.hypot(motion.x_m, motion.y_m)) ** 2 + rule.still_m**2
+        path = (rule.per_metre * math.hypot(motion.x_m, motion.y_m)) ** 2 + rule.still_m**2
         turn = (rule.per_radian * motion.yaw_rad) ** 2 + rule.still_rad**2
-        return covariance * rule.inflation + np.diag([way, way, turn])
+        return covariance * rule.inflation + np.diag([path, path, turn])
 
-    def chain(self) -> OdometryFactors:
+    def factors(self) -> OdometryFactors:
         """The keyframes as a graph has them."""
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._covariances).reshape(-1, 3, 3)
@@ -131,21 +139,35 @@ class KeyframeTrajectory:
         """All keyframes' poses, (K, 3)."""
         return np.array([pose.vector() for pose in self.poses])
 
-    def put(self, poses: Array) -> TrajectoryCorrection:
-        """The keyframes stand at (K, 3) now. The last is just being made: nothing was seen from where it was before."""
+    def set_poses(self, poses: Array, covariances: Array, now_s: float) -> TrajectoryCorrection:
+        """The first keyframes stand at (N, 3) now; later ones follow the last of these as odometry says. What is seen
+        from `now_s` on is seen from where the base is then."""
         after = [SE2(*pose) for pose in poses]
+        for motion, covariance in zip(
+            self._motions[len(after) - 1 :], self._covariances[len(after) - 1 :], strict=True
+        ):
+            following = compose_covariance(after[-1], covariances[-1], motion, covariance)
+            covariances = np.concatenate([covariances, following[None]])
+            after.append(after[-1] @ motion)
         moves = [(now @ before.inverse()).vector() for now, before in zip(after, self.poses, strict=True)]
         self.poses = after
-        return TrajectoryCorrection(np.array(self.stamps_s), np.array([*moves[:-1], np.zeros(3)]))
+        here = compose_covariance(after[-1], covariances[-1], self.since, self._since_covariance)
+        return TrajectoryCorrection(
+            np.array([*self.stamps_s, max(now_s, self.stamps_s[-1])]),
+            np.array([*moves, np.zeros(3)]),
+            np.array([*(pose.vector() for pose in after), self.pose.vector()]),
+            np.concatenate([covariances, here[None]]),
+        )
 
-    def thinned(self) -> list[tuple[int, SE2]]:
+    def thin_out(self) -> list[tuple[int, SE2, Array]]:
         """Drop a quarter of the older half, those nearest to their neighbours; for each keyframe before, which one it
-        belongs to now, and its place in that one's frame."""
+        belongs to now, its pose in that one's frame, and the covariance of that."""
         gone = self._dispensable(len(self.poses) // 2)
         homes, row = [], -1
         for old in range(len(self.poses)):
             row += old not in gone
-            homes.append((row, self._motions[old - 1] if old in gone else SE2()))
+            at = (self._motions[old - 1], self._covariances[old - 1]) if old in gone else (SE2(), np.zeros((3, 3)))
+            homes.append((row, *at))
         motions: list[SE2] = []
         covariances: list[Array] = []
         for old, (motion, covariance) in enumerate(zip(self._motions, self._covariances, strict=True)):
@@ -161,7 +183,7 @@ class KeyframeTrajectory:
         return homes
 
     def _dispensable(self, end: int) -> set[int]:
-        """Keyframes before `end`, no two side by side, over which the way from one neighbour to the other is short."""
+        """Keyframes before `end`, no two side by side, over which the path between their neighbours is short."""
         reaches = [math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad) for motion in self._motions[:end]]
         gone: set[int] = set()
         for row in sorted(range(1, end), key=lambda row: (reaches[row - 1] + reaches[row], row)):

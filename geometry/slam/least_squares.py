@@ -1,24 +1,27 @@
-"""A drive as a graph: poses chained by odometry, landmarks seen from them, and the least squares over all of it."""
+"""Trajectory and landmarks as one sparse least-squares problem: banded poses, landmarks by Schur complement."""
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
-STILL_M = 1e-5  # a round that moves nothing by more has settled
+CONVERGED_M = 1e-4  # a step that moves nothing by more ends the iteration
+CHUNK = 60  # keyframes whose covariance is recovered in one unit of work
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryFactors:
-    """K poses one after another. motions (K - 1, 3): measured from each to the next, (m, m, rad) in the earlier one's
-    frame; information (K - 1, 3, 3) of them. first (3,): what is known of the first pose; first_information (3, 3)."""
+    """K poses one after another. motions (K - 1, 3): from each to the next, (m, m, rad) in the earlier one's frame;
+    information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3)."""
 
     motions: Array
     information: Array
@@ -28,164 +31,182 @@ class OdometryFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservationFactors:
-    """N measurements of landmarks. pose, landmark (N,): rows of them; place_m (N, 2): in the pose's frame;
-    information (N, 2, 2), in that frame too."""
+    """N observations of landmarks. pose, landmark (N,): rows of them; position_m (N, 2): in the pose's frame;
+    information (N, 2, 2), in that frame too; bias_m (N, 2): how one standard deviation of the mount's error, which all
+    observations share, moves each."""
 
     pose: Rows
     landmark: Rows
-    place_m: Array
+    position_m: Array
     information: Array
+    bias_m: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LandmarkPriors:
-    """What is known of L landmarks before any look. place_m (L, 2), information (L, 2, 2): zero where nothing is."""
+class LandmarkFactors:
+    """What is known of landmarks beside their observations. prior_m (L, 2), information (L, 2, 2): zero where there is
+    none. first, second (M,): rows of landmarks that are one object; variance_m2 (M,): of their distance, per axis."""
 
-    place_m: Array
+    prior_m: Array
     information: Array
+    first: Rows
+    second: Rows
+    variance_m2: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. covariance (2 L, 2 L): of all landmarks
-    together; last_covariance (3, 3): of the last pose. chi2 (N,): squared Mahalanobis length of each residual."""
+    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. bias: of the mount, in its standard deviations.
+    landmark_covariance (2 L, 2 L): of all landmarks together; pose_covariances (K, 3, 3). chi2 (N,), link_chi2 (M,):
+    squared Mahalanobis length of each observation's and each link's residual."""
 
     poses: Array
     landmarks: Array
-    covariance: Array
-    last_covariance: Array
+    bias: float
+    landmark_covariance: Array
+    pose_covariances: Array
     chi2: Array
+    link_chi2: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """All factors of a drive. kernel: squared residual at which an observation or a link weighs half (Cauchy)."""
+
+    odometry: OdometryFactors
+    observations: ObservationFactors
+    landmarks: LandmarkFactors
+    kernel: float = 9.0
 
 
 def solve(
-    poses: Array,
-    landmarks: Array,
-    chain: OdometryFactors,
-    looks: ObservationFactors,
-    known: LandmarkPriors,
-    kernel: float = 9.0,
-    rounds: int = 6,
-) -> Solution:
-    """Gauss-Newton from poses (K, 3) and landmarks (L, 2): the most likely drive, looks under a Cauchy kernel.
+    problem: Problem, poses: Array, landmarks: Array, bias: float = 0.0, iterations: int = 6, covariances: bool = True
+) -> Generator[None, None, Solution]:
+    """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every unit of work, each of bounded size.
 
-    kernel: squared residual at which a look weighs half. Poses are eliminated first: their part is banded, so the time
-    grows with their number, and with its cube only for landmarks.
+    Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
+    landmarks. covariances: whether those of the poses are wanted.
     """
     count, size = len(poses), 2 * len(landmarks)
-    whole = _System(count, size)
-    for _ in range(max(rounds, 1)):
-        whole.clear()
-        _add_first(whole, poses[0], chain)
-        _add_motions(whole, poses, chain)
-        chi2 = _add_looks(whole, poses, landmarks, looks, kernel)
-        _add_known(whole, landmarks, known)
-        step, steps, schur = whole.step()
-        poses, landmarks = poses + step.reshape(-1, 3), landmarks + steps.reshape(-1, 2)
-        if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < STILL_M:
+    for _ in range(max(iterations, 1)):
+        system = _System(problem, poses, landmarks, bias)
+        step, steps = system.step()
+        poses, landmarks = poses + step.reshape(-1, 3), landmarks + steps[:size].reshape(-1, 2)
+        bias += float(steps[size])
+        yield
+        if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < CONVERGED_M:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
-    covariance = cho_solve(schur, np.eye(size)) if size else np.zeros((0, 0))
-    return Solution(poses, landmarks, covariance, whole.last_covariance(covariance), chi2)
+    corner = cho_solve(system.schur, np.eye(size + 1))
+    blocks = np.zeros((count, 3, 3))
+    for start in range(0, count if covariances else 0, CHUNK):
+        blocks[start : start + CHUNK] = system.pose_covariances(corner, start, min(start + CHUNK, count))
+        yield
+    return Solution(poses, landmarks, bias, corner[:size, :size], blocks, system.chi2, system.link_chi2)
 
 
 class _System:
-    """Normal equations: poses' band (6, 3 K), landmarks' blocks, what lies between, and the right-hand sides."""
+    """Normal equations: poses' band (6, 3 K), what lies between poses and corner (sparse), and the corner, dense: all
+    landmarks, then the bias."""
 
-    def __init__(self, count: int, size: int) -> None:
-        self.band = np.zeros((BAND + 1, 3 * count))
-        self.between = np.zeros((3 * count, size))
-        self.corner = np.zeros((size, size))
-        self.right, self.right_corner = np.zeros(3 * count), np.zeros(size)
+    def __init__(self, problem: Problem, poses: Array, landmarks: Array, bias: float) -> None:
+        self._poses, self._landmarks, self._bias = poses, landmarks, bias
+        self._count, self._size = len(poses), 2 * len(landmarks) + 1
+        self.band, self.rhs = np.zeros((BAND + 1, 3 * self._count)), np.zeros((self._count, 3))
+        self.corner, self.rhs_corner = np.zeros((self._size, self._size)), np.zeros(self._size)
+        self.corner[-1, -1], self.rhs_corner[-1] = 1.0, -bias
+        self._add_odometry(problem.odometry)
+        self._add_observations(problem.observations, problem.kernel)
+        self._add_landmarks(problem.landmarks, problem.kernel)
 
-    def clear(self) -> None:
-        """Begin another round."""
-        for part in (self.band, self.between, self.corner, self.right, self.right_corner):
-            part.fill(0.0)
+    def step(self) -> tuple[Array, Array]:
+        """Steps of the poses (3 K,) and of the corner (2 L + 1,)."""
+        self._factor = cholesky_banded(self.band)
+        solved = cho_solve_banded(
+            (self._factor, False), np.column_stack([self.rhs.ravel(), self.between.toarray()]), check_finite=False
+        )
+        own, self._tied = solved[:, 0], solved[:, 1:]
+        across = self.between.T.tocsr()
+        self.schur = cho_factor(self.corner - across @ self._tied)
+        steps = cho_solve(self.schur, self.rhs_corner - across @ own)
+        return own - self._tied @ steps, steps
 
-    def add_blocks(self, row: Rows, column: Rows, blocks: Array) -> None:
+    def pose_covariances(self, corner: Array, start: int, end: int) -> Array:
+        """Marginal covariances of poses from row `start` up to `end`, (N, 3, 3); corner: (2 L + 1, 2 L + 1)."""
+        rows = slice(3 * start, 3 * end)
+        unit = np.zeros((3 * self._count, 3 * (end - start)))
+        unit[rows] = np.eye(3 * (end - start))
+        own = cho_solve_banded((self._factor, False), unit, check_finite=False)[rows]
+        each = np.arange(end - start)
+        tied = self._tied[rows].reshape(end - start, 3, -1)
+        return own.reshape(end - start, 3, end - start, 3)[each, :, each] + tied @ corner @ tied.transpose(0, 2, 1)
+
+    def _add_blocks(self, row: Rows, column: Rows, blocks: Array) -> None:
         """Blocks (N, 3, 3) of the poses' part, at pose rows and columns, column >= row; upper triangle kept."""
         i, j = np.broadcast_arrays(np.arange(3)[:, None], np.arange(3)[None])
         rows, columns = 3 * row[:, None, None] + i, 3 * column[:, None, None] + j
         upper = columns >= rows
         np.add.at(self.band, (BAND + rows[upper] - columns[upper], columns[upper]), blocks[upper])
 
-    def step(self) -> tuple[Array, Array, tuple[Array, bool]]:
-        """Steps of the poses and of the landmarks, and the factor of the landmarks' information without the poses."""
-        self._factor = cholesky_banded(self.band)
-        self._solved = cho_solve_banded((self._factor, False), np.column_stack([self.right, self.between]))
-        own, tied = self._solved[:, 0], self._solved[:, 1:]
-        if not self.corner.size:
-            return own, np.zeros(0), (np.zeros((0, 0)), False)
-        schur = cho_factor(self.corner - self.between.T @ tied)
-        steps = cho_solve(schur, self.right_corner - self.between.T @ own)
-        return own - tied @ steps, steps, schur
+    def _add_odometry(self, odometry: OdometryFactors) -> None:
+        first, rows = np.array([0]), np.arange(self._count - 1)
+        self._add_blocks(first, first, odometry.first_information[None])
+        residual = self._poses[0] - odometry.first
+        self.rhs[0] -= odometry.first_information @ [*residual[:2], np.angle(np.exp(1j * residual[2]))]
+        x, y, by_before, by_after = _seen_from(self._poses[:-1], self._poses[1:, :2])
+        turn = self._poses[1:, 2] - self._poses[:-1, 2]
+        residual = np.column_stack([x, y, turn]) - odometry.motions
+        residual[:, 2] = np.angle(np.exp(1j * residual[:, 2]))
+        zero, one = np.zeros((len(rows), 2, 1)), np.tile([0.0, 0.0, 1.0], (len(rows), 1, 1))
+        by_before = np.concatenate([by_before, -one], axis=1)
+        by_after = np.concatenate([np.concatenate([by_after, zero], axis=2), one], axis=1)
+        weighted = odometry.information @ residual[:, :, None]
+        for jacobian, at in ((by_before, rows), (by_after, rows + 1)):
+            transposed = jacobian.transpose(0, 2, 1)
+            self._add_blocks(at, at, transposed @ odometry.information @ jacobian)
+            self.rhs[at] -= (transposed @ weighted)[:, :, 0]
+        self._add_blocks(rows, rows + 1, by_before.transpose(0, 2, 1) @ odometry.information @ by_after)
 
-    def last_covariance(self, covariance: Array) -> Array:
-        """Marginal covariance (3, 3) of the last pose."""
-        ends = np.zeros((len(self.right), 3))
-        ends[-3:] = np.eye(3)
-        own = cho_solve_banded((self._factor, False), ends)[-3:]
-        tied = self._solved[-3:, 1:]
-        return own + tied @ covariance @ tied.T
+    def _add_observations(self, seen: ObservationFactors, kernel: float) -> None:
+        x, y, by_pose, by_landmark = _seen_from(self._poses[seen.pose], self._landmarks[seen.landmark])
+        residual = np.column_stack([x, y]) + self._bias * seen.bias_m - seen.position_m
+        self.chi2 = np.einsum("ni,nij,nj->n", residual, seen.information, residual)
+        information = seen.information / (1.0 + self.chi2 / kernel)[:, None, None]
+        weighted = information @ residual[:, :, None]
+        by_corner = np.concatenate([by_landmark, seen.bias_m[:, :, None]], axis=2)
+        from_pose, from_corner = by_pose.transpose(0, 2, 1), by_corner.transpose(0, 2, 1)
+        self._add_blocks(seen.pose, seen.pose, from_pose @ information @ by_pose)
+        np.subtract.at(self.rhs, seen.pose, (from_pose @ weighted)[:, :, 0])
+        columns = np.column_stack([2 * seen.landmark, 2 * seen.landmark + 1, np.full_like(seen.pose, self._size - 1)])
+        np.subtract.at(self.rhs_corner, columns, (from_corner @ weighted)[:, :, 0])
+        np.add.at(self.corner, (columns[:, :, None], columns[:, None, :]), from_corner @ information @ by_corner)
+        rows = np.broadcast_to((3 * seen.pose[:, None] + np.arange(3))[:, :, None], (len(x), 3, 3)).ravel()
+        at = rows, np.broadcast_to(columns[:, None], (len(x), 3, 3)).ravel()
+        blocks = from_pose @ information @ by_corner
+        self.between = csr_array((blocks.ravel(), at), shape=(3 * self._count, self._size))
+
+    def _add_landmarks(self, factors: LandmarkFactors, kernel: float) -> None:
+        count = len(self._landmarks)
+        corner, rhs = self.corner[:-1, :-1].reshape(count, 2, count, 2), self.rhs_corner[:-1].reshape(count, 2)
+        rows = np.arange(count)
+        corner[rows, :, rows] += factors.information
+        rhs -= (factors.information @ (self._landmarks - factors.prior_m)[:, :, None])[:, :, 0]
+        residual = self._landmarks[factors.first] - self._landmarks[factors.second]
+        self.link_chi2 = (residual**2).sum(axis=1) / factors.variance_m2
+        weight = 1.0 / factors.variance_m2 / (1.0 + self.link_chi2 / kernel)
+        axis = np.arange(2)[None]
+        for a, b, sign in ((factors.first, factors.second, 1.0), (factors.second, factors.first, -1.0)):
+            np.add.at(corner, (a[:, None], axis, a[:, None], axis), weight[:, None])
+            np.subtract.at(corner, (a[:, None], axis, b[:, None], axis), weight[:, None])
+            np.subtract.at(rhs, a, sign * weight[:, None] * residual)
 
 
-def _add_first(whole: _System, first: Array, chain: OdometryFactors) -> None:
-    row = np.array([0])
-    whole.add_blocks(row, row, chain.first_information[None])
-    off = first - chain.first
-    whole.right[:3] -= chain.first_information @ [off[0], off[1], np.angle(np.exp(1j * off[2]))]
-
-
-def _add_motions(whole: _System, poses: Array, chain: OdometryFactors) -> None:
-    before, after = poses[:-1], poses[1:]
-    c, s = np.cos(before[:, 2]), np.sin(before[:, 2])
-    dx, dy = (after[:, :2] - before[:, :2]).T
+def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Array]:
+    """Points (N, 2) in the frames of poses (N, 3): x, y, and the derivatives by pose (N, 2, 3) and point (N, 2, 2)."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    dx, dy = (points_m - poses[:, :2]).T
     x, y = c * dx + s * dy, -s * dx + c * dy
-    residual = np.column_stack([x, y, after[:, 2] - before[:, 2]]) - chain.motions
-    residual[:, 2] = np.angle(np.exp(1j * residual[:, 2]))
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    by_after = _stack([[c, s, zero], [-s, c, zero], [zero, zero, one]])
-    by_before = _stack([[-c, -s, y], [s, -c, -x], [zero, zero, -one]])
-    rows = np.arange(len(before))
-    weighted = chain.information @ residual[:, :, None]
-    for jacobian, at in ((by_before, rows), (by_after, rows + 1)):
-        turned = jacobian.transpose(0, 2, 1)
-        whole.add_blocks(at, at, turned @ chain.information @ jacobian)
-        np.subtract.at(whole.right.reshape(-1, 3), at, (turned @ weighted)[:, :, 0])
-    whole.add_blocks(rows, rows + 1, by_before.transpose(0, 2, 1) @ chain.information @ by_after)
-
-
-def _add_looks(whole: _System, poses: Array, landmarks: Array, looks: ObservationFactors, kernel: float) -> Array:
-    if not len(looks.pose):
-        return np.zeros(0)
-    pose = poses[looks.pose]
-    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    dx, dy = (landmarks[looks.landmark] - pose[:, :2]).T
-    x, y = c * dx + s * dy, -s * dx + c * dy
-    residual = np.column_stack([x, y]) - looks.place_m
-    chi2 = np.einsum("ni,nij,nj->n", residual, looks.information, residual)
-    information = looks.information / (1.0 + chi2 / kernel)[:, None, None]
-    by_landmark = _stack([[c, s], [-s, c]])
-    by_pose = _stack([[-c, -s, y], [s, -c, -x]])
-    weighted = information @ residual[:, :, None]
-    turned_pose, turned_landmark = by_pose.transpose(0, 2, 1), by_landmark.transpose(0, 2, 1)
-    whole.add_blocks(looks.pose, looks.pose, turned_pose @ information @ by_pose)
-    np.subtract.at(whole.right.reshape(-1, 3), looks.pose, (turned_pose @ weighted)[:, :, 0])
-    np.subtract.at(whole.right_corner.reshape(-1, 2), looks.landmark, (turned_landmark @ weighted)[:, :, 0])
-    rows = 3 * looks.pose[:, None, None] + np.arange(3)[:, None]
-    columns = 2 * looks.landmark[:, None, None] + np.arange(2)
-    np.add.at(whole.between, (rows, columns), turned_pose @ information @ by_landmark)
-    corner = turned_landmark @ information @ by_landmark
-    np.add.at(whole.corner, (columns.transpose(0, 2, 1), columns), corner)
-    return chi2
-
-
-def _add_known(whole: _System, landmarks: Array, known: LandmarkPriors) -> None:
-    count = len(landmarks)
-    rows = np.arange(count)
-    corner = whole.corner.reshape(count, 2, count, 2)
-    corner[rows, :, rows] += known.information
-    whole.right_corner -= (known.information @ (landmarks - known.place_m)[:, :, None])[:, :, 0].ravel()
+    return x, y, _stack([[-c, -s, y], [s, -c, -x]]), _stack([[c, s], [-s, c]])
 
 
 def _stack(rows: list[list[Array]]) -> Array:

@@ -1,281 +1,364 @@
-"""A drive as a graph of poses and of things that stand still: seen again, they put the whole way right."""
+"""A drive as a graph of poses and landmarks: those observed again close loops, a bounded unit of work per frame."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.objects.observation_pool import ObjectShift
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, TrajectoryCorrection, points_from
-from edgemap.geometry.slam.least_squares import LandmarkPriors, ObservationFactors, Solution, inverse, solve
+from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, TrajectoryCorrection
+from edgemap.geometry.slam.least_squares import (
+    LandmarkFactors,
+    ObservationFactors,
+    Problem,
+    Solution,
+    inverse,
+    solve,
+)
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing, certain_pairings
 from edgemap.geometry.slam.tracks import Track, Tracker, TrackRule
 
 Array = NDArray[np.float64]
+Work = Generator[None, None, "_Solved | None"]
 
 
 @dataclass(frozen=True, slots=True)
 class GraphRule:
-    """How a drive becomes a graph. look_m: standard deviation of what a thing looks like from one keyframe, beside its
-    sightings' own. least: sightings that make a thing a landmark. most: landmarks kept. every: keyframes between two
-    looks for things seen before. misfit: mean squared residual of a thing's looks above which a pairing is taken back.
-    """
+    """How a drive becomes a graph. view_m: standard deviation of what an object looks like from one keyframe, beside
+    its sightings' own; merged_m: at least, of all that one keyframe saw of it after thinning. minimum: sightings that
+    make a track a landmark. maximum: tracks kept. visits: tracks of one object kept apart, older ones become one.
+    nearest: earlier objects weighed in one closure. every: keyframes between two closures. residual: mean squared
+    residual of a track's observations above which its link is refused. gate: squared residual above which a link is
+    taken back. still_m: a closure that finds no link and moves less than this leaves the poses as they are."""
 
-    look_m: float = 0.15
-    least: int = 5
-    most: int = 150
+    view_m: float = 0.15
+    merged_m: float = 0.05
+    minimum: int = 5
+    maximum: int = 80
+    visits: int = 3
+    nearest: int = 40
     every: int = 4
-    misfit: float = 4.0
-    way: KeyframeRule = field(default_factory=KeyframeRule)
+    residual: float = 4.0
+    gate: float = 11.83
+    still_m: float = 0.01
+    keyframes: KeyframeRule = field(default_factory=KeyframeRule)
     track: TrackRule = field(default_factory=TrackRule)
-    revisit: LoopHypothesisRule = field(default_factory=LoopHypothesisRule)
+    hypotheses: LoopHypothesisRule = field(default_factory=LoopHypothesisRule)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Observation:
-    """A track seen from a keyframe: place_m (2,) and information (2, 2) in the keyframe's frame."""
+    """A track seen from a keyframe, in that one's frame: position_m, information, and the shared bias of the mount."""
 
-    keyframe: int
-    track: int
-    place_m: Array
+    position_m: Array
     information: Array
+    bias_m: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solved:
-    """row: of each landmark, by group. misfit: mean squared residual of each track's looks."""
+    """row: of each landmark, by track. residual: mean squared residual of each track's observations. link_chi2: squared
+    residual of each link, by its later track."""
 
     solution: Solution
     row: dict[int, int]
-    misfit: dict[int, float]
+    residual: dict[int, float]
+    link_chi2: dict[int, float]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LoopClosure:
-    """What things seen again say: how the past moved, the pose's covariance (3, 3) now, and where each thing lies."""
+class PoseGraph:
+    """Fed every frame's motion and sightings. Every visit to an object is a track and a landmark of its own; a link
+    says that two are one object, as far as it looks the same from both sides, and is taken back when it no longer fits.
 
-    past: TrajectoryCorrection
-    covariance: Array
-    moves: dict[int, ObjectShift]
-
-
-class DriveGraph:
-    """Fed every frame's motion and sightings. Tracks that are one thing form a group, which is one landmark.
-
-    links: pairings of a track with a thing seen before, so far. What is due when depends on way and turn only.
+    links: found so far and not taken back. What is due when depends on path and rotation only.
     """
 
     def __init__(self, rule: GraphRule | None = None) -> None:
         self.rule = rule or GraphRule()
-        self.way, self.tracker = KeyframeTrajectory(self.rule.way), Tracker(self.rule.track)
+        self.trajectory, self.tracker = KeyframeTrajectory(self.rule.keyframes), Tracker(self.rule.track)
         self.links = 0
-        self._group: dict[int, int] = {}
-        self._open: dict[int, list[tuple[Array, Array]]] = {}
-        self._looks: list[_Observation] = []
-        self._known: dict[int, tuple[Array, Array]] = {}
+        self._parent: dict[int, int] = {}
+        self._open: dict[int, list[tuple[Array, Array, Array]]] = {}
+        self._observations: dict[tuple[int, int], _Observation] = {}
         self._refused: set[tuple[int, int]] = set()
+        self._bias = 0.0
+        self._work: Work | None = None
+        self._due = False
 
-    def remember(self, objects: Sequence[MapObject]) -> None:
-        """Things of an earlier map, in the frame that the way is in: seen again, they put it right."""
+    def add_prior_landmarks(self, objects: Sequence[MapObject]) -> None:
+        """Objects of an earlier map, in the trajectory's frame: observed again, they correct it."""
         for item in objects:
             track = self.tracker.begin(item.label, item.width_m, item.position_m, -1, -np.inf)
-            track.count = max(item.count, self.rule.least)
-            self._group[track.number] = track.number
-            self._known[track.number] = item.position_m, inverse(item.covariance_m2)
+            track.count, track.prior_m2 = max(item.count, self.rule.minimum), item.covariance_m2
 
-    def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> bool:
-        """Move on by one frame; whether this is when to look for things seen before."""
-        if not self.way.is_due(motion, covariance):
-            return False
-        self._close_looks()
-        self.way.keep(stamp_s)
-        if len(self.way) > self.rule.way.most:
-            self._thin_out()
-        due = len(self.way) % self.rule.every == 0
-        if due:
-            self._forget()
-        return due
+    def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> None:
+        """Move on; where a keyframe is due, what was seen from the one before becomes its observations."""
+        if self.trajectory.is_due(motion, covariance):
+            self._close_observations()
+            self.trajectory.keep(stamp_s)
+            self._due |= len(self.trajectory) % self.rule.every == 0
 
-    def look(self, sightings: Sequence[Sighting]) -> list[Track]:
-        """Take in one frame's sightings, from where the last `advance` or `revisit` came to; the track of each."""
-        way = self.way
-        tracks = self.tracker.follow(sightings, way.pose, len(way) - 1, way.odometer_m)
-        rotation = way.since.rotation()
+    def observe(self, sightings: Sequence[Sighting]) -> list[Track]:
+        """Take in one frame's sightings, seen from where the trajectory ends now; the track of each."""
+        trajectory = self.trajectory
+        tracks = self.tracker.follow(sightings, trajectory.pose, len(trajectory) - 1, trajectory.odometer_m)
+        rotation = trajectory.since.rotation()
         for track, sighting in zip(tracks, sightings, strict=True):
-            self._group.setdefault(track.number, track.number)
-            spread = rotation @ (sighting.covariance_m2 + sighting.shared_m2) @ rotation.T
-            place = way.since.apply(sighting.position_base_m)
-            self._open.setdefault(track.number, []).append((place, inverse(spread)))
+            bias_m = _bias(sighting)
+            own = sighting.covariance_m2 + sighting.shared_m2 - np.outer(bias_m, bias_m)
+            position = trajectory.since.apply(sighting.position_base_m)
+            information = inverse(rotation @ own @ rotation.T)
+            self._open.setdefault(track.number, []).append((position, information, rotation @ bias_m))
         return tracks
 
-    def revisit(self) -> LoopClosure | None:
-        """Look for things seen before, and put way and tracks right by them; None while nothing was seen again."""
-        before, number_of = self.way.vectors(), dict(self._group)
-        solved = self._paired()
-        if solved is None and self.links:
-            solved = self._solve(rounds=3)
-        if solved is None:
-            return None
-        past = self.way.put(solved.solution.poses)
-        self._place_tracks(solved, past)
-        moves = self._moves(solved, before, number_of)
-        return LoopClosure(past, solved.solution.last_covariance, moves)
+    def close_loops(self, now_s: float) -> TrajectoryCorrection | None:
+        """One unit of work on the closure under way, or the next one where it is due; the correction that it ends with.
 
-    def things(self, tracks: Sequence[Track]) -> list[int]:
-        """The number of the thing that each track is of, as far as it is known."""
-        return [self._group[track.number] for track in tracks]
+        now_s: stamp of the frame whose motion came last.
+        """
+        if self._work is None:
+            if not self._due:
+                return None
+            self._due, self._work = False, self._closure()
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work = None
+            return None if end.value is None else self._corrected(end.value, now_s)
+        return None
 
     def groups(self) -> dict[int, list[Track]]:
-        """The tracks of each thing."""
+        """The tracks of each object, by the number of the first."""
         members: dict[int, list[Track]] = {}
-        for track in self.tracker.tracks.values():
-            members.setdefault(self._group[track.number], []).append(track)
+        for number, track in self.tracker.tracks.items():
+            members.setdefault(self._root(number), []).append(track)
         return members
 
-    def _paired(self) -> _Solved | None:
-        """The drive with what was now found to be one thing, None where nothing was, or where the way does not bear
-        it."""
+    def _root(self, number: int) -> int:
+        while number in self._parent:
+            number = self._parent[number]
+        return number
+
+    def _closure(self) -> Work:
+        """Link what is certainly one object and solve; links that do not fit are taken back."""
+        self._bound()
+        yield
+        count, found = len(self._parent), {}
         groups = self.groups()
-        seen = [track for track in self.tracker.in_view(self.way.odometer_m) if track.count >= self.rule.least]
-        fresh = [track for track in seen if len(groups[self._group[track.number]]) == 1]
-        candidates = self._candidates(fresh, groups)
-        if not candidates:
-            return None
-        before = self._solve(rounds=2)
-        pairings = [
-            Pairing(before.row[track.number], before.row[group], 2.0 * self.rule.track.side_m2(track.extent_m))
-            for track, group in candidates
+        visible = [
+            track
+            for track in self.tracker.in_view(self.trajectory.odometer_m)
+            if track.count >= self.rule.minimum and track.last >= 0
         ]
-        places, covariance = before.solution.landmarks, before.solution.covariance
-        found = certain_pairings(pairings, places, covariance, self.rule.revisit, len(seen) - len(fresh))
-        if not found:
+        fresh = [track for track in visible if len(groups[self._root(track.number)]) == 1]
+        if candidates := self._candidates(fresh, groups):
+            before = yield from self._solve({root for _, root in candidates}, 2, covariances=False)
+            pairings = [
+                Pairing(before.row[track.number], before.row[root], self._apart_m2(track.number, root))
+                for track, root in candidates
+                if track.number in before.row and root in before.row
+            ]
+            solution, supported = before.solution, len(visible) - len(fresh)
+            certain = yield from certain_pairings(
+                pairings, solution.landmarks, solution.landmark_covariance, self.rule.hypotheses, supported
+            )
+            name = list(before.row)
+            found = {name[pairing.now]: name[pairing.before] for pairing in certain}
+            self._parent |= found
+        if not self._parent and not count:
             return None
-        named = list(before.row)
-        pairs, old = [(named[pairing.now], named[pairing.before]) for pairing in found], dict(self._group)
-        self._group.update(pairs)
-        after = self._solve(rounds=10)
-        if any(after.misfit[number] > self.rule.misfit for number, _ in pairs):
-            self._group = old
-            self._refused.update(pairs)
-            return None
-        self.links += len(pairs)
+        after = yield from self._solve(set(), 8 if found else 3)
+        while unfit := self._unfit(after, found):
+            for number in unfit:
+                self._refused.add((number, self._root(self._parent[number])))
+                del self._parent[number]
+            found = {number: first for number, first in found.items() if number in self._parent}
+            after = yield from self._solve(set(), 8)
+        self.links += len(self._parent) - count
         return after
 
-    def _candidates(self, fresh: Sequence[Track], groups: dict[int, list[Track]]) -> list[tuple[Track, int]]:
-        """Tracks in view, those seen most, with each group that may be the same: of its label, and seen before only."""
-        pairs: list[tuple[Track, int]] = []
-        own = {self._group[track.number] for track in fresh}
-        for group, members in groups.items():
-            if group in own or sum(track.count for track in members) < self.rule.least:
+    def _unfit(self, after: _Solved, found: Mapping[int, int]) -> list[int]:
+        """Links to take back: all that were just found if one of these does not fit, else the worst of the others."""
+        bad = {number: chi2 for number, chi2 in after.link_chi2.items() if chi2 > self.rule.gate}
+        if any(number in bad or after.residual.get(number, 0.0) > self.rule.residual for number in found):
+            return list(found)
+        return [max(bad, key=lambda number: bad[number])] if bad else []
+
+    def _apart_m2(self, later: int, first: int) -> float:
+        """Variance of the distance of two tracks of one object, per axis: both are seen from some side, but an earlier
+        map's object from many."""
+        sides = 2.0 if self.tracker.tracks[first].prior_m2 is None else 1.0
+        return sides * self.rule.track.side_m2(self.tracker.tracks[later].extent_m)
+
+    def _candidates(self, fresh: Sequence[Track], groups: Mapping[int, list[Track]]) -> list[tuple[Track, int]]:
+        """Tracks in view, those seen most often, with each earlier object that they may be: of the same label, the
+        nearest ones, and not seen since."""
+        fresh = sorted(fresh, key=lambda track: -track.count)[: self.rule.hypotheses.maximum_now]
+        own = {self._root(track.number) for track in fresh}
+        pairs: list[tuple[float, Track, int]] = []
+        for root, members in groups.items():
+            if root in own or sum(track.count for track in members) < self.rule.minimum:
                 continue
-            last = max(track.last for track in members)
+            last, at = max(track.last for track in members), self.tracker.tracks[root].position_m
             pairs += [
-                (track, group)
+                (float(np.hypot(*(track.position_m - at))), track, root)
                 for track in fresh
-                if track.label == members[0].label and last < track.first and (track.number, group) not in self._refused
+                if track.label == members[0].label and last < track.first and (track.number, root) not in self._refused
             ]
-        most = sorted({track.number: track for track, _ in pairs}.values(), key=lambda track: -track.count)
-        chosen = {track.number for track in most[: self.rule.revisit.most_now]}
-        return [pair for pair in pairs if pair[0].number in chosen]
-
-    def _solve(self, rounds: int) -> _Solved:
-        """Least squares over way and landmarks as they are grouped."""
-        counts: dict[int, int] = {}
-        start: dict[int, Array] = {}
-        for number, track in self.tracker.tracks.items():
-            group = self._group[number]
-            counts[group] = counts.get(group, 0) + track.count
-            start.setdefault(group, track.position_m)
-        row = {group: at for at, group in enumerate(g for g, count in counts.items() if count >= self.rule.least)}
-        looks = [look for look in self._looks if self._group[look.track] in row]
-        landmarks = np.array([start[group] for group in row]).reshape(-1, 2)
-        known = LandmarkPriors(landmarks.copy(), np.zeros((len(row), 2, 2)))
-        for number, (place, information) in self._known.items():
-            known.place_m[row[self._group[number]]] = place
-            known.information[row[self._group[number]]] = information
-        solution = solve(
-            self.way.vectors(), landmarks, self.way.chain(), self._as_arrays(looks, row), known, rounds=rounds
-        )
-        sums: dict[int, list[float]] = {}
-        for look, chi2 in zip(looks, solution.chi2.tolist(), strict=True):
-            sums.setdefault(look.track, []).append(chi2)
-        return _Solved(solution, row, {number: sum(chi2) / len(chi2) for number, chi2 in sums.items()})
-
-    def _as_arrays(self, looks: Sequence[_Observation], row: dict[int, int]) -> ObservationFactors:
-        return ObservationFactors(
-            np.array([look.keyframe for look in looks], dtype=np.intp),
-            np.array([row[self._group[look.track]] for look in looks], dtype=np.intp),
-            np.array([look.place_m for look in looks]).reshape(-1, 2),
-            np.array([look.information for look in looks]).reshape(-1, 2, 2),
+        pairs.sort(key=lambda pair: (pair[0], pair[1].number, pair[2]))
+        near = set(list(dict.fromkeys(root for _, _, root in pairs))[: self.rule.nearest])
+        return sorted(
+            ((track, root) for _, track, root in pairs if root in near), key=lambda pair: (-pair[0].count, pair[1])
         )
 
-    def _place_tracks(self, solved: _Solved, trajectory_correction: TrajectoryCorrection) -> None:
-        """Tracks stand where their landmark does; those that are none yet move with the keyframe that saw them last."""
+    def _solve(self, wanted: set[int], iterations: int, covariances: bool = True) -> Generator[None, None, _Solved]:
+        """Least squares over trajectory and landmarks. wanted: earlier objects that are no landmarks otherwise."""
+        tied = {*self._parent, *self._parent.values(), *wanted}
+        observed = {number for _, number in self._observations}
+        tracks = [
+            track
+            for track in self.tracker.tracks.values()
+            if track.count >= self.rule.minimum and track.number in (observed if track.prior_m2 is None else tied)
+        ]
+        row = {track.number: at for at, track in enumerate(tracks)}
+        landmarks = np.array([track.position_m for track in tracks]).reshape(-1, 2)
+        information = np.array(
+            [np.zeros((2, 2)) if track.prior_m2 is None else inverse(track.prior_m2) for track in tracks]
+        ).reshape(-1, 2, 2)
+        links = [(later, first) for later, first in self._parent.items() if later in row and first in row]
+        factors = LandmarkFactors(
+            landmarks.copy(),
+            information,
+            np.array([row[later] for later, _ in links], dtype=np.intp),
+            np.array([row[first] for _, first in links], dtype=np.intp),
+            np.array([self._apart_m2(later, first) for later, first in links]),
+        )
+        seen = [(at, item) for at, item in self._observations.items() if at[1] in row]
+        observations = ObservationFactors(
+            np.array([keyframe for (keyframe, _), _ in seen], dtype=np.intp),
+            np.array([row[number] for (_, number), _ in seen], dtype=np.intp),
+            np.array([item.position_m for _, item in seen]).reshape(-1, 2),
+            np.array([item.information for _, item in seen]).reshape(-1, 2, 2),
+            np.array([item.bias_m for _, item in seen]).reshape(-1, 2),
+        )
+        problem = Problem(self.trajectory.factors(), observations, factors)
+        solution = yield from solve(problem, self.trajectory.vectors(), landmarks, self._bias, iterations, covariances)
+        residual = np.bincount(observations.landmark, solution.chi2, len(tracks))
+        residual /= np.maximum(np.bincount(observations.landmark, minlength=len(tracks)), 1)
+        link_chi2 = {later: float(chi2) for (later, _), chi2 in zip(links, solution.link_chi2, strict=True)}
+        return _Solved(solution, row, dict(zip(row, residual.tolist(), strict=True)), link_chi2)
+
+    def _corrected(self, solved: _Solved, now_s: float) -> TrajectoryCorrection:
+        """Poses and tracks stand where the solution has them; those that are no landmarks move with the keyframe that
+        saw them last."""
+        solution, poses = solved.solution, solved.solution.poses
+        before = self.trajectory.vectors()[: len(poses)]
+        if np.abs(poses - before).max() < self.rule.still_m:
+            return self.trajectory.set_poses(before, solution.pose_covariances, now_s)
+        self._bias = solution.bias
+        correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)
         for number, track in self.tracker.tracks.items():
-            at = solved.row.get(self._group[number])
-            if at is None:
-                track.position_m = SE2(*trajectory_correction.moves[track.last]).apply(track.position_m)
-            else:
-                track.position_m = solved.solution.landmarks[at]
+            if (at := solved.row.get(number)) is not None:
+                track.position_m = solution.landmarks[at]
+            elif track.last >= 0:
+                track.position_m = SE2(*correction.moves[track.last]).apply(track.position_m)
+        return correction
 
-    def _moves(self, solved: _Solved, before: Array, number_of: dict[int, int]) -> dict[int, ObjectShift]:
-        """Where each thing lies now, by its number before: its looks moved with their poses, and it by their mean."""
-        after = solved.solution.poses
-        rows = np.array([look.keyframe for look in self._looks], dtype=np.intp)
-        places = np.array([look.place_m for look in self._looks]).reshape(-1, 2)
-        shifts = points_from(after[rows], places) - points_from(before[rows], places)
-        by: dict[int, list[Array]] = {}
-        for look, shift in zip(self._looks, shifts, strict=True):
-            by.setdefault(number_of[look.track], []).append(shift)
-        unknown_m2, moves = solved.solution.last_covariance[:2, :2], {}
-        for number, each in by.items():
-            part_of = self._group[number]
-            at = solved.row.get(part_of)
-            covariance = solved.solution.covariance
-            from_way_m2 = unknown_m2 if at is None else covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
-            moves[number] = ObjectShift(np.mean(each, axis=0), from_way_m2, part_of)
-        return moves
-
-    def _close_looks(self) -> None:
-        """What one keyframe saw of a track becomes one look: repeated frames repeat each other's error."""
-        own = np.eye(2) * self.rule.look_m**2
+    def _close_observations(self) -> None:
+        """What one keyframe saw of a track becomes one observation: repeated frames repeat each other's error."""
+        own = np.eye(2) * self.rule.view_m**2
         for number, seen in self._open.items():
-            total = np.sum([information for _, information in seen], axis=0)
-            place = np.linalg.solve(total, np.sum([information @ place for place, information in seen], axis=0))
-            spread = inverse(total) * len(seen) + own
-            self._looks.append(_Observation(len(self.way) - 1, number, place, inverse(spread)))
+            total = np.sum([information for _, information, _ in seen], axis=0)
+            position = np.linalg.solve(total, np.sum([weight @ at for at, weight, _ in seen], axis=0))
+            bias = np.mean([bias for _, _, bias in seen], axis=0)
+            information = inverse(inverse(total) * len(seen) + own)
+            self._observations[len(self.trajectory) - 1, number] = _Observation(position, information, bias)
         self._open.clear()
 
-    def _thin_out(self) -> None:
-        """Fewer keyframes of long ago; what was seen from those that go is seen from the ones before."""
-        homes = self.way.thinned()
-        for at, look in enumerate(self._looks):
-            home, place = homes[look.keyframe]
-            turn = place.rotation()
-            self._looks[at] = _Observation(
-                home, look.track, place.apply(look.place_m), turn @ look.information @ turn.T
-            )
-        for track in self.tracker.tracks.values():
-            if track.first >= 0:
-                track.first, track.last = homes[track.first][0], homes[track.last][0]
-
-    def _forget(self) -> None:
-        """Drop tracks out of view that never became landmarks, and where there are too many landmarks, the least seen
-        of those that stand alone."""
-        near = {track.number for track in self.tracker.in_view(self.way.odometer_m)}
-        alone = [members[0] for members in self.groups().values() if len(members) == 1]
-        may_go = [track for track in alone if track.number not in near and track.number not in self._known]
-        spare = len(self.groups()) - self.rule.most
-        may_go.sort(key=lambda track: track.count)
-        gone = {track.number for at, track in enumerate(may_go) if track.count < self.rule.least or at < spare}
-        if gone:
+    def _bound(self) -> None:
+        """Keep the graph's size: fewer keyframes of long ago, fewer tracks."""
+        if len(self.trajectory) >= self.rule.keyframes.maximum:
+            homes = self.trajectory.thin_out()
+            for track in self.tracker.tracks.values():
+                if track.first >= 0:
+                    track.first, track.last = homes[track.first][0], homes[track.last][0]
+            self._regroup({number: number for number in self.tracker.tracks}, homes)
+        into = {number: number for number in self.tracker.tracks}
+        near = {track.number for track in self.tracker.in_view(self.trajectory.odometer_m)}
+        for members in self.groups().values():
+            for track in members[1 : 1 + max(len(members) - self.rule.visits, 0)]:
+                if track.number not in near:
+                    into[track.number] = self._merge(track)
+        own = [t for n, t in self.tracker.tracks.items() if into[n] == n and t.prior_m2 is None]
+        excess = len(own) - self.rule.maximum
+        linked = {*self._parent, *self._parent.values()}
+        may_go = sorted((t for t in own if t.number not in near), key=lambda t: (t.number in linked, t.count))
+        for at, track in enumerate(may_go):
+            if at < excess or (track.count < self.rule.minimum and track.number not in linked):
+                into[track.number] = self._unlink(track.number)
+        if gone := {number for number, kept in into.items() if kept != number}:
             for number in gone:
-                del self.tracker.tracks[number], self._group[number]
-            self._looks = [look for look in self._looks if look.track not in gone]
+                del self.tracker.tracks[number]
             self._refused = {pair for pair in self._refused if gone.isdisjoint(pair)}
+            self._regroup(into)
+
+    def _merge(self, track: Track) -> int:
+        """One visit becomes part of the one that it is linked to; that one's number."""
+        kept = self.tracker.tracks[self._unlink(track.number)]
+        kept.count, kept.last = kept.count + track.count, max(kept.last, track.last)
+        return kept.number
+
+    def _unlink(self, number: int) -> int:
+        """A track leaves its links to its parent, or to the first that is linked to it; that one's number, else -1."""
+        children = [later for later, first in self._parent.items() if first == number]
+        home = self._parent.pop(number, children[0] if children else -1)
+        for later in children:
+            self._parent[later] = home
+        self._parent.pop(home, None) if home in children else None
+        return home
+
+    def _regroup(self, into: Mapping[int, int], homes: Sequence[tuple[int, SE2, Array]] | None = None) -> None:
+        """Observations of tracks that became part of another, or were dropped (-1), from keyframes that belong to
+        another now: what one keyframe saw of one track is one observation."""
+        observations: dict[tuple[int, int], _Observation] = {}
+        for (keyframe, number), item in self._observations.items():
+            kept = number
+            while kept >= 0 and into[kept] != kept:
+                kept = into[kept]
+            if kept < 0:
+                continue
+            if homes is not None and homes[keyframe][0] != keyframe:
+                keyframe, place, covariance = homes[keyframe]
+                item = _seen_before(item, place, covariance)
+            if (other := observations.get((keyframe, kept))) is not None:
+                item = self._joined(other, item)
+            observations[keyframe, kept] = item
+        self._observations = observations
+
+    def _joined(self, first: _Observation, second: _Observation) -> _Observation:
+        total = first.information + second.information
+        weighted = first.information @ first.position_m + second.information @ second.position_m
+        position = np.asarray(np.linalg.solve(total, weighted), dtype=np.float64)
+        bound = 1.0 / self.rule.merged_m**2 / float(np.linalg.eigvalsh(total)[-1])
+        return _Observation(position, total * min(1.0, bound), (first.bias_m + second.bias_m) / 2.0)
+
+
+def _seen_before(item: _Observation, place: SE2, covariance: Array) -> _Observation:
+    """An observation as if made from an earlier pose, from which its own is known with a covariance (3, 3)."""
+    turn = place.rotation()
+    lever_x_m, lever_y_m = turn @ item.position_m
+    wrt_pose = np.array([[1.0, 0.0, -lever_y_m], [0.0, 1.0, lever_x_m]])
+    own = turn @ inverse(item.information) @ turn.T + wrt_pose @ covariance @ wrt_pose.T
+    return _Observation(place.apply(item.position_m), inverse(own), turn @ item.bias_m)
+
+
+def _bias(sighting: Sighting) -> Array:
+    """How far one standard deviation of the mount's error moves a sighting, (2,), outwards: what all have in common."""
+    values, vectors = np.linalg.eigh(sighting.shared_m2)
+    outwards = np.sign(vectors[:, 1] @ sighting.position_base_m) or 1.0
+    return vectors[:, 1] * (np.sqrt(max(values[1], 0.0)) * outwards)

@@ -22,6 +22,7 @@ def csv_text(objects: Sequence[MapObject]) -> str:
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\r\n")
     writer.writeheader()
     for item, record in zip(objects, map_document(list(objects))["objects"], strict=True):
+        del record["labels"]
         (xx, xy), (_, yy) = record.pop("covariance_m2")
         own = {"covariance_xx_m2": xx, "covariance_xy_m2": xy, "covariance_yy_m2": yy}
         writer.writerow(record | own | {"radius_m": round(radius_m(item), 4)})

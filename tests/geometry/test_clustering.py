@@ -95,7 +95,7 @@ def test_labels_never_mix(placed):
     for kind in (FloorMap, PaperMap):
         things = kind()
         for frame in range(5):
-            things.update([placed("chair", 2.0, 0.0, frame), placed("couch", 2.0, 0.0, frame)])
+            things.update([placed("chair", 2.0, 0.0, frame), placed("couch", 2.8, 0.0, frame)])
         assert sorted(item.label for item in things.objects()) == ["chair", "couch"]
 
 
@@ -141,7 +141,7 @@ def test_weak_objects_that_are_not_seen_again_are_forgotten(placed):
     for frame in range(2000):  # a false box somewhere else in every frame, and one chair that is really there
         real = [placed("chair", 0.0, 0.0, frame)] if frame < 50 else []
         chairs.update([placed("chair", 5.0 + 3.0 * frame, 0.0, frame, score=0.35), *real])
-    assert sum(len(kind.pools) for kind in chairs._classes.values()) <= 2 * chairs.rule.forget_after + 1
+    assert sum(len(index) for index in chairs._pools.values()) <= 2 * chairs.rule.forget_after + 1
     assert [item.label for item in chairs.objects()] == ["chair"]
 
 

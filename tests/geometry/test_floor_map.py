@@ -28,8 +28,9 @@ def test_the_document_is_the_contract(objects):
     assert document["frame"] == "map"
     assert set(document["objects"][0]) == {
         "id", "label", "x_m", "y_m", "covariance_m2", "width_m", "height_m", "count", "confidence", "first_seen_s",
-        "last_seen_s",
+        "last_seen_s", "labels",
     }  # fmt: skip
+    assert document["objects"][0]["labels"] == {"chair": 1.0}
     assert document["objects"][0]["id"] == "chair-1"
     assert document["objects"][0]["last_seen_s"] == pytest.approx(0.7)
     assert np.linalg.eigvalsh(document["objects"][0]["covariance_m2"]).min() > 0

@@ -36,48 +36,70 @@ def test_turning_on_the_spot_makes_keyframes_too():
     assert due == [False, False, True]
 
 
+def moves(stamps_s, *poses):
+    count = len(poses)
+    vectors = np.array([pose.vector() for pose in poses])
+    return TrajectoryCorrection(np.array(stamps_s), vectors, np.zeros((count, 3)), np.zeros((count, 3, 3)))
+
+
 @given(poses, poses, poses, poses)
 def test_moving_twice_is_moving_once(first, second, third, there):
-    early = TrajectoryCorrection(np.array([0.0, 2.0]), np.array([first.vector(), second.vector()]))
-    late = TrajectoryCorrection(np.array([0.0, 1.0, 3.0]), np.array([second.vector(), third.vector(), first.vector()]))
+    early = moves([0.0, 2.0], first, second)
+    late = moves([0.0, 1.0, 3.0], second, third, first)
     for stamp, expected in ((0.5, second @ first), (1.5, third @ first), (2.5, third @ second), (9.0, first @ second)):
-        (found,) = early.then(late).poses([stamp], [there.vector()])
+        (found,) = early.compose(late).moved_poses([stamp], [there.vector()])
         assert SE2(*found).matrix() == pytest.approx((expected @ there).matrix(), abs=1e-9)
-        (point,) = early.then(late).points([stamp], [[there.x_m, there.y_m]])
+        (point,) = early.compose(late).moved_points([stamp], [[there.x_m, there.y_m]])
         assert point == pytest.approx(found[:2])
 
 
-def test_the_past_moves_and_the_present_keyframe_is_new():
-    way = driven(10)
-    before = [pose.vector() for pose in way.poses]
+def test_the_past_moves_and_what_comes_after_the_solution_follows_it():
+    trajectory = driven(12)
+    before, covariance = [pose.vector() for pose in trajectory.poses], np.diag([0.01, 0.02, 0.003])
+    assert len(before) == 4
     turned = [(SE2(0, 0, 0.5) @ SE2(*pose)).vector() for pose in before]
-    past = way.put(np.array(turned))
-    np.testing.assert_allclose(past.poses(way.stamps_s[:-1], before[:-1]), turned[:-1])
-    assert past.poses([way.stamps_s[-1]], [turned[-1]])[0] == pytest.approx(turned[-1])
+    solved = np.array(turned[:3])  # the fourth keyframe was made while the solver was at work
+    correction = trajectory.set_poses(solved, np.tile(covariance, (3, 1, 1)), 1.1)
+    np.testing.assert_allclose(correction.moved_poses([0.0, 0.3, 0.6, 0.9, 1.0], [*before, before[-1]])[:4], turned)
+    assert trajectory.pose.vector() == pytest.approx((SE2(0, 0, 0.5) @ SE2(*before[-1]) @ trajectory.since).vector())
+    now = trajectory.pose.vector()
+    assert correction.moved_poses([1.1], [now])[0] == pytest.approx(now)  # this frame's pose is told as it is
+    assert correction.poses[-1] == pytest.approx(now)
+    assert np.trace(correction.covariances[-1]) > np.trace(correction.covariances[-2]) > np.trace(covariance)
+
+
+def test_the_covariance_of_a_point_is_that_of_its_pose_by_its_lever():
+    """Seen 2 m ahead along x: 0.1 rad of the pose are 0.2 m across."""
+    correction = TrajectoryCorrection(
+        np.array([0.0]), np.zeros((1, 3)), np.array([[1.0, 1.0, 0.3]]), np.diag([0.01, 0.02, 0.01])[None]
+    )
+    found = correction.point_covariances([5.0], np.array([[3.0, 1.0]]))[0]
+    np.testing.assert_allclose(found, np.diag([0.01, 0.02 + 0.04]), atol=1e-12)
 
 
 def test_thinning_out_keeps_ends_and_places():
-    whole, thin = driven(40), driven(40)
-    homes = thin.thinned()
-    assert len(thin) < len(whole)
-    assert thin.pose.vector() == pytest.approx(whole.pose.vector())
-    for old, (home, place) in enumerate(homes):
-        assert (thin.poses[home] @ place).vector() == pytest.approx(whole.poses[old].vector())
+    complete, thin = driven(40), driven(40)
+    homes = thin.thin_out()
+    assert len(thin) < len(complete)
+    assert thin.pose.vector() == pytest.approx(complete.pose.vector())
+    for old, (home, place, covariance) in enumerate(homes):
+        assert (thin.poses[home] @ place).vector() == pytest.approx(complete.poses[old].vector())
+        assert (np.trace(covariance) > 0.0) == (place != SE2())
     where = SE2()
-    for motion, pose in zip(thin.chain().motions, thin.poses[1:], strict=True):
+    for motion, pose in zip(thin.factors().motions, thin.poses[1:], strict=True):
         where = where @ SE2(*motion)
         assert where.vector() == pytest.approx(pose.vector())
 
 
 def test_odometry_that_says_it_is_certain_is_not_believed():
     way = driven(40, KeyframeRule(per_metre=0.03, still_m=0.0))
-    sigma_m = 1.0 / np.sqrt(np.linalg.inv(np.linalg.inv(way.chain().information[0]))[0, 0])
+    sigma_m = 1.0 / np.sqrt(np.linalg.inv(np.linalg.inv(way.factors().information[0]))[0, 0])
     assert sigma_m >= 0.03 * 0.3
 
 
 def test_a_start_that_is_not_certain_is_known_as_well_as_it_is():
     way = KeyframeTrajectory()
     way.begin(SE2(3.0, -1.0, 2.0), np.diag([0.01, 0.02, 0.001]), 0.0)
-    chain = way.chain()
+    chain = way.factors()
     assert chain.first == pytest.approx([3.0, -1.0, 2.0])
     np.testing.assert_allclose(np.linalg.inv(chain.first_information), np.diag([0.01, 0.02, 0.001]), atol=1e-6)

@@ -9,10 +9,13 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 from support.batch import batch_objects
 
+from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import id_order
-from edgemap.geometry.objects.observation_pool import ObjectShift
 from edgemap.geometry.observations.sighting import FloorRule
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+
+UNBOUNDED = AssociationRule(maximum_pools=10**6)  # what is joined to stay bounded, no later frame parts again
 
 
 def agree(online, batch):
@@ -23,6 +26,13 @@ def agree(online, batch):
     ).reshape(len(online), len(batch))
     rows, columns = linear_sum_assignment(distance)
     assert distance[rows, columns].max(initial=0.0) < 0.10
+
+
+def associated(floor_map):
+    """The map after the frames without sightings that its budget needs."""
+    while floor_map._pending:
+        floor_map.update([])
+    return floor_map
 
 
 def drive(placed, seed, frames=60):
@@ -70,11 +80,12 @@ def test_things_apart_from_their_like_are_found_one_by_one(placed, seed):
 @given(st.integers(0, 10**6))
 @settings(max_examples=10, deadline=None)
 def test_the_map_is_that_of_its_batch_version_at_any_time(placed_, seed):
-    online, frames = FloorMap(), []
+    online, frames = FloorMap(UNBOUNDED), []
     for sightings in drive(placed_, seed):
         online.update(sightings)
         frames.append(sightings)
         if len(frames) % 20 == 0:
+            associated(online)
             agree(online.objects(), batch_objects(frames))
 
 
@@ -82,12 +93,12 @@ def test_the_map_is_that_of_its_batch_version_at_any_time(placed_, seed):
 @settings(max_examples=8, deadline=None)
 def test_the_order_of_the_frames_makes_no_other_objects(placed_, seed):
     frames = list(drive(placed_, seed))
-    forward, shuffled = FloorMap(), FloorMap()
+    forward, shuffled = FloorMap(UNBOUNDED), FloorMap(UNBOUNDED)
     for sightings in frames:
         forward.update(sightings)
     for row in np.random.default_rng(seed).permutation(len(frames)):
         shuffled.update(frames[row])
-    agree(forward.objects(), shuffled.objects())
+    agree(associated(forward).objects(), associated(shuffled).objects())
 
 
 @given(st.integers(0, 10**6))
@@ -121,43 +132,88 @@ def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed
     assert (second.id, second.position_m[0]) == ("chair-2", pytest.approx(2.6, abs=0.02))
 
 
-def test_things_put_elsewhere_keep_their_ids_and_what_comes_to_one_place_merges(placed):
+def correction(*moves, sigma_m=0.0):
+    """From stamp 0 on everything moves by the first (2,), from 0.5 s on by the next, and so on."""
+    count = len(moves)
+    covariances = np.tile(np.diag([sigma_m**2, 4.0 * sigma_m**2, 0.0]), (count, 1, 1))
+    stamps = np.arange(count, dtype=np.float64) / 2.0
+    return TrajectoryCorrection(stamps, np.column_stack([moves, np.zeros(count)]), np.zeros((count, 3)), covariances)
+
+
+def test_objects_that_move_keep_their_ids_and_what_comes_to_one_place_merges(placed):
     chairs = FloorMap()
     for frame in range(5):
-        chairs.update([placed("chair", 2.0, 0.0, frame, thing=0), placed("chair", 5.0, 0.0, frame, thing=1)])
-    for frame in range(5, 8):
-        chairs.update([placed("chair", 3.1, 0.9, frame, thing=2)])
-    way_m2 = np.diag([0.01, 0.04])
-    chairs.moved({0: ObjectShift(np.array([0.5, 0.5]), way_m2, 0), 2: ObjectShift(np.array([-0.6, -0.4]), way_m2, 0)})
+        chairs.update([placed("chair", 2.0, 0.0, frame), placed("chair", 5.0, 0.0, frame)])
+    for frame in range(5, 10):
+        chairs.update([placed("chair", 3.1, 0.9, frame)])
+    assert len(chairs.objects()) == 3
+    chairs.moved(correction([0.5, 0.5], [-0.6, -0.4], sigma_m=0.1))
     first, second = chairs.objects()
     assert (first.id, second.id, chairs.merged) == ("chair-1", "chair-2", {"chair-3": "chair-1"})
     assert first.position_m == pytest.approx([2.5, 0.5])
-    assert second.position_m == pytest.approx([5.0, 0.0])
-    assert (first.count, first.covariance_m2[1, 1] - first.covariance_m2[0, 0]) == (8, pytest.approx(0.03))
-    both = [placed("chair", 2.5, 0.5, 9, thing=0), placed("chair", 5.0, 0.0, 9, thing=1)]
-    assert chairs.update(both) == ["chair-1", "chair-2"]
-    assert chairs.update([placed("chair", 2.0, -0.6, 10)]) == ["chair-4"]  # what stood there has left its cell
+    assert second.position_m == pytest.approx([5.5, 0.5])
+    assert (first.count, first.covariance_m2[1, 1] - first.covariance_m2[0, 0]) == (10, pytest.approx(0.03))
 
 
-def test_two_things_taken_for_one_part_when_they_turn_out_to_stand_apart(placed):
+def test_an_object_without_a_track_moves_with_the_pose_that_saw_it(placed):
+    """Four sightings make an object, five a landmark of the pose graph; a visit may leave no more than three."""
     chairs = FloorMap()
-    for frame in range(6):
-        chairs.update([placed("chair", 2.0, 0.0, frame, thing=0)])
-    for frame in range(6, 10):  # its twin, seen from a pose that had drifted
-        chairs.update([placed("chair", 2.05, 0.1, frame, thing=1)])
-    assert [item.count for item in chairs.objects()] == [10]
-    chairs.moved({1: ObjectShift(np.array([0.9, 0.0]), np.zeros((2, 2)), 1)})
+    for frame in range(4):
+        chairs.update([placed("chair", 2.0, 0.0, frame, track=-1)])
+    chairs.moved(correction([1.5, -0.2]))
+    assert chairs.objects()[0].position_m == pytest.approx([3.5, -0.2])
+
+
+def test_two_objects_taken_for_one_part_when_they_turn_out_to_stand_apart(placed):
+    chairs = FloorMap()
+    for frame in range(5):
+        chairs.update([placed("chair", 2.0, 0.0, frame, track=0)])
+    for frame in range(5, 9):  # its twin, seen from a pose that had drifted
+        chairs.update([placed("chair", 2.05, 0.1, frame, track=1)])
+    assert [item.count for item in chairs.objects()] == [9]
+    chairs.moved(correction([0.0, 0.0], [0.9, 0.0]))
     first, second = chairs.objects()
-    assert (first.id, first.count, second.count) == ("chair-1", 6, 4)
+    assert (first.id, first.count, second.count) == ("chair-1", 5, 4)
     assert second.position_m == pytest.approx([2.95, 0.1])
 
 
-def test_what_no_graph_follows_stays(placed):
-    chairs = FloorMap()
+@given(st.integers(0, 10**6), st.integers(3, 8))
+@settings(max_examples=8, deadline=None)
+def test_pools_stay_bounded_and_no_sighting_is_lost(placed_, seed, maximum):
+    floor_map, counts = FloorMap(AssociationRule(maximum_pools=maximum)), 0
+    for number, sightings in enumerate(drive(placed_, seed, frames=90)):
+        floor_map.update(sightings)
+        counts += len(sightings)
+        if number % 20 == 19:
+            shift = np.random.default_rng(number).normal(0.0, 0.1, 2)
+            floor_map.moved(correction(shift, -shift))
+    for item in floor_map._objects.values():
+        own = [pool for pool in item.pools if not all(other is pool or pool.is_apart(other) for other in item.pools)]
+        assert len(own) <= maximum
+    assert sum(pool.sums.count for item in floor_map._objects.values() for pool in item.pools) == counts
+    assert sum(len(index) for index in floor_map._pools.values()) == len(floor_map._owner)
+
+
+def test_an_object_named_twice_is_one_with_a_posterior(placed):
+    """Thirty times a couch, three times a suitcase: a couch, and the suitcase is not beside it."""
+    home = FloorMap()
+    for frame in range(33):
+        home.update([placed("suitcase" if frame % 11 == 5 else "couch", 2.0, 0.0, frame)])
+    (couch,) = home.objects()
+    assert couch.label == "couch"
+    assert couch.labels["couch"] > 0.99
+    assert set(couch.labels) == {"couch", "suitcase"}
+    assert home.shown_as("suitcase-1") == "couch-1"
+
+
+def test_sightings_under_two_names_make_one_object_together(placed):
+    """Neither of them has the four sightings that an object needs."""
+    home = FloorMap()
     for frame in range(5):
-        chairs.update([placed("chair", 2.0, 0.0, frame)])
-    chairs.moved({0: ObjectShift(np.array([5.0, 0.0]), np.zeros((2, 2)), 0)})
-    assert chairs.objects()[0].position_m == pytest.approx([2.0, 0.0])
+        home.update([placed("suitcase" if frame > 2 else "backpack", 2.0, 0.0, frame)])
+    (item,) = home.objects()
+    assert item.label == "backpack"
+    assert 0.5 < item.labels["backpack"] < 0.9
 
 
 def test_faint_sightings_add_to_an_object_but_make_none(placed):

@@ -5,10 +5,22 @@ import pytest
 from scipy.optimize import least_squares
 
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.least_squares import LandmarkPriors, ObservationFactors, OdometryFactors, inverse, solve
+from edgemap.geometry.slam import least_squares as graph
+from edgemap.geometry.slam.least_squares import LandmarkFactors, ObservationFactors, OdometryFactors, Problem, inverse
 
 FIXED = np.eye(3) * 1e8
-NOTHING = LandmarkPriors(np.zeros((3, 2)), np.zeros((3, 2, 2)))
+NO_ROWS = np.zeros(0, dtype=np.intp)
+NOTHING = LandmarkFactors(np.zeros((3, 2)), np.zeros((3, 2, 2)), NO_ROWS, NO_ROWS, np.zeros(0))
+
+
+def solve(poses, landmarks, chain, looks, known, kernel=9.0, rounds=6):
+    """The solution, whatever the units of work."""
+    work = graph.solve(Problem(chain, looks, known, kernel), poses, landmarks, 0.0, rounds)
+    try:
+        while True:
+            next(work)
+    except StopIteration as end:
+        return end.value
 
 
 def drive(seed=0, count=9):
@@ -26,6 +38,7 @@ def drive(seed=0, count=9):
         np.array([k for k, _ in rows]), np.array([j for _, j in rows]),
         np.array([poses[k].inverse().apply(landmarks[j]) + random.normal(0.0, 0.1, 2) for k, j in rows]),
         inverse(np.array([np.diag([0.01, 0.02]) + 0.003 for _ in rows])),
+        random.normal(0.0, 0.1, (len(rows), 2)),
     )  # fmt: skip
     information = inverse(np.array([np.diag([9e-4, 9e-4, 9e-4]) + 1e-4 for _ in motions]))
     start = np.array([p.vector() for p in poses]) + random.normal(0.0, 0.05, (count, 3))
@@ -36,15 +49,18 @@ def drive(seed=0, count=9):
 
 def residuals(x, count, chain, looks):
     """The same problem written with SE2 and whitened, for scipy."""
-    poses, landmarks = x[: 3 * count].reshape(-1, 3), x[3 * count :].reshape(-1, 2)
+    poses, landmarks = x[: 3 * count].reshape(-1, 3), x[3 * count : -1].reshape(-1, 2)
     found = [math.sqrt(FIXED[0, 0]) * (poses[0] - chain.first)]
     for k, (motion, information) in enumerate(zip(chain.motions, chain.information, strict=True)):
         relative = SE2(*poses[k]).inverse() @ SE2(*poses[k + 1])
         off = relative.vector() - motion
         off[2] = math.remainder(off[2], math.tau)
         found.append(np.linalg.cholesky(information).T @ off)
-    for k, j, place, information in zip(looks.pose, looks.landmark, looks.place_m, looks.information, strict=True):
-        found.append(np.linalg.cholesky(information).T @ (SE2(*poses[k]).inverse().apply(landmarks[j]) - place))
+    found.append(x[-1:])  # the mount's error, in its standard deviations
+    rows = zip(looks.pose, looks.landmark, looks.position_m, looks.information, looks.bias_m, strict=True)
+    for k, j, place, information, bias in rows:
+        off = SE2(*poses[k]).inverse().apply(landmarks[j]) + x[-1] * bias - place
+        found.append(np.linalg.cholesky(information).T @ off)
     return np.concatenate(found)
 
 
@@ -53,33 +69,38 @@ def test_the_least_squares_are_scipys(seed):
     start, landmarks, chain, looks = drive(seed)
     ours = solve(start, landmarks, chain, looks, NOTHING, kernel=1e12, rounds=30)
     count = len(start)
-    x = np.concatenate([start.ravel(), landmarks.ravel()])
+    x = np.concatenate([start.ravel(), landmarks.ravel(), [0.0]])
     theirs = least_squares(residuals, x, args=(count, chain, looks), xtol=1e-14, ftol=1e-14, gtol=1e-12)
     np.testing.assert_allclose(ours.poses, theirs.x[: 3 * count].reshape(-1, 3), atol=1e-4)
-    np.testing.assert_allclose(ours.landmarks, theirs.x[3 * count :].reshape(-1, 2), atol=1e-4)
+    np.testing.assert_allclose(ours.landmarks, theirs.x[3 * count : -1].reshape(-1, 2), atol=1e-4)
     covariance = np.linalg.inv(theirs.jac.T @ theirs.jac)
-    np.testing.assert_allclose(ours.covariance, covariance[3 * count :, 3 * count :], rtol=0.03, atol=1e-5)
-    last = slice(3 * count - 3, 3 * count)
-    np.testing.assert_allclose(ours.last_covariance, covariance[last, last], rtol=0.03, atol=1e-5)
+    assert ours.bias == pytest.approx(theirs.x[-1], abs=1e-3)
+    landmark = slice(3 * count, 3 * count + 6)
+    np.testing.assert_allclose(ours.landmark_covariance, covariance[landmark, landmark], rtol=0.03, atol=1e-5)
+    for pose in range(count):
+        own = slice(3 * pose, 3 * pose + 3)
+        np.testing.assert_allclose(ours.pose_covariances[pose], covariance[own, own], rtol=0.03, atol=1e-5)
 
 
 def test_one_look_at_a_known_landmark_is_a_kalman_update():
     # The pose may be 0.2 m off along x and y, the landmark 0.1 m, the look 0.1 m: it says 0.3 m less in x.
     chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), np.diag([25.0, 25.0, 1e12]))
-    looks = ObservationFactors(np.array([0]), np.array([0]), np.array([[1.7, 0.0]]), np.eye(2)[None] * 100.0)
-    known = LandmarkPriors(np.array([[2.0, 0.0]]), np.eye(2)[None] * 100.0)
-    found = solve(np.zeros((1, 3)), known.place_m, chain, looks, known, kernel=1e9)
+    looks = ObservationFactors(
+        np.array([0]), np.array([0]), np.array([[1.7, 0.0]]), np.eye(2)[None] * 100.0, np.zeros((1, 2))
+    )
+    known = LandmarkFactors(np.array([[2.0, 0.0]]), np.eye(2)[None] * 100.0, NO_ROWS, NO_ROWS, np.zeros(0))
+    found = solve(np.zeros((1, 3)), known.prior_m, chain, looks, known, kernel=1e9)
     assert found.poses[0] == pytest.approx([0.3 * 0.04 / 0.06, 0.0, 0.0], abs=1e-6)
     assert found.landmarks[0] == pytest.approx([2.0 - 0.3 * 0.01 / 0.06, 0.0], abs=1e-6)
-    assert found.last_covariance[0, 0] == pytest.approx(1.0 / (25.0 + 1.0 / 0.02), rel=1e-4)
+    assert found.pose_covariances[0, 0, 0] == pytest.approx(1.0 / (25.0 + 1.0 / 0.02), rel=1e-4)
 
 
 def test_an_outlier_weighs_little():
     start, landmarks, chain, looks = drive(3)
     clean = solve(start, landmarks, chain, looks, NOTHING)
-    places = looks.place_m.copy()
+    places = looks.position_m.copy()
     places[4] += [2.0, -1.0]
-    wrong = ObservationFactors(looks.pose, looks.landmark, places, looks.information)
+    wrong = ObservationFactors(looks.pose, looks.landmark, places, looks.information, looks.bias_m)
     robust = solve(start, landmarks, chain, wrong, NOTHING)
     trusting = solve(start, landmarks, chain, wrong, NOTHING, kernel=1e12)
     off, far = (np.abs(found.poses - clean.poses).max() for found in (robust, trusting))
@@ -89,9 +110,42 @@ def test_an_outlier_weighs_little():
 
 def test_a_way_without_landmarks_stays_as_it_was_driven():
     start, _, chain, _ = drive(4)
-    nothing = ObservationFactors(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    found = solve(start, np.zeros((0, 2)), chain, nothing, LandmarkPriors(np.zeros((0, 2)), np.zeros((0, 2, 2))))
+    nothing = ObservationFactors(
+        np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2))
+    )
+    empty = LandmarkFactors(np.zeros((0, 2)), np.zeros((0, 2, 2)), NO_ROWS, NO_ROWS, np.zeros(0))
+    found = solve(start, np.zeros((0, 2)), chain, nothing, empty)
     pose = SE2(*chain.first)
     for motion, where in zip(chain.motions, found.poses[1:], strict=True):
         pose = pose @ SE2(*motion)
         assert where == pytest.approx(pose.vector(), abs=1e-6)
+
+
+def test_one_error_of_the_mount_is_not_averaged_away():
+    """Each of many observations is 0.01 m off by itself, and all may be 0.2 m too far: so is the landmark."""
+    count = 50
+    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FIXED)
+    rows = np.zeros(count, dtype=np.intp)
+    looks = ObservationFactors(
+        rows, rows, np.tile([2.0, 0.0], (count, 1)), np.tile(np.eye(2) * 1e4, (count, 1, 1)),
+        np.tile([0.2, 0.0], (count, 1)),
+    )  # fmt: skip
+    alone = LandmarkFactors(np.zeros((1, 2)), np.zeros((1, 2, 2)), NO_ROWS, NO_ROWS, np.zeros(0))
+    found = solve(np.zeros((1, 3)), np.array([[1.5, 0.1]]), chain, looks, alone, kernel=1e12)
+    assert found.landmarks[0] == pytest.approx([2.0, 0.0], abs=1e-4)
+    np.testing.assert_allclose(found.landmark_covariance, np.diag([0.04 + 2e-6, 2e-6]), atol=1e-5)
+
+
+def test_a_link_draws_two_landmarks_together_as_far_as_it_is_sure():
+    """Priors of 0.1 m at 0 and 0.3 m, linked with 0.1 m: each moves by a third; the residual is 0.1 m."""
+    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FIXED)
+    none = ObservationFactors(NO_ROWS, NO_ROWS, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2)))
+    prior = np.array([[0.0, 0.0], [0.3, 0.0]])
+    linked = LandmarkFactors(
+        prior, np.tile(np.eye(2) * 100.0, (2, 1, 1)), np.array([1]), np.array([0]), np.array([0.01])
+    )
+    found = solve(np.zeros((1, 3)), prior, chain, none, linked, kernel=1e12)
+    np.testing.assert_allclose(found.landmarks, [[0.1, 0.0], [0.2, 0.0]], atol=1e-6)
+    assert found.link_chi2 == pytest.approx([1.0], abs=1e-3)
+    far = LandmarkFactors(prior * 20.0, linked.information, linked.first, linked.second, linked.variance_m2)
+    assert abs(solve(np.zeros((1, 3)), far.prior_m, chain, none, far).landmarks[0, 0]) < 0.05  # a robust kernel

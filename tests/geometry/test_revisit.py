@@ -1,9 +1,20 @@
 import numpy as np
 
-from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing, certain_pairings
+from edgemap.geometry.slam import loop_hypotheses
+from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing
 
 RULE = LoopHypothesisRule()
 OWN = 0.02**2  # m^2, of each thing's place by itself
+
+
+def certain_pairings(*arguments, **options):
+    """The result, whatever the units of work."""
+    work = loop_hypotheses.certain_pairings(*arguments, **options)
+    try:
+        while True:
+            next(work)
+    except StopIteration as end:
+        return end.value
 
 
 def drifted(before, now, shift_sigma_m=0.5):

@@ -15,9 +15,11 @@ def written(folder, document, name="c.yaml"):
 
 
 def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
-    path = written(tmp_path, {"config": {"association": {"gate": 9.21}, "loop_closure": {"way": {"keyframe_m": 0.5}}}})
+    path = written(
+        tmp_path, {"config": {"association": {"gate": 9.21}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}}
+    )
     config, options = load_config(path)
-    assert (config.association.gate, config.loop_closure.way.keyframe_m, options) == (9.21, 0.5, {})
+    assert (config.association.gate, config.loop_closure.keyframes.keyframe_m, options) == (9.21, 0.5, {})
     assert config.association.max_distance_m == Config().association.max_distance_m
     assert config.floor == Config().floor
 

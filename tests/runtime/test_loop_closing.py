@@ -132,7 +132,8 @@ def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before
     told = [SE2(0.1 * k, 0.0, 0.0) for k in range(4)]
     for index, pose in enumerate(told):
         journal.append(float(index), pose)
-    journal.correct(TrajectoryCorrection(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])))
+    moves = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    journal.correct(TrajectoryCorrection(np.array([0.0, 2.0]), moves, np.zeros((2, 3)), np.zeros((2, 3, 3))))
     journal.transform(turn)
     journal.append(4.0, turn @ SE2(0.4, 0.5, 0.0))
     now = journal.at([0.0, 1.0, 2.0, 3.0, 4.0])

@@ -121,8 +121,8 @@ def test_a_landmark_is_found_again_after_a_detour_that_odometry_drifts_on():
             sightings = [] if away else [sight("chair", 2.0, 0.0 if index < 8 else 0.55, 0.03, index)]
             update = mapper.step(observed(index, sightings, motion))
             if index == 7:
-                first = update.sightings[0].thing
-        found[detour_m] = update.sightings[0].thing == first
+                first = update.sightings[0].track
+        found[detour_m] = update.sightings[0].track == first
     assert found == {2.5: True, 0.0: False}
 
 

@@ -95,7 +95,7 @@ def test_only_a_map_that_can_move_is_corrected(bundle, kind, corrects):
     slam = SemanticSlam(Pipeline(bundle, FLOOR, still), Mapper(kind(), loop_closer=LoopCloser()))
     result = slam.step(Frame(0, 0.0, noise(0)))
     assert slam.mapper.loop_closer.closes_loops is corrects
-    assert [placed.thing for placed in result.sightings] == [0 if corrects else -1]
+    assert [placed.track for placed in result.sightings] == [0 if corrects else -1]
 
 
 def test_the_first_pose_is_the_origin_and_motion_adds_up(bundle):

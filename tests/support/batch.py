@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-from scipy.sparse.csgraph import connected_components
-
-from edgemap.geometry.objects.association import AssociationRule, Estimate, Positions, agglomerated
+from edgemap.geometry.objects.association import AssociationRule, Estimate
+from edgemap.geometry.objects.class_posterior import Candidate, Overlaps
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.objects.observation_pool import Key, ObservationPool, keys_of
-from edgemap.geometry.objects.overlap_suppression import without_overlaps
+from edgemap.geometry.objects.observation_pool import ObservationPool, keys_of
+from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 
@@ -20,34 +18,43 @@ def batch_objects(frames: Iterable[Sequence[PlacedSighting]], rule: AssociationR
     Ids count the objects of each label by first sighting.
     """
     rule = rule or AssociationRule()
-    pools: dict[str, dict[Key, ObservationPool]] = {}
+    indices: dict[str, PoolIndex] = {}
     for number, frame in enumerate(frames, start=1):
         for label in {placed.label for placed in frame}:
             of_label = [placed for placed in frame if placed.label == label]
-            known, keys = pools.setdefault(label, {}), keys_of(of_label)
-            for key, placed in zip(keys, of_label, strict=True):
-                pool = known.setdefault(key, ObservationPool(key, placed.sighting.extent_m))
+            index, pools = indices.setdefault(label, PoolIndex(rule)), []
+            for key, placed in zip(keys_of(of_label), of_label, strict=True):
+                known = index.row_of.get(key)
+                pool = ObservationPool(key, placed.sighting.extent_m) if known is None else index.pool(known)
                 pool.add(placed, number)
-                pool.beside.update(other for other in keys if other != key)
-    found: list[MapObject] = []
-    for label, known in pools.items():
-        shown = [item for item in _estimates([known[key] for key in sorted(known)], rule) if item.shows]
-        shown.sort(key=lambda item: item.sums.first_seen_s)
-        found += [item.as_object(f"{label}-{number}", label) for number, item in enumerate(shown, start=1)]
-    return without_overlaps(found)
+                index.add(pool) if known is None else index.set(pool.row)
+                pools.append(pool)
+            for pool in pools:
+                pool.beside.update(dict.fromkeys(other for other in pools if other is not pool))
+    overlaps, found = Overlaps(rule.overlap), {}
+    for label, index in indices.items():
+        objects = sorted(_estimates(index, rule), key=lambda item: item.sums.first_seen_s)
+        for number, item in enumerate(objects, start=1):
+            found[f"{label}-{number}"] = label, item
+            width_m, evidence = item.sums.width_m / item.sums.count, item.sums.sure * item.sums.confidence
+            overlaps.set(Candidate(f"{label}-{number}", label, item.position_m, width_m, evidence))
+    overlaps.settle()
+    shown = []
+    for identity, members in overlaps.members.items():
+        label, item = found[identity]
+        if item.shows([found[other.id][1].sums for other in members[1:] if other.label != label]):
+            shown.append(item.as_object(identity, label))
+    return shown
 
 
-def _estimates(pools: list[ObservationPool], rule: AssociationRule) -> list[Estimate]:
-    """Objects of one label's pools: those that do not hang together, directly or through others, never meet."""
-    places = Positions(rule)
-    row_of = {pool.key: places.append(pool) for pool in pools}
-    links = places.distances(slice(None)) < np.inf
-    for row, pool in enumerate(pools):
-        links[row, [row_of[key] for key in pool.beside]] = False
-    _, parts = connected_components(links, directed=False)
-    found: list[Estimate] = []
-    for part in range(parts.max() + 1):
-        rows = np.flatnonzero(parts == part).tolist()
-        own = [pools[row] for row in rows]
-        found += [Estimate([own[row] for row in group], rule) for group in agglomerated(places.chosen(rows), own)]
+def _estimates(index: PoolIndex, rule: AssociationRule) -> list[Estimate]:
+    """Objects of one label's pools: those that are not linked, directly or through others, never meet."""
+    left, found = set(index.row_of.values()), []
+    for row in sorted(left):
+        index.link(row)
+    while left:
+        part = index.connected({min(left)})
+        left -= part
+        groups = index.agglomerated(sorted(part, key=lambda row: index.pool(row).key))
+        found += [Estimate([index.pool(row) for row in group], rule) for group in groups]
     return found

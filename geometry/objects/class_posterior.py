@@ -1,0 +1,174 @@
+"""One object, one class posterior: what overlaps is one object, whatever the detector called it from frame to frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.observations.class_extents import extent_m, footprint_m
+
+Array = NDArray[np.float64]
+
+CELL_M = 1.0
+SAME_LABEL = 0.8  # smallest distance of two objects of one label, as a share of the smaller one's extent
+
+
+def least_spacing_m(a: MapObject, b: MapObject) -> float:
+    """How near two objects of one label can stand to each other, centre to centre."""
+    return SAME_LABEL * min(extent_m(item.label, item.width_m) for item in (a, b))
+
+
+@dataclass(frozen=True, slots=True)
+class OverlapRule:
+    """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent; far_less: and only
+    where one has less than this share of the other's evidence, as two chairs pushed together are seen about as often.
+    other_label: of two labels, as a share of half the sum of both shorter sides, below which they would stand in one
+    another; rare_label: the same where one has less than `rare` of the other's evidence. correct: how often a detection
+    has the right label,; correlated: sightings that count as one, as neighbouring frames
+    repeat each other's error."""
+
+    same_label: float = SAME_LABEL
+    far_less: float = 0.5
+    other_label: float = 0.6
+    rare_label: float = 1.0
+    rare: float = 0.2
+    correct: float = 0.9
+    correlated: float = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """Sightings of one label in one place. evidence: how much speaks for an object there (count times confidence)."""
+
+    id: str
+    label: str
+    position_m: Array
+    width_m: float
+    evidence: float
+
+
+def label_posterior(evidence: Mapping[str, float], rule: OverlapRule) -> dict[str, float]:
+    """Probability of each label that an object was given, most probable first: Bayes over its sightings' labels.
+
+    evidence: sightings of each label. A detection of a true class shows each other label equally often.
+    """
+    wrong = math.log((1.0 - rule.correct) / max(len(evidence) - 1, 1) / rule.correct)
+    total = sum(evidence.values())
+    scores = {label: wrong * (total - count) / rule.correlated for label, count in evidence.items()}
+    highest = max(scores.values())
+    weights = {label: math.exp(score - highest) for label, score in scores.items()}
+    order = sorted(weights, key=lambda label: (-weights[label], label))
+    return {label: weights[label] / sum(weights.values()) for label in order}
+
+
+class Overlaps:
+    """Which candidates are one object, kept up to date for what changes only.
+
+    members: of each object, by the id of its best candidate: all candidates that are it, the best one first.
+    """
+
+    def __init__(self, rule: OverlapRule | None = None) -> None:
+        self.rule = rule or OverlapRule()
+        self.members: dict[str, list[Candidate]] = {}
+        self._candidates: dict[str, Candidate] = {}
+        self._near: dict[str, set[str]] = {}
+        self._cells: dict[tuple[int, int], dict[str, None]] = {}
+        self._best: dict[str, str] = {}
+        self._changed: set[str] = set()
+        self._largest_m = 0.0
+
+    def best(self, identity: str) -> str:
+        """The id of the object that a candidate is part of."""
+        return self._best.get(identity, identity)
+
+    def set(self, candidate: Candidate) -> None:
+        """Add a candidate, or change it."""
+        self.remove(candidate.id)
+        side_m = _side_m(candidate)
+        self._largest_m = max(self._largest_m, side_m)
+        reach_m = max(
+            self.rule.same_label * _extent_m(candidate), self.rule.rare_label * (side_m + self._largest_m) / 2.0
+        )
+        near = {other.id for other in self.within(candidate.position_m, reach_m) if self._overlap(candidate, other)}
+        for other in near:
+            self._near[other].add(candidate.id)
+        self._candidates[candidate.id], self._near[candidate.id] = candidate, near
+        self._cells.setdefault(_cell(candidate.position_m), {})[candidate.id] = None
+        self._changed |= {candidate.id, *near}
+
+    def remove(self, identity: str) -> None:
+        """Remove a candidate, if it is there."""
+        candidate = self._candidates.pop(identity, None)
+        if candidate is None:
+            return
+        near = self._near.pop(identity)
+        for other in near:
+            self._near[other].discard(identity)
+        del self._cells[_cell(candidate.position_m)][identity]
+        self._changed |= {identity, *near, *(item.id for item in self.members.get(self.best(identity), ()))}
+
+    def within(self, point_m: Array, reach_m: float) -> list[Candidate]:
+        """Candidates no farther than that from a point (2,), in no particular but a fixed order."""
+        (i, j), ring = _cell(point_m), math.ceil(reach_m / CELL_M)
+        found = []
+        for a in range(i - ring, i + ring + 1):
+            for b in range(j - ring, j + ring + 1):
+                for identity in self._cells.get((a, b), ()):
+                    x_m, y_m = self._candidates[identity].position_m - point_m
+                    if x_m * x_m + y_m * y_m <= reach_m * reach_m:
+                        found.append(self._candidates[identity])
+        return found
+
+    def settle(self) -> set[str]:
+        """Decide again what is one object around all that changed; ids of objects that are others, or no more."""
+        changed, self._changed = self._connected(self._changed), set()
+        touched = changed | {self.best(identity) for identity in changed}
+        for identity in touched:
+            self.members.pop(identity, None)
+            self._best.pop(identity, None)
+        left = [self._candidates[identity] for identity in changed if identity in self._candidates]
+        for candidate in sorted(left, key=lambda item: (-item.evidence, item.id)):
+            if candidate.id in self._best:
+                continue
+            self._best[candidate.id], own = candidate.id, [candidate]
+            for identity in sorted(self._near[candidate.id]):
+                if identity not in self._best:
+                    self._best[identity] = candidate.id
+                    own.append(self._candidates[identity])
+            self.members[candidate.id] = own
+        return touched
+
+    def _connected(self, identities: Iterable[str]) -> set[str]:
+        found = set(identities)
+        new = set(found)
+        while new:
+            new = set[str]().union(*(self._near.get(identity, set()) for identity in new)) - found
+            found |= new
+        return found
+
+    def _overlap(self, a: Candidate, b: Candidate) -> bool:
+        less, more = sorted((a.evidence, b.evidence))
+        if a.label == b.label:
+            near_m = self.rule.same_label * min(_extent_m(a), _extent_m(b)) if less < self.rule.far_less * more else 0.0
+        else:
+            share = self.rule.rare_label if less < self.rule.rare * more else self.rule.other_label
+            near_m = share * (_side_m(a) + _side_m(b)) / 2.0
+        x_m, y_m = a.position_m - b.position_m
+        return x_m * x_m + y_m * y_m < near_m * near_m
+
+
+def _extent_m(candidate: Candidate) -> float:
+    return extent_m(candidate.label, candidate.width_m)
+
+
+def _side_m(candidate: Candidate) -> float:
+    return min(footprint_m(candidate.label, candidate.width_m))
+
+
+def _cell(point_m: Array) -> tuple[int, int]:
+    return math.floor(point_m[0] / CELL_M), math.floor(point_m[1] / CELL_M)
