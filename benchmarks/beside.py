@@ -1,0 +1,160 @@
+"""This build beside another commit, in turn in one run: `python -m edgemap.benchmarks.beside COMMIT [--engine auto]`.
+
+Each build is a process of its own that keeps its bundle and its map; blocks of steps alternate between the two, so that
+what else the machine does meets both. Only the step is timed; its processor time includes threads that wait in circles.
+The other build needs the packages of this environment and its commit in this repository.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOMS = ("geometry", "runtime", "evaluation", "simulation", "export", "benchmarks", "plots", "view", "cli", "models")
+FRAMES = 30  # in a block
+LEGS = {"10": 10.0, "30": 30.0, "unpaced": 0.0}
+
+# Runs in either build, so it finds names of both by trial.
+WORKER = """
+import os, sys, time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", sys.argv[1])
+bundle_name, engine, seconds = sys.argv[2], sys.argv[3], 0
+from edgemap.runtime import bundle_folder, load_bundle, open_camera, open_odometry, Pipeline
+def build(paced):
+    try:
+        from edgemap.geometry.camera.floor import FloorCamera
+        from edgemap.runtime.config import Config
+        from edgemap.runtime.mapper import new_mapper
+        from edgemap.runtime.slam import SemanticSlam
+        bundle = load_bundle(bundle_folder(bundle_name), pace="camera" if paced else "files", engine=engine)
+        def new(camera):
+            floor = FloorCamera(camera.intrinsics, camera.mount)
+            pipeline = Pipeline(bundle, floor, open_odometry("hybrid", bundle, camera, floor))
+            return SemanticSlam(pipeline, new_mapper(Config()))
+    except ImportError:
+        from edgemap.runtime import Corrector, FloorCamera, FloorMap
+        bundle = load_bundle(bundle_folder(bundle_name))
+        def new(camera):
+            floor = FloorCamera(camera.intrinsics, camera.mount)
+            odometry = open_odometry("hybrid", bundle, camera, floor)
+            return Pipeline(bundle, floor, odometry, FloorMap(), corrector=Corrector())
+    return new
+camera = slam = None
+new, was = None, None
+for line in sys.stdin:
+    rate, count = line.split()
+    rate, count = float(rate), int(count)
+    if was != (rate > 0):
+        new, was, slam = build(rate > 0), rate > 0, None
+    if slam is None:
+        camera = open_camera("demo")
+        slam = new(camera)
+    frames = []
+    while len(frames) < count:
+        frame = camera.read()
+        if frame is None:
+            camera = open_camera("demo")
+            slam = new(camera)
+            continue
+        frames.append((slam, frame))
+    times, cpu, start = [], time.process_time(), time.perf_counter()
+    for index, (one, frame) in enumerate(frames):
+        if rate:
+            time.sleep(max(0.0, start + index / rate - time.perf_counter()))
+        before = time.perf_counter()
+        one.step(frame)
+        one.objects()
+        times.append(1e3 * (time.perf_counter() - before))
+    if rate:
+        time.sleep(max(0.0, start + count / rate - time.perf_counter()))
+    spent, wall = time.process_time() - cpu, time.perf_counter() - start
+    time.sleep(0.05)
+    print(times, spent, wall, flush=True)
+"""
+
+
+def beside(there: Path, bundle: str, engine: str, blocks: int) -> dict[str, Any]:
+    """Ratios this / other of the step's median and processor time a frame, for each leg; and both builds' figures."""
+    workers = {
+        "other": _worker(there, "2", bundle, "onnxruntime"),
+        "this": _worker(Path(__file__).parents[1], "1", bundle, engine),
+    }
+    document: dict[str, Any] = {"bundle": bundle, "engine": engine, "frames": blocks * FRAMES}
+    for leg, rate in LEGS.items():
+        rows: dict[str, list[tuple[list[float], float, float]]] = {name: [] for name in workers}
+        for block in range(blocks + 1):
+            order = list(workers) if block % 2 else list(workers)[::-1]
+            for name in order:
+                row = _block(workers[name], rate)
+                if block:  # the first one warms up
+                    rows[name].append(row)
+        document[leg] = figures = {name: _figures(found) for name, found in rows.items()}
+        for key in ("p50_ms", "cpu_ms_per_frame"):
+            figures[f"{key}_ratio"] = round(figures["this"][key] / figures["other"][key], 3)
+    for worker in workers.values():
+        worker.stdin.close()  # type: ignore[union-attr]
+        worker.wait()
+    return document
+
+
+def _figures(rows: list[tuple[list[float], float, float]]) -> dict[str, float]:
+    times = np.concatenate([row[0] for row in rows])
+    cpu_s, wall_s = sum(row[1] for row in rows), sum(row[2] for row in rows)
+    return {
+        "p50_ms": round(float(np.median(times)), 2),
+        "p99_ms": round(float(np.percentile(times, 99)), 2),
+        "cpu_ms_per_frame": round(1e3 * cpu_s / len(times), 2),
+        "cpu_percent": round(100.0 * cpu_s / wall_s, 1),
+        "fps": round(1e3 / float(times.mean()), 1),
+    }
+
+
+def _worker(root: Path, blas: str, bundle: str, engine: str) -> subprocess.Popen[str]:
+    package = Path(tempfile.mkdtemp()) / "edgemap"
+    package.mkdir()
+    for room in ROOMS:
+        (package / room).symlink_to(root.resolve() / room)
+    command = [sys.executable, "-c", WORKER, blas, bundle, engine]
+    environment = {"PYTHONPATH": str(package.parent), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
+
+
+def _block(worker: subprocess.Popen[str], rate: float) -> tuple[list[float], float, float]:
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    worker.stdin.write(f"{rate} {FRAMES}\n")
+    worker.stdin.flush()
+    line = worker.stdout.readline()
+    if not line:
+        sys.exit("one of the builds ended; its error stands above")
+    times, spent, wall = line.strip().lstrip("[").replace("]", "").rsplit(" ", 2)
+    return [float(value) for value in times.split(", ")], float(spent), float(wall)
+
+
+def main() -> None:
+    """Check the commit out into a temporary worktree, measure, print one JSON document."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("commit")
+    parser.add_argument("--bundle", default="edgemap-nano")
+    parser.add_argument("--engine", default="onnxruntime")
+    parser.add_argument("--blocks", type=int, default=10, help=f"of {FRAMES} frames, for each build and rate")
+    given = parser.parse_args()
+    repository = Path(__file__).parents[1]
+    with tempfile.TemporaryDirectory() as folder:
+        there = Path(folder) / "other"
+        subprocess.run(["git", "-C", repository, "worktree", "add", "-q", "--detach", there, given.commit], check=True)
+        try:
+            print(json.dumps(beside(there, given.bundle, given.engine, given.blocks), indent=1))
+        finally:
+            subprocess.run(["git", "-C", repository, "worktree", "remove", "--force", there], check=True)
+
+
+if __name__ == "__main__":
+    main()
