@@ -95,9 +95,12 @@ def beside(there: Path, bundle: str, engine: str, blocks: int) -> dict[str, Any]
                 row = _block(workers[name], rate)
                 if block:  # the first one warms up
                     rows[name].append(row)
-        document[leg] = figures = {name: _figures(found) for name, found in rows.items()}
-        for key in ("p50_ms", "cpu_ms_per_frame"):
-            figures[f"{key}_ratio"] = round(figures["this"][key] / figures["other"][key], 3)
+        figures = {name: _figures(found) for name, found in rows.items()}
+        ratios = {
+            f"{key}_ratio": round(figures["this"][key] / figures["other"][key], 3)
+            for key in ("p50_ms", "cpu_ms_per_frame", "fps")
+        }
+        document[leg] = figures | ratios
     for worker in workers.values():
         worker.stdin.close()  # type: ignore[union-attr]
         worker.wait()
