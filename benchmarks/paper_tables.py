@@ -122,7 +122,7 @@ def _detections(spec: str, bundle: Bundle, frames: int | None) -> dict[str, Any]
         return None
     count = len(drive.boxes[:frames])
     chosen = set(np.random.default_rng(0).choice(count, min(COUNTED, count), replace=False).tolist())
-    detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence))
+    detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence, one_name=True))
     number = {name: index for index, name in enumerate(bundle.names)}
     pictures = []
     for index, (image, truth) in enumerate(LabelledPictures(drive, frames)):

@@ -68,7 +68,7 @@ def command(
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
     loaded = find_bundle(bundle, threads, precision, str(images[0]))
     confidence = least_score(confidence, loaded)
-    detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence))
+    detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, one_name=True))
     documents = []
     try:
         for path in images:

@@ -48,14 +48,16 @@ def command(
 
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.detection import ScoredPicture, average_precision, operating_point
-    from edgemap.runtime.decode import Decoder, at_threshold
+    from edgemap.runtime.decode import Decoder
     from edgemap.runtime.detector import Detector
     from edgemap.runtime.drives.labelled import labelled_pictures
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence, nms=nms)
     loaded = find_bundle(bundle, threads, precision, data)
-    detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, nms))
+    spec = loaded.manifest.detector
+    detector, every = Detector(loaded), Decoder(spec, confidence, nms)
+    as_run = Decoder(spec, loaded.manifest.confidence, one_name=True)
     number = {name: index for index, name in enumerate(loaded.names)}
     if classes is not None:
         chosen = {name.strip() for name in classes.split(",") if name.strip()}
@@ -68,13 +70,13 @@ def command(
         from edgemap.plots.detection import Mistakes
 
         mistakes = Mistakes(loaded.names)
-    with as_data(data, frames, quiet=json) as spec:
-        for image, truth in tqdm(labelled_pictures(spec, frames), unit=" pictures", disable=json or None):
+    with as_data(data, frames, quiet=json) as folder:
+        for image, truth in tqdm(labelled_pictures(folder, frames), unit=" pictures", disable=json or None):
             unknown += sum(label not in number for label in truth.labels)
             size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
-            found = detector(image)
+            outputs = detector.raw(image)
+            found, told = every(*outputs), as_run(*outputs)
             pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, found, number))
-            told = at_threshold(found, max(confidence, loaded.manifest.confidence))
             shown.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, told, number))
             if mistakes:
                 mistakes.add(image, shown[-1])

@@ -15,6 +15,7 @@ from edgemap.runtime.preprocess import Placement
 
 Array = NDArray[np.float64]
 NMS_IOU = 0.45
+SAME_PLACE = 0.8  # IoU of boxes that are one object under two names
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay
 DFL_BINS = 8  # per side of a box, whole strides 0 to 7
 
@@ -23,16 +24,20 @@ class Decoder:
     """Turns a backbone's heads into Detections, one label per box.
 
     confidence: least score (objectness times class probability) of a box. nms_iou: overlap above which the weaker of
-    two boxes of one class goes. These are two different thresholds.
+    two boxes of one class goes. These are two different thresholds. one_name: of boxes in one place with different
+    labels only that one stays which most cells vote for; average precision wants them all.
     """
 
-    def __init__(self, detector: Detector, confidence: float = 0.3, nms_iou: float = NMS_IOU) -> None:
+    def __init__(
+        self, detector: Detector, confidence: float = 0.3, nms_iou: float = NMS_IOU, one_name: bool = False
+    ) -> None:
         self._heads = detector.heads
         self._names = tuple(entry.name for entry in detector.classes)
         self._rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
         self._size = (detector.input.width, detector.input.height)
         self.confidence = confidence
         self.nms_iou = nms_iou
+        self.one_name = one_name
 
     def __call__(self, outputs: Tensors, placement: Placement) -> Detections:
         """Boxes in picture px from the backbone's outputs, best first."""
@@ -44,16 +49,9 @@ class Decoder:
         centres, scores, classes = centres[best], scores[best], classes[best]
         corners = np.concatenate([centres[:, :2] - centres[:, 2:] / 2.0, centres[:, :2] + centres[:, 2:] / 2.0], axis=1)
         keep = suppress(corners, scores, classes, self.nms_iou)
+        if self.one_name and len(set(classes[keep].tolist())) > 1:
+            keep = keep[_elected(keep, corners, scores, classes)]
         return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
-
-
-def at_threshold(found: Detections, confidence: float, nms_iou: float = NMS_IOU) -> Detections:
-    """Those boxes, gathered at a lower threshold and a milder suppression, that a run would see."""
-    rows = np.flatnonzero(found.scores >= confidence)
-    if len(rows) == 0:
-        return Detections.none(found.names)
-    rows = rows[suppress(found.boxes[rows], found.scores[rows], found.class_ids[rows], nms_iou)]
-    return Detections(found.boxes[rows], found.scores[rows], found.class_ids[rows], found.names)
 
 
 def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], iou: float) -> NDArray[np.int64]:
@@ -62,6 +60,28 @@ def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], iou: float
     kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), scores.tolist(), classes.tolist(), 0.0, iou)
     kept = np.asarray(kept, dtype=np.int64).reshape(-1)
     return kept[np.argsort(-scores[kept], kind="stable")]
+
+
+def _elected(kept: NDArray[np.int64], boxes: Array, scores: Array, classes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of the kept rows stay, where boxes of different labels overlap by more than SAME_PLACE: those whose label
+    has the larger sum of scores among all boxes (N, 4) there."""
+    votes = np.array(
+        [scores[(overlaps(boxes[row], boxes) > SAME_PLACE) & (classes == classes[row])].sum() for row in kept]
+    )
+    stays = np.ones(len(kept), dtype=bool)
+    for at in np.argsort(-votes, kind="stable"):
+        if stays[at]:
+            rivals = (overlaps(boxes[kept[at]], boxes[kept]) > SAME_PLACE) & (classes[kept] != classes[kept[at]])
+            stays &= ~rivals
+    return stays
+
+
+def overlaps(box: Array, others: Array) -> Array:
+    """IoU of one box xyxy with each of others (N, 4), shape (N,)."""
+    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+    common = np.maximum(sides, 0.0).prod(axis=1)
+    union = (box[2:] - box[:2]).prod() + (others[:, 2:] - others[:, :2]).prod(axis=1) - common
+    return common / np.maximum(union, 1e-9)
 
 
 def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:

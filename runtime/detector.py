@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.decode import Decoder
-from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.network import Tensors
+from edgemap.runtime.preprocess import Placement, Preprocessor
 
 
 class Detector:
@@ -22,5 +23,9 @@ class Detector:
 
     def __call__(self, image: NDArray[np.uint8]) -> Detections:
         """Detections in a BGR uint8 picture (H, W, 3), best first."""
+        return self._decode(*self.raw(image))
+
+    def raw(self, image: NDArray[np.uint8]) -> tuple[Tensors, Placement]:
+        """The backbone's outputs, for any decoder."""
         tensor, placement = self._preprocess(image)
-        return self._decode(self._backbone.run({self._input_name: tensor}), placement)
+        return self._backbone.run({self._input_name: tensor}), placement

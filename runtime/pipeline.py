@@ -53,7 +53,7 @@ class Pipeline:
         self._input_name = bundle.manifest.detector.input.name
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
-        self._decode = Decoder(bundle.manifest.detector, min_score)
+        self._decode = Decoder(bundle.manifest.detector, min_score, one_name=True)
         self._nothing = Detections.none(bundle.names)
         self._health = HealthMonitor()
         self._since_seen = SE2()

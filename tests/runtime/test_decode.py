@@ -74,6 +74,31 @@ def test_dfl_bins_by_hand():
     np.testing.assert_allclose(found.boxes, [[20, 4, 52, 56]], atol=1e-3)
 
 
+def test_one_place_has_one_name_by_the_votes_of_its_cells():
+    """Cells of a chair at 0.6 and 0.7 outvote a couch's one at 0.8; a couch elsewhere in the chair's box stays."""
+    rows = np.zeros((1, 84, 8), dtype=np.float32)
+
+    def put(cell, label, score, centre, side):
+        column, row = cell % 8, cell // 8
+        shift = [centre[0] / 8 - column, centre[1] / 8 - row]
+        rows[0, cell] = [*shift, np.log(side / 8), np.log(side / 8), score, *(float(label == n) for n in range(3))]
+
+    put(10, 0, 0.6, (20, 20), 24)
+    put(11, 0, 0.7, (20, 20), 25)
+    put(12, 1, 0.8, (20, 20), 24)
+    put(40, 1, 0.5, (24, 24), 12)
+    base = painted.detector_spec()
+    spec = Detector(
+        file="x.onnx", input=base.input, decode="yolox", features=(), classes=base.classes,
+        heads=(HeadSpec(name="out", shape=(1, 84, 8), strides=(8, 16, 32)),),
+    )  # fmt: skip
+    names = [entry.name for entry in base.classes]
+    both, one = (Decoder(spec, 0.3, one_name=flag)({"out": rows}, place(base.input, 64, 64)) for flag in (False, True))
+    assert both.labels == [names[1], names[0], names[1]]
+    assert one.labels == [names[0], names[1]]
+    assert one.scores == pytest.approx([0.7, 0.5])
+
+
 def overlap(a, b):
     low, high = np.maximum(a[:2], b[:2]), np.minimum(a[2:], b[2:])
     shared = np.prod(np.clip(high - low, 0, None))
