@@ -127,7 +127,7 @@ def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8]) -> tuple[str, str]:
     missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
     if missing > TORN_SHARE * rows:
         return "torn", f"{missing} of {rows} rows are missing"
-    same = (grid == last).all(axis=1)
+    same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
     if same.any():
         top, bottom = _run(same), _run(same[::-1])
         old = max(top, bottom)

@@ -79,3 +79,11 @@ def test_photographs_are_trusted(folder):
         pytest.skip(f"{SHARED / folder} is not there: set EDGEMAP_SHARED")
     paths = [path for path in sorted((SHARED / folder).rglob("*")) if path.suffix in (".jpg", ".png")][::10]
     assert set(kinds(cv2.imread(str(path)) for path in paths)) == {""}
+
+
+def test_bars_of_one_colour_are_not_torn_rows(pictures):
+    """A levelled or letterboxed picture has borders that never change."""
+    barred = [picture.copy() for picture in (pictures[0], pictures[5])]
+    for picture in barred:
+        picture[: len(picture) // 4] = 114
+    assert kinds(barred) == ["", ""]
