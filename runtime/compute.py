@@ -17,7 +17,7 @@ Pace = Literal["camera", "files"]  # a frame now and then, or as fast as they ar
 # One thread is enough where it takes no longer than this: on two cores with 10 frames/s, edgemap-nano's backbone takes
 # 8.5 ms on one thread, 8.8 on two that sleep and 7.4 on two that spin, and a frame 20, 27 and 58 ms of processor time.
 ONE_THREAD_MS = 15.0
-WORTH_IT = 0.8  # time on all threads over that on one, at most
+WORTH_IT: dict[Pace, float] = {"camera": 0.8, "files": 0.92}  # time on all threads over that on one, at most
 WARM_UP, ROUNDS = 2, 4
 
 
@@ -44,7 +44,7 @@ def settle(
         return one, Compute(1, engine=engine)
     compute = Compute(most, spin, engine)
     all_threads = open_network(compute)
-    if least_ms(all_threads, clock) <= WORTH_IT * alone_ms:
+    if least_ms(all_threads, clock) <= WORTH_IT[pace] * alone_ms:
         return all_threads, compute
     return one, Compute(1, engine=engine)
 
