@@ -52,6 +52,7 @@ LEVELLING = 0.25  # share of the tilt that is taken for the landmarks' and not f
 TRUSTED_SHARE = 0.4  # of the tracks that must agree, or a fresh start is tried
 AGREES_MORE = 1.3  # times as many must agree on the fresh start, which has looser landmarks
 LEAST_WEIGHT = 8.0  # tracks that must agree at all
+SCALE_DRIFT_PER_S, MAX_SCALE_DRIFT = 0.1, 0.5  # relative, of the scale that landmarks keep while no floor is in view
 LONGEST_GAP_S = 1.0  # without a picture; after a longer one the corners are not looked for any more
 LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
@@ -89,6 +90,7 @@ class PlanarOdometry:
         self._attend(frame.attitude)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
+            self._floor_s = frame.stamp_s
             self._seek(grey)
             if first:
                 self._coasting.begin(frame.stamp_s)
@@ -104,8 +106,9 @@ class PlanarOdometry:
         turn = np.eye(3)
         turn[:2, :2] = motion.rotation()
         now = found.covariance[:3, :3]
-        doubt = len(found.weights) / found.weights.sum()
+        doubt = (len(found.weights) / found.weights.sum()) ** 2  # new tracks agree with anything
         covariance = doubt * (self._covariance + turn @ now @ turn.T) + LEAST_COVARIANCE + self._since_covariance
+        covariance[:2, :2] += self._scale_variance(found, frame.stamp_s) * np.outer(*[motion.vector()[:2]] * 2)
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
@@ -138,6 +141,13 @@ class PlanarOdometry:
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
         self._motion, self._trusted = SE2(), False
+        self._floor_s = self._seen_s
+
+    def _scale_variance(self, found: Located, stamp_s: float) -> float:
+        """Relative, of the motion's length: the longer no floor is in view, the less is known of the scale."""
+        if float(found.weights[self._landmarks.floor].sum()) >= LEAST_WEIGHT:
+            self._floor_s = stamp_s
+        return min(SCALE_DRIFT_PER_S * (stamp_s - self._floor_s), MAX_SCALE_DRIFT) ** 2
 
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame: its attitude, and what remains unknown of it."""

@@ -17,7 +17,9 @@ from edgemap.geometry.odometry.landmarks import (
     locate,
     look,
     new_landmarks,
+    oversize,
     refined,
+    shrunk,
 )
 from edgemap.geometry.se2 import SE2
 
@@ -142,3 +144,64 @@ def test_levelling_keeps_the_floor_on_the_floor_and_takes_a_share_of_the_tilt():
     np.testing.assert_allclose(heights[after.floor], 0.0, atol=1e-9)
     before, now = look(known, CAMERA, view).seen, look(after, CAMERA, level).seen
     np.testing.assert_allclose(now, before, atol=2e-4)
+
+
+def walked(points, known, steps=6, stride_m=0.05):
+    """The landmarks after views that are known exactly, straight ahead."""
+    exact = Noise(track_rad=2e-4, drift_rad=0.0)
+    for step in range(1, steps + 1):
+        view = View(SE2(stride_m * step, 0.0, 0.0))
+        seen = seen_from(points, view)
+        sight = look(known, CAMERA, view)
+        found = Located(view, np.eye(5), np.ones(len(seen)), seen - sight.seen, sight, 0.0)
+        known, keep = refined(known, found, exact)
+        points, known = points[keep], known.chosen(keep)
+    return known
+
+
+def on_plane(pixels, height_m):
+    """Where rays through pixels meet a plane above the floor, (N, 3)."""
+    lens = CAMERA.mount.position_base_m()
+    rays = CAMERA.rays_base(pixels)
+    return lens + rays * ((height_m - lens[2]) / rays[:, 2])[:, None]
+
+
+def test_a_table_seen_below_the_horizon_does_not_become_floor():
+    """Floor on the left, a table top 0.15 m high on the right, neither trusted before its depth is known."""
+    rng = np.random.default_rng(3)
+    points = np.concatenate(
+        [
+            on_plane(rng.uniform([0, 130], [150, 230], (30, 2)), 0.0),
+            on_plane(rng.uniform([170, 130], [320, 230], (30, 2)), 0.15),
+        ]
+    )
+    seen = seen_from(points, View())
+    known = new_landmarks(np.column_stack([seen, np.ones(60)]), CAMERA, View(), NOISE, REACH_M, trusting=False)
+    assert not known.floor.any()
+    after = walked(points, known)
+    assert after.floor.sum() == pytest.approx(30, abs=3)
+    assert (after.ray[after.floor, 1] > 0).all(), "the left side is the floor"
+    assert oversize(after) == 1.0
+
+
+def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
+    """All depths twice too large: what is taken for floor is a table at half the lens' height, the floor seems 0.5 m
+    below. Put right, the floor is the floor and the table stands on it."""
+    rng = np.random.default_rng(4)
+    pixels = rng.uniform([0, 130], [320, 230], (40, 2))
+    known = new_landmarks(CAMERA.intrinsics.rays(pixels), CAMERA, View(), NOISE, REACH_M)
+    table = np.arange(40) < 25
+    on_floor = known.inverse_m
+    known = replace(
+        known,
+        inverse_m=np.where(table, on_floor, on_floor / 2.0),
+        variance=np.full(40, 1e-6),
+        floor=table,
+        on_floor=np.where(table, 0.0, on_floor),
+    )
+    factor = oversize(known)
+    assert factor == pytest.approx(2.0)
+    after = shrunk(known, CAMERA, View(SE2(0.3, 0.0, 0.0)), factor, NOISE)
+    np.testing.assert_array_equal(after.floor, ~table)
+    np.testing.assert_allclose(after.inverse_m[table], 2.0 * on_floor[table])
+    assert oversize(after) == 1.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support import painted
 
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -76,6 +77,47 @@ def test_planar_follows_a_textured_floor(name):
     error = pose.inverse() @ poses[-1]
     assert math.hypot(error.x_m, error.y_m) < 0.03
     assert abs(error.yaw_rad) < 0.01
+
+
+def seen_by(camera: FloorCamera, pose: SE2) -> np.ndarray:
+    """As `picture_from`, by a camera that is tilted otherwise."""
+    v, u = np.mgrid[0:240, 0:320]
+    points = pose.apply(np.nan_to_num(camera.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3))
+    texel = ((points + 7.5) * 100).astype(np.float32).reshape(240, 320, 2)
+    return cv2.remap(TEXTURE, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
+
+
+def off_after(frames, poses):
+    odometry, pose = PlanarOdometry(CAMERA), SE2()
+    for frame in frames:
+        pose = pose @ odometry.step(frame, {}).motion
+    return pose.inverse() @ poses[-1]
+
+
+def test_planar_follows_a_camera_that_nods_by_its_attitude():
+    """Three degrees up and down over a second: a metre ahead that is 0.2 m of floor."""
+    _, poses = drive(MOTIONS["straight"])
+    frames = []
+    for index, pose in enumerate(poses):
+        tilt = math.radians(3.0) * math.sin(0.6 * index)
+        attitude = Attitude(0.0, CAMERA.mount.pitch_rad + tilt, np.eye(2) * math.radians(0.1) ** 2)
+        frames.append(Frame(index, index / 10, seen_by(CAMERA.at(attitude), pose), attitude=attitude))
+    off = off_after(frames, poses)
+    assert math.hypot(off.x_m, off.y_m) < 0.03
+    assert abs(off.yaw_rad) < 0.01
+
+
+@pytest.mark.parametrize("gyro", [False, True])
+def test_planar_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
+    yaw_rad = math.radians(17.0)
+    frames, poses = drive([*MOTIONS["straight"][:6], SE2(0.02, 0.0, yaw_rad), *MOTIONS["straight"][:3]])
+    if gyro:
+        still, turned = (GyroRotation(np.eye(3), yaw, 1e-3) for yaw in (0.0, yaw_rad))
+        level = Attitude.of_mount(CAMERA.mount, math.radians(0.1))
+        frames = [replace(f, attitude=replace(level, rotation=turned if f.index == 7 else still)) for f in frames]
+    off = off_after(frames, poses)
+    assert math.hypot(off.x_m, off.y_m) < 0.03
+    assert abs(off.yaw_rad) < 0.02
 
 
 def test_planar_says_so_where_there_is_nothing_to_follow():
