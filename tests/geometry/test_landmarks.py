@@ -11,6 +11,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.landmarks import (
     AttitudeError,
+    Located,
     Noise,
     View,
     levelled,
