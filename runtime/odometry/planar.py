@@ -76,6 +76,7 @@ class PlanarOdometry:
         self._rays = _ray_table(self._camera)
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._mask = self._floor_mask(self._level)
+        self._attitude: Attitude | None = None
         self._seed, self._coasting = seed, Coasting()
         self.reset("start")
 
@@ -150,16 +151,15 @@ class PlanarOdometry:
         return min(SCALE_DRIFT_PER_S * (stamp_s - self._floor_s), MAX_SCALE_DRIFT) ** 2
 
     def _attend(self, attitude: Attitude | None) -> None:
-        """The camera of this frame: its attitude, and what remains unknown of it."""
+        """The camera of this frame, what remains unknown of its attitude, and the rotation that a gyro tells."""
         self._camera_before = self._camera
         rotation = None if attitude is None else attitude.rotation
         self._turn_known = rotation is not None
         if rotation is not None:
             self._motion = SE2(self._motion.x_m, self._motion.y_m, rotation.yaw_rad)
-        if attitude is None:
-            self._camera, self._noise = self._level, self._level_noise
+        if attitude is None or attitude is self._attitude:
             return
-        self._camera = self._level.at(attitude)
+        self._attitude, self._camera = attitude, self._level.at(attitude)
         sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
         self._noise = replace(self._level_noise, tilt_rad=sigma)
         self._mask = self._floor_mask(self._camera)
