@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.engine_choice import EngineChoice
     from edgemap.runtime.precision import Precision
 
-HIGHEST_M = 100.0
+LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 MOST_THREADS = 64
 
 CameraSpec = Annotated[
@@ -159,9 +159,9 @@ def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
     if text is None:
         return known
     given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
-    if given.height_m > HIGHEST_M:
+    if not LOWEST_M <= given.height_m <= HIGHEST_M:
         raise OptionError(
-            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected at most {HIGHEST_M:g} m"
+            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m"
         )
     return given if known is None else replace(known, height_m=given.height_m, pitch_rad=given.pitch_rad)
 

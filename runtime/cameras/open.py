@@ -80,11 +80,13 @@ def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Moun
 
 
 def _open_realsense(rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+    from edgemap.runtime.cameras.imu_buffer import ImuCamera
     from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording
 
     if rest.endswith((".db3", ".bag")) or "/" in rest:
         return RealSenseRecording(Path(rest).expanduser(), name, intrinsics, mount)
-    return _open_live(RealSenseDriver(name, rest or None), intrinsics, mount)
+    driver = RealSenseDriver(name, rest or None)
+    return ImuCamera(_open_live(driver, intrinsics, mount), driver.imu)
 
 
 def _open_live(driver: Driver, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:

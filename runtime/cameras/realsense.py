@@ -15,6 +15,8 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.device import Picture
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
+from edgemap.runtime.cameras.imu_buffer import ImuBuffer
+from edgemap.runtime.cameras.realsense_motion import recorded_motion, start_motion
 from edgemap.runtime.cameras.realsense_picture import to_bgr
 from edgemap.runtime.errors import CameraError, MissingExtraError
 from edgemap.runtime.frame import Frame
@@ -77,12 +79,12 @@ def devices() -> list[tuple[str, str]]:
 class RealSenseDevice:
     """A running colour stream: of a device, or of what stands for one."""
 
-    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, name: str) -> None:
+    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, name: str, motion: Any = None) -> None:
         self.size = picture_size(profile)
         self.rate_hz: float | None = float(profile.fps())
         self.intrinsics: Intrinsics | None = lens_of(profile, name)
         self.pipeline = pipeline
-        self._rs, self._name = rs, name
+        self._rs, self._name, self._motion = rs, name, motion
 
     def grab(self) -> Picture | None:
         """The next colour frame at the device's stamp."""
@@ -91,18 +93,24 @@ class RealSenseDevice:
         return (colour.get_timestamp() / 1000.0, to_bgr(self._rs, colour, self._name)) if colour else None
 
     def close(self) -> None:
-        """Stop the stream."""
+        """Stop the streams."""
+        if self._motion is not None:
+            self._motion.stop()
         self.pipeline.stop()
 
 
 class RealSenseDriver:
-    """A RealSense, the one with this serial or the first one: colour, 640x480 at 30 Hz or what it offers."""
+    """A RealSense, the one with this serial or the first one: colour, 640x480 at 30 Hz or what it offers.
+
+    imu: filled by the device's gyro and accelerometer, where it has them.
+    """
 
     def __init__(self, name: str, serial: str | None = None) -> None:
         self.name = name
         self._rs = import_realsense()
         self._context = self._rs.context()
         self._serial = serial
+        self.imu = ImuBuffer()
 
     def open(self) -> RealSenseDevice:
         """Start the colour stream. Raises CameraError where no such device is found or it does not start."""
@@ -118,7 +126,8 @@ class RealSenseDriver:
                 failure = " ".join(str(error).split())
                 continue
             try:
-                return RealSenseDevice(rs, pipeline, profile, self.name)
+                motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
+                return RealSenseDevice(rs, pipeline, profile, self.name, motion)
             except EdgemapError:
                 pipeline.stop()
                 raise
@@ -191,6 +200,7 @@ class RealSenseRecording(CameraBase):
             raise
         self.size = picture_size(profile)
         self.rate_hz: float | None = float(profile.fps())
+        self.imu = recorded_motion(rs, path)
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""

@@ -1,0 +1,58 @@
+"""Inertial samples beside the pictures: pushed by a program, and out of a RealSense recording."""
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.imu_buffer import ImuBuffer, ImuCamera
+
+
+class Still(CameraBase):
+    def __init__(self):
+        super().__init__("still", Intrinsics(8, 6, 8.0, 8.0, 3.5, 2.5))
+
+    def read(self):
+        return self.frame(np.zeros((6, 8, 3), np.uint8), 0.1 * (self._delivered + 1), "still")
+
+
+def test_samples_pushed_by_a_program_come_with_the_frames_once_each():
+    buffer = ImuBuffer(rotation=np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))  # base axes
+    camera = ImuCamera(Still(), buffer)
+    for stamp_s in (0.05, 0.10, 0.15):
+        buffer.push(stamp_s, (0.0, 0.0, 1.0), (0.0, 0.0, 9.8))
+    buffer.push(0.12, (0.0, 0.0, float("nan")), (0.0, 0.0, 9.8))
+    first, second = camera.read(), camera.read()
+    assert first is not None
+    assert second is not None
+    assert first.imu.stamps_s.tolist() == [0.05, 0.10]
+    assert second.imu.stamps_s.tolist() == [0.15]
+    np.testing.assert_allclose(second.imu.gyro_rad_s, [[0.0, -1.0, 0.0]])  # up is minus y in a camera
+    np.testing.assert_allclose(second.imu.accel_m_s2, [[0.0, -9.8, 0.0]])
+
+
+def test_an_accelerometer_at_its_own_rate_is_interpolated():
+    buffer = ImuBuffer()
+    for stamp_s, value in ((0.0, 0.0), (0.1, 1.0)):
+        buffer.push_force(stamp_s, (value, 0.0, 0.0))
+    for stamp_s in (0.02, 0.05):
+        buffer.push_rate(stamp_s, (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(buffer.take(0.06).accel_m_s2[:, 0], [0.2, 0.5])
+
+
+def test_a_realsense_recording_brings_all_of_its_samples(tmp_path):
+    pytest.importorskip("pyrealsense2")
+    from support.record_motion import record_motion
+
+    with open_camera(f"realsense:{record_motion(tmp_path / 'motion.db3')}") as camera:
+        frames = []
+        while (frame := camera.read()) is not None:
+            frames.append(frame)
+    assert len(frames) == 29
+    assert camera.imu is not None  # pyright: ignore[reportAttributeAccessIssue]
+    assert len(camera.imu) == 200  # pyright: ignore[reportAttributeAccessIssue]
+    # The last picture is taken with sample 196; each of the others brings the seven since the one before.
+    assert [len(frame.imu) for frame in frames] == [1] + [7] * 28
+    np.testing.assert_allclose(frames[1].imu.gyro_rad_s[0], [0.1, 0.2, 0.001], atol=1e-7)
+    np.testing.assert_allclose(frames[1].imu.accel_m_s2[0], [0.0, -9.8, 1.0], atol=1e-6)
