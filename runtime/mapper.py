@@ -14,14 +14,14 @@ from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
 from edgemap.geometry.objects.map_object import MapObject, ObjectMap
 from edgemap.geometry.objects.merge import merge_maps
-from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.paper.paper_map import PaperMap
 from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.runtime.config import Config
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.loop_closing import LoopCloser, LoopCorrection, NoLoopClosure
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.relocalisation import NoRelocalisation, Relocaliser
 from edgemap.runtime.timing import Stopwatch
@@ -98,7 +98,7 @@ class Mapper:
         """Take in one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
         stage = self._watch.stage
-        observed, self._blind = _after(self._blind, observed), None
+        observed, self._blind = _after(self._blind, _sound(observed)), None
         self._advance(observed.motion)
         correction, landmarks = self._close_loops(observed)
         stage("closure")
@@ -123,6 +123,7 @@ class Mapper:
 
     def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
         """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
+        motion = motion.checked("this")
         self._blind = motion if self._blind is None else _then(self._blind, motion)
         covariance = compose_covariance(
             self.pose_map_base, self.pose_covariance, self._blind.motion, self._blind.covariance
@@ -197,6 +198,25 @@ def _then(first: Motion, second: Motion) -> Motion:
     covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
     fault = "; ".join(dict.fromkeys(filter(None, (first.fault, second.fault))))
     return Motion(first.motion @ second.motion, covariance, fault, first.blind or second.blind)
+
+
+def _sound(observed: FrameObservations) -> FrameObservations:
+    """The observations that can be: no NaN, no infinity and no covariance that is none ever reaches pose or map."""
+    sightings = [
+        sighting
+        for sighting in observed.sightings
+        if all(np.isfinite(values).all() for values in _numbers(sighting))
+        and is_covariance(sighting.covariance_m2)
+        and np.linalg.eigvalsh(sighting.covariance_m2)[0] > 0.0
+        and is_covariance(sighting.shared_m2)
+        and np.linalg.norm(sighting.position_base_m) < FARTHEST_M
+    ]
+    return replace(observed, sightings=sightings, motion=observed.motion.checked("this"))
+
+
+def _numbers(sighting: Sighting) -> tuple[Array, ...]:
+    size = np.array([sighting.score, sighting.width_m, sighting.height_m, sighting.stamp_s])
+    return sighting.position_base_m, sighting.covariance_m2, sighting.shared_m2, size
 
 
 def _after(blind: Motion | None, observed: FrameObservations) -> FrameObservations:

@@ -15,6 +15,15 @@ from edgemap.runtime.network import Tensors
 
 Array = NDArray[np.float64]
 
+FARTHEST_M = 100.0  # of one step
+ROUNDING = 1e-6  # of a covariance, as a share of its largest entry; networks answer in float32
+
+
+def is_covariance(matrix: Array) -> bool:
+    """Whether a finite matrix is symmetric with no negative eigenvalue, but for rounding."""
+    slack = ROUNDING * max(float(np.abs(matrix).max()), 1e-12)
+    return bool(np.abs(matrix - matrix.T).max() <= slack and np.linalg.eigvalsh(matrix)[0] >= -slack)
+
 
 def unknown_covariance() -> Array:
     """What an odometry says when it knows nothing of a step: 1 m and about 30 degrees, (3, 3)."""
@@ -33,10 +42,16 @@ class Motion:
     blind: bool = False
 
     def checked(self, name: str) -> Motion:
-        """This motion, or where it is not finite a blind one with a fault that names the odometry."""
-        if np.isfinite(self.motion.vector()).all() and np.isfinite(self.covariance).all():
-            return self
-        return blind_motion(f"{name} odometry: motion not finite")
+        """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance
+        that is not finite, farther than FARTHEST_M in one step, a covariance that is not symmetric and positive."""
+        values, covariance = self.motion.vector(), self.covariance
+        if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
+            return blind_motion(f"{name} odometry: motion not finite")
+        if np.abs(values).max() > FARTHEST_M or np.abs(covariance).max() > FARTHEST_M**2:
+            return blind_motion(f"{name} odometry: {values[0]:.3g}, {values[1]:.3g} m in one step")
+        if not is_covariance(covariance):
+            return blind_motion(f"{name} odometry: its covariance is not positive")
+        return self
 
 
 def blind_motion(fault: str) -> Motion:
