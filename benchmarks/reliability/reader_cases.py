@@ -53,6 +53,7 @@ YAML_TEXTS = (
 )
 TUM = "".join(f"{i / 10} {i / 20} {i / 50} 0 0 0 {np.sin(i / 40):.9f} {np.cos(i / 40):.9f}\n" for i in range(12))
 WHEEL = "stamp_s,x_m,y_m,yaw_rad\n" + "".join(f"{i / 10},{i / 20},{i / 50},{i / 30}\n" for i in range(12))
+IMU = "stamp_s,gx,gy,gz,ax,ay,az\n" + "".join(f"{i / 200},0.01,-0.02,0.1,0.2,9.8,{i / 9}\n" for i in range(12))
 CFG = """[net]
 width=64
 height=64
@@ -122,11 +123,12 @@ def cases(scratch: Path) -> list[ReaderCase]:
 
     torch.set_num_threads(1)  # threads do not survive the fork of a worker
     cv2.setNumThreads(0)
-    return [*_tables_and_json(), _camera_yaml(), _pictures(), *_recordings(), *_models(scratch)]
+    return [*_tables_and_json(), _pictures(), *_models(scratch), *_recordings(), _camera_yaml()]
 
 
 def _tables_and_json() -> list[ReaderCase]:
     from edgemap.export.darknet import Darknet
+    from edgemap.runtime.drives.imu_csv import read_imu_csv
     from edgemap.runtime.drives.pose_files import read_matrices, read_stamps, read_tum_3d
     from edgemap.runtime.drives.truth_json import read_boxes, read_objects
     from edgemap.runtime.drives.wheel_csv import read_wheel_csv
@@ -157,6 +159,7 @@ def _tables_and_json() -> list[ReaderCase]:
             "trajectory attachment", rows, lambda path: read_trajectory_file(path.read_bytes(), "a.mcap"), "wheel.json"
         ),
         _rows("wheel.csv", WHEEL, read_wheel_csv, "wheel.csv"),
+        _rows("imu.csv", IMU, read_imu_csv, "imu.csv"),
         _rows("TUM, planar", TUM, read_tum, "a.tum"),
         _rows("TUM, 3-D", TUM, read_tum_3d, "poses.tum"),
         _rows("poses.txt, KITTI", poses, lambda path: read_matrices(path, 12), "poses.txt"),

@@ -7,6 +7,7 @@ of several lines, more than MEMORY_BYTES above the libraries, more than ALARM_S,
 from __future__ import annotations
 
 import ast
+import json
 import multiprocessing
 import os
 import resource
@@ -28,7 +29,7 @@ from edgemap.geometry.errors import EdgemapError
 
 INPUTS = 20_000  # of each reader
 MEMORY_BYTES = 1 << 30
-ALARM_S = 5.0
+ALARM_S = 5.0  # of processor time, so that a busy machine is no failure
 HUNG_S = 300.0  # without a word from a worker, which reports every 100 inputs
 COUNTED = ("accepted", "refused", "failed", "lines")
 KEPT = 20  # failing inputs of each reader
@@ -98,11 +99,13 @@ def _of_reader(case: ReaderCase, seed: int, count: int, scratch: Path, out: Path
             totals["failed"][f"process ended ({worker.exitcode}) at input {begun.value - 1}"] += 1
     refused, accepted = totals["refused"], sum(totals["accepted"].values())
     early = sum(number for check, number in refused.items() if any(word in check for word in FIRST_PARSE))
-    result = {
+    result: dict[str, Any] = {
         "reader": case.name, "inputs": count, "accepted": accepted, "refused": dict(refused.most_common()),
         "past": 1.0 - early / count, "failed": dict(totals["failed"]), "seconds": time.monotonic() - began_s,
         "lines": list(totals["lines"]),
     }  # fmt: skip
+    with (out / "finished.jsonl").open("a") as file:  # a run that is cut short has these
+        file.write(json.dumps(result) + "\n")
     print(
         f"{case.name}: {count:,} inputs, {accepted:,} accepted, {dict(totals['failed']) or 'no failure'}",
         file=sys.stderr,
@@ -115,7 +118,7 @@ def _work(case: ReaderCase, seed: int, count: int, begun: Any, scratch: Path, ou
     _read_once(case, folder, seed)  # libraries take their memory now
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY_BYTES, size + MEMORY_BYTES))
-    signal.signal(signal.SIGALRM, _ring)
+    signal.signal(signal.SIGPROF, _ring)
     os.dup2(os.open(out / "worker.log", os.O_CREAT | os.O_WRONLY | os.O_APPEND), 2)  # libraries tell what they refuse
     while begun.value < count:
         found: dict[str, Counter] = {
@@ -127,7 +130,7 @@ def _work(case: ReaderCase, seed: int, count: int, begun: Any, scratch: Path, ou
         for number in range(begun.value, min(begun.value + 100, count)):
             begun.value = number + 1
             data = case.make(Random(f"{seed}/{case.name}/{number}"))
-            signal.setitimer(signal.ITIMER_REAL, ALARM_S)
+            signal.setitimer(signal.ITIMER_PROF, ALARM_S)
             try:
                 case.read(folder, data)
                 found["accepted"]["accepted"] += 1
@@ -141,7 +144,7 @@ def _work(case: ReaderCase, seed: int, count: int, begun: Any, scratch: Path, ou
                 if len(list(out.glob(f"{_file_name(case)}-*"))) < KEPT:
                     (out / f"{_file_name(case)}-{number}.bin").write_bytes(data)
             finally:
-                signal.setitimer(signal.ITIMER_REAL, 0.0)
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
         sender.send(found)
     sender.close()
 

@@ -1,0 +1,91 @@
+"""Downloads from a server that is no friend: redirects, endless and slow bodies, marks made of control characters."""
+
+import threading
+import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from edgemap.runtime import download as module
+from edgemap.runtime.download import DownloadError, download, is_url
+
+
+class Hostile(BaseHTTPRequestHandler):
+    def do_GET(self):
+        where = {"/file": "file:///etc/passwd", "/ftp": "ftp://127.0.0.1/x", "/loop": "/loop", "/good": "/body"}
+        if self.path in where:
+            self.send_response(302)
+            self.send_header("Location", where[self.path])
+            self.end_headers()
+            return
+        self.send_response(200)
+        if self.path == "/body":
+            self.send_header("Content-Length", "4")
+        if self.path == "/length":
+            self.send_header("Content-Length", "9" * 5000)
+        self.end_headers()
+        try:
+            if self.path == "/drip":
+                for _ in range(100):
+                    self.wfile.write(b"x")
+                    time.sleep(0.05)
+            else:
+                self.wfile.write(b"body" if self.path == "/body" else bytes(100_000))
+        except OSError:
+            pass
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def address():
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Hostile)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+def refusal(url, path, **limits) -> str:
+    with pytest.raises(DownloadError) as caught:
+        download(url, path, progress=False, **limits)
+    assert not path.exists()
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(("path", "words"), [("/file", "is not allowed"), ("/ftp", "only http and https are followed")])
+def test_a_redirect_leaves_the_web_for_nothing_else(address, tmp_path, path, words):
+    assert words in refusal(address + path, tmp_path / "f")
+
+
+def test_a_redirect_on_the_web_is_followed(address, tmp_path):
+    assert download(address + "/good", tmp_path / "f", progress=False).read_bytes() == b"body"
+
+
+def test_https_never_becomes_http():
+    handler = module._WebOnly()
+    request = module.urllib.request.Request("https://host/a")
+    with pytest.raises(ValueError, match="never https to http"):
+        handler.redirect_request(request, None, 302, "", {}, "http://host/a")
+
+
+def test_loops_and_impossible_lengths_end(address, tmp_path):
+    refusal(address + "/loop", tmp_path / "f")
+    refusal(address + "/length", tmp_path / "f", most_bytes=50_000)
+
+
+def test_a_body_without_end_stops_at_the_limit(address, tmp_path):
+    assert "more than 50,000 bytes, stopped" in refusal(address + "/endless", tmp_path / "f", most_bytes=50_000)
+
+
+def test_a_drip_stops_at_the_time_limit(address, tmp_path):
+    began_s = time.monotonic()
+    assert "too slow" in refusal(address + "/drip", tmp_path / "f", longest_s=0.2)
+    assert time.monotonic() - began_s < 4.0
+
+
+@pytest.mark.parametrize("text", ["file:///etc/passwd", "ftp://x/y", "http://[", "x", "", "data:,x"])
+def test_what_is_no_url(text):
+    assert not is_url(text)

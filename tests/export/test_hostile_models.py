@@ -1,0 +1,92 @@
+"""Checkpoints, cfg files and ONNX files made to break the host: one line each, before memory is taken."""
+
+import pytest
+import torch
+
+from edgemap.export.adopt import load_onnx
+from edgemap.export.darknet import Darknet
+from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.errors import ExportError
+from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
+from edgemap.export.odometry.paper import PaperHead
+
+CFG = "[net]\nwidth=64\nheight=64\n[convolutional]\nfilters=8\nsize=1\nactivation=linear\n"
+CFG += "[yolo]\nanchors=10,14\nclasses=3\n"
+
+
+def refusal(read, *arguments) -> str:
+    with pytest.raises(ExportError) as caught:
+        read(*arguments)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("size=1\n", "size=1000000000000\n", "size=1000000000000, at most 100,000"),
+        ("filters=8", "filters=99999\nstride=1", "values, at most"),
+        ("size=1\n", "size=99999\npad=1\n", "more than 134,217,728 weights"),
+        ("width=64", "width=99999\nchannels=99999", "is too large"),
+        ("anchors=10,14", "anchors=nan,14", "anchors=nan,14"),
+        ("anchors=10,14", "anchors=-1,14", "sides must be positive"),
+        ("classes=3", "classes=" + "9" * 5000, "is not a whole number"),
+        ("[yolo]", "[maxpool]\n" * 3000, "more than 2,000 sections"),
+        ("[yolo]", "[y\x1b[31m", "closing bracket"),
+    ],
+)
+def test_a_cfg_that_asks_for_too_much(tmp_path, old, new, words):
+    (tmp_path / "a.cfg").write_text(CFG.replace(old, new, 1))
+    assert words in refusal(Darknet.from_cfg, tmp_path / "a.cfg")
+
+
+def saved(path, **changes):
+    save_head(HeadCheckpoint(PaperHead((1, 2, 3, 3), (2,), 4), "tiny", "head"), path)
+    torch.save(torch.load(path, weights_only=True) | changes, path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"state_dict": [1]}, "no weights by name"),
+        ({"state_dict": {"a": 1}}, "no dense tensor"),
+        ({"state_dict": {"a": torch.zeros(1).expand(1 << 40)}}, "no dense tensor"),
+        ({"state_dict": {"a": torch.zeros(2).to_sparse()}}, "no dense tensor"),
+        ({"shape": [1, 4096, 4096, 4096]}, "weights do not fit"),
+        ({"shape": [1, 2]}, "shape"),
+        ({"sigma": [float("nan")] * 3}, "sigma[0]`, found nan"),
+        ({"kind": "flow"}, "lacks its sizes"),
+        ({"window": -1}, "window`, found -1"),
+        ({"format": "x\n" * 1000}, "format"),
+    ],
+)
+def test_a_checkpoint_that_lies(tmp_path, changes, words):
+    assert words in refusal(load_head, saved(tmp_path / "head.pt", **changes))
+
+
+def test_a_checkpoint_with_weights_that_are_not_finite(tmp_path):
+    path = saved(tmp_path / "head.pt")
+    document = torch.load(path, weights_only=True)
+    document["state_dict"]["out.bias"][0] = float("inf")
+    torch.save(document, path)
+    assert "not finite" in refusal(load_head, path)
+
+
+def test_a_pickle_with_code_in_it_runs_nothing(tmp_path):
+    class Evil:
+        def __reduce__(self):
+            return (open, (str(tmp_path / "ran"), "w"))
+
+    torch.save({"format": "edgemap.head/1", "state_dict": Evil()}, tmp_path / "a.pt")
+    for read in (load_head, load_detector):
+        assert "not a torch checkpoint" in refusal(read, tmp_path / "a.pt")
+    (tmp_path / "a.pt").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+    assert "not a torch checkpoint" in refusal(load_head, tmp_path / "a.pt")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_onnx_files_that_are_none(tmp_path):
+    for data in (b"", b"\xff" * 100, b"\x08\x07\x12\x01\xff"):
+        (tmp_path / "a.onnx").write_bytes(data)
+        refusal(load_onnx, tmp_path / "a.onnx")
