@@ -98,7 +98,8 @@ def load_bundle(
     """
     one_blas_thread()
     if engine == "auto":
-        key = f"{read_manifest(folder).sha256}, {precision}, {pace}, {threads} threads"
+        manifest = read_manifest(folder)
+        key = f"{manifest.sha256[manifest.detector.file]}, {precision}, {pace}, {threads or 'any'} threads"
         engine = remembered_engine(key, lambda one: load_bundle(folder, threads, precision, pace, one).backbone)
     if precision == "auto":
         return _load_the_faster(folder, threads, pace, engine)
