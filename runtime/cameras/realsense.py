@@ -94,9 +94,11 @@ class RealSenseDevice:
 
     def close(self) -> None:
         """Stop the streams."""
-        if self._motion is not None:
-            self._motion.stop()
-        self.pipeline.stop()
+        try:
+            if self._motion is not None:
+                self._motion.stop()
+        finally:
+            self.pipeline.stop()
 
 
 class RealSenseDriver:
@@ -111,6 +113,7 @@ class RealSenseDriver:
         self._context = self._rs.context()
         self._serial = serial
         self.imu = ImuBuffer()
+        self._opened: Any = None
 
     def open(self) -> RealSenseDevice:
         """Start the colour stream. Raises CameraError where no such device is found or it does not start."""
@@ -125,10 +128,11 @@ class RealSenseDriver:
             except RuntimeError as error:
                 failure = " ".join(str(error).split())
                 continue
+            self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
                 return RealSenseDevice(rs, pipeline, profile, self.name, motion)
-            except EdgemapError:
+            except Exception:  # whatever it is, the device must be free for the next attempt
                 pipeline.stop()
                 raise
         raise CameraError(f"{self.name} does not start its colour stream ({failure})")
@@ -159,10 +163,10 @@ class RealSenseDriver:
         """librealsense's device-change callback, for any device that comes and for this one where it goes."""
 
         def told(event: Any) -> None:
+            if self._opened is not None and event.was_removed(self._opened):
+                changed(False)
             if len(event.get_new_devices()):
                 changed(True)
-            elif self._serial not in [number for number, _ in devices()]:
-                changed(False)
 
         self._context.set_devices_changed_callback(told)
 

@@ -1,0 +1,64 @@
+"""The live RealSense driver on librealsense's playback: what a recording can prove of it. Hardware resets it cannot."""
+
+import threading
+
+import numpy as np
+import pytest
+from support.live_camera import drain
+
+pytest.importorskip("pyrealsense2")
+
+from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.cameras.realsense import RealSenseDriver
+from edgemap.runtime.cameras.recovery import RecoveryRule
+from edgemap.runtime.errors import CameraError
+
+
+class Playback(RealSenseDriver):
+    """The driver with a recording in place of a device."""
+
+    def __init__(self, path):
+        super().__init__("realsense")
+        self.path, self.broken = path, 0
+
+    def config(self):
+        if self.broken:
+            self.broken -= 1
+            raise CameraError("no RealSense device found")
+        config = self._rs.config()
+        config.enable_device_from_file(str(self.path), repeat_playback=False)
+        return config
+
+
+def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
+    path, pictures, _ = realsense_recording
+    driver, told = Playback(path), []
+    with LiveCamera(driver, rule=RecoveryRule(stall_limit_s=0.4, back_off_s=0.1)) as camera:
+        assert (camera.live, camera.size, camera.rate_hz) == (True, (640, 480), 30.0)
+        assert camera.intrinsics is not None
+        assert camera.intrinsics.fx == 615.2
+        driver.broken = 1
+        frames = drain(camera, len(pictures) + 5, told)
+    assert [fault.kind.value for fault in told][:3] == ["late", "closed", "recovered"]
+    stamps = np.diff([frame.stamp_s for frame in frames])
+    assert (stamps > 0).all()  # the second playback's stamps begin again, the stream's do not
+    assert any((frames[0].image[..., ::-1] == picture).all() for picture in pictures)
+
+
+def test_librealsenses_device_change_callback_says_what_came(realsense_recording):
+    # That something went, librealsense does not say of recordings.
+    path, _, _ = realsense_recording
+    driver, told, changed = Playback(path), [], threading.Event()
+
+    def tell(present):
+        told.append(present)
+        changed.set()
+
+    driver.watch(tell)
+    driver._context.load_device(str(path))
+    assert changed.wait(5.0)
+    assert told == [True]
+
+
+def test_a_reset_without_a_device_does_nothing(realsense_recording):
+    assert not Playback(realsense_recording[0]).reset()
