@@ -64,7 +64,8 @@ def write_atomically(path: Path, text: str | bytes) -> None:
             handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), data)
             try:
                 temporary.unlink(missing_ok=True)
-                os.link(f"/proc/self/fd/{handle}", temporary, follow_symlinks=True)
+                # src_dir_fd, unused with an absolute path, is what makes Python follow the link (AT_SYMLINK_FOLLOW).
+                os.link(f"/proc/self/fd/{handle}", temporary, src_dir_fd=handle, follow_symlinks=True)
             finally:
                 os.close(handle)
         except (AttributeError, IsADirectoryError, OSError) as error:

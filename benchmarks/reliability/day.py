@@ -24,6 +24,7 @@ from edgemap.runtime.odometry.recorded import WHEEL
 DAY_S, PIECES = 86_400, 24
 LABELS = ("chair", "couch", "potted plant", "refrigerator", "toilet")
 HALF_VIEW_RAD, NEAREST_M, FARTHEST_M = math.radians(35.0), 0.6, 5.0
+LIMIT_S = 1800.0  # of processor time for the whole day
 SPEED_M_S = 0.25
 SIGMA_SHARE = 0.04  # of an object's distance
 GROWTH = 1.25  # of step time and map size, last quarter of the day over the second one
@@ -38,6 +39,7 @@ def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
     mapper, process = new_mapper(Config()), psutil.Process()
     steps = max(PIECES, round(DAY_S * share))
     before, rows, spent_s, largest_s = _pose(0), [], 0.0, 0.0
+    begun_s = time.process_time()
     for step in range(steps):
         pose = _pose(step)
         observed = _observed(step, pose, before, room, random)
@@ -59,6 +61,8 @@ def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
             rows.append(row)
             print("day: " + ", ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)
             spent_s = largest_s = 0.0
+            if time.process_time() - begun_s > LIMIT_S * share:
+                break
     return _report(rows, steps)
 
 
@@ -97,7 +101,7 @@ def _observed(
 
 
 def _report(rows: list[dict[str, float]], steps: int) -> PartReport:
-    quarter = len(rows) // 4
+    quarter = max(1, len(rows) // 4)
     early, late = rows[quarter : 2 * quarter], rows[-quarter:]
 
     def mean(part: list[dict[str, float]], name: str) -> float:
@@ -108,6 +112,8 @@ def _report(rows: list[dict[str, float]], steps: int) -> PartReport:
         for name in ("step_ms", "objects", "map_kb")
         if mean(late, name) > GROWTH * mean(early, name)
     ]
+    if len(rows) < PIECES:
+        failures.append(f"the day took too long: {rows[-1]['hour']:.0f} of 24 h in {LIMIT_S} s of processor time")
     if mean(late, "rss_mb") - mean(early, "rss_mb") > GROWTH_MB:
         failures.append(f"memory: {mean(early, 'rss_mb'):.0f} MB, then {mean(late, 'rss_mb'):.0f} MB")
     table = ["| quarter of the day | step | memory | objects | map.json |", "| --- | --- | --- | --- | --- |"]
