@@ -65,13 +65,19 @@ POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 # validation drives 8101-8106 was 10 for planar, 3 for flow.
 DOUBTS = {"flow": 1.0, "planar": 4.0, "wheels": 1.0, "gyro": 1.0}
 
+# A factor on the head's covariance for a camera outside its training envelope: with it a head camera 1.73 m up drifts
+# 8.1 instead of 12.2 % over 5 m, with a gyro, and mean NEES falls from 109 to 9.
+OUTSIDE_DOUBT = 25.0
+
 
 def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, drift: DriftRate) -> list[Member]:
     """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
     members = [Member(PlanarOdometry(floor), "camera", DOUBTS["planar"])]
     head = bundle.manifest.odometry.get("flow")
     if head is not None and head.trained:
-        members.append(Member(LearnedOdometry(bundle, "flow", floor), "camera", DOUBTS["flow"]))
+        flow = LearnedOdometry(bundle, "flow", floor)
+        doubt = DOUBTS["flow"] * (OUTSIDE_DOUBT if flow.outside_envelope else 1.0)
+        members.append(Member(flow, "camera", doubt))
     if wheels and camera.wheel is not None:
         recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor, drift=drift)
         members.append(Member(recorded, "wheels", DOUBTS["wheels"]))

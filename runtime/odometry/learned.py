@@ -46,7 +46,7 @@ class LearnedOdometry:
         sigmas = (self._head.sigma_forward_m, self._head.sigma_left_m, self._head.sigma_yaw_rad)
         self._covariance = np.diag(np.square(sigmas))
         self._geometry: Tensors = {}
-        self._warning = ""
+        self._warning = ""  # how the camera lies outside what the head was trained on
         if self._head.geometry is not None:
             spec, lens = self._head.geometry, camera.intrinsics
             grid = cell_grid(bundle.manifest.detector.input, lens.width, lens.height, spec.stride)
@@ -54,6 +54,11 @@ class LearnedOdometry:
             self._geometry = {spec.cells: cells, spec.mount: mount}
             self._warning = outside_envelope(bundle.manifest, camera)
         self.reset("start")
+
+    @property
+    def outside_envelope(self) -> bool:
+        """Whether the camera lies outside what the head was trained on."""
+        return bool(self._warning)
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
