@@ -152,48 +152,21 @@ def _draw(path: Path, objects: list[MapObject], out: Path | None, with_sightings
 
 def _way(folder: Path) -> Trajectory | None:
     """The run's trajectory; None where it is missing, empty or damaged, which is said."""
+    from edgemap.geometry.errors import MapError
     from edgemap.runtime.errors import OdometryError
+    from edgemap.runtime.sightings_file import whole_lines
     from edgemap.runtime.trajectory import parse_tum
 
     path = folder / "trajectory.tum"
     try:
-        return parse_tum(_without_torn_end(path), str(path))
-    except OdometryError as error:
+        return parse_tum(whole_lines(path), str(path))
+    except (MapError, OdometryError) as error:
         print(f"(the trajectory is not drawn: {error})", file=sys.stderr)
         return None
 
 
 def _read_sightings(folder: Path) -> list[SeenAt]:
-    """The sightings of a run; ids of objects that merged into others count as the one that stayed."""
-    import json
-
-    from edgemap.geometry.errors import MapError
     from edgemap.plots.floor_map import SeenAt
+    from edgemap.runtime.sightings_file import read_sightings
 
-    path = folder / "sightings.jsonl"
-    try:
-        merged = json.loads((folder / "run.json").read_text()).get("merged", {})
-    except (OSError, ValueError):
-        merged = {}
-    found = []
-    for number, line in enumerate(_without_torn_end(path).splitlines(), start=1):
-        try:
-            record = json.loads(line)
-            x_m, y_m = record["map_m"]
-            found.append(
-                SeenAt(record["label"], merged.get(record["object"], record["object"]), float(x_m), float(y_m))
-            )
-        except (ValueError, KeyError, TypeError):
-            raise MapError(f"{path}:{number}: damaged line") from None
-    return found
-
-
-def _without_torn_end(path: Path) -> str:
-    """A file's whole lines: what a power cut left of the last one does not count. Raises MapError."""
-    from edgemap.geometry.errors import MapError
-
-    try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise MapError(f"{path}: cannot be read ({error})") from None
-    return text[: text.rfind("\n") + 1]
+    return [SeenAt(record.label, record.object, *record.map_m) for record in read_sightings(folder)]

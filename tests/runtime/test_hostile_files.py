@@ -28,6 +28,7 @@ from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import one_line, read_bytes
 from edgemap.runtime.recordings.facts import read_trajectory_file
 from edgemap.runtime.recordings.wheel import read_wheel
+from edgemap.runtime.sightings_file import read_sightings
 from edgemap.runtime.store import install_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
@@ -221,6 +222,18 @@ def test_wheel_tables(tmp_path):
 def test_quaternions_that_are_none(tmp_path, quaternion):
     (tmp_path / "a.tum").write_text(f"0 0 0 0 0 0 0 1\n1 0 0 0 {quaternion}\n")
     assert "a.tum:2: " in refusal(OdometryError, read_tum, tmp_path / "a.tum")
+
+
+def test_sightings_of_a_run(tmp_path):
+    good = {"label": "chair", "object": "chair-9", "map_m": [1.0, 2.0]}
+    (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + '{"label": "torn')
+    (tmp_path / "run.json").write_text('{"merged": ' + "[" * 100_000)
+    assert [record.object for record in read_sightings(tmp_path)] == ["chair-9"]
+    (tmp_path / "run.json").write_text('{"merged": {"chair-9": "chair-1"}}')
+    assert [record.object for record in read_sightings(tmp_path)] == ["chair-1"]
+    for line in ("[" * 100_000, "{}", json.dumps(good | {"map_m": [1.0]}), json.dumps(good | {"label": None}), "\0"):
+        (tmp_path / "sightings.jsonl").write_text(json.dumps(good) + "\n" + line + "\n")
+        assert "sightings.jsonl:2: damaged line" in refusal(MapError, read_sightings, tmp_path)
 
 
 def test_truth_files(tmp_path):

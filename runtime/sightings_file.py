@@ -1,0 +1,49 @@
+"""What a run folder says of single sightings: `sightings.jsonl`, and the merged ids of `run.json`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from edgemap.geometry.errors import MapError
+from edgemap.runtime.reading import Coordinate, Name, decode_json, read_bytes, read_text
+
+SIGHTINGS_BYTES = 512 << 20
+RUN_BYTES = 64 << 20
+
+
+class SeenRecord(msgspec.Struct):
+    """One sighting. object: id of what it became part of, empty where it joined nothing. map_m: x, y."""
+
+    label: Name
+    map_m: tuple[Coordinate, Coordinate]
+    object: str = ""
+
+
+class _Run(msgspec.Struct):
+    merged: dict[str, str] = msgspec.field(default_factory=dict)
+
+
+def read_sightings(folder: Path) -> list[SeenRecord]:
+    """The sightings of a run; ids of objects that merged into others are those that stayed.
+
+    Raises MapError with the line number for a damaged line; the rest of one that a power cut tore does not count.
+    """
+    path = folder / "sightings.jsonl"
+    try:
+        merged = decode_json(read_bytes(folder / "run.json", RUN_BYTES, MapError), _Run, "run.json", MapError).merged
+    except MapError:
+        merged = {}
+    found = []
+    for number, line in enumerate(whole_lines(path).splitlines(), start=1):
+        record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
+        record.object = merged.get(record.object, record.object)
+        found.append(record)
+    return found
+
+
+def whole_lines(path: Path) -> str:
+    """A file's whole lines: what a power cut left of the last one does not count. Raises MapError."""
+    text = read_text(path, SIGHTINGS_BYTES, MapError)
+    return text[: text.rfind("\n") + 1]
