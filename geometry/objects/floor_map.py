@@ -20,7 +20,7 @@ from edgemap.geometry.objects.association import AssociationRule, Estimate
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, id_order
-from edgemap.geometry.objects.observation_pool import SAVED_SIDE, VIEW_M, ObservationPool, keys_of
+from edgemap.geometry.objects.observation_pool import SAVED_SIDE, VIEW_M, ObservationPool, keys_of, move_views
 from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection
@@ -155,6 +155,7 @@ class FloorMap:
                 self._change(self._owner[pool].id)
                 if far[at]:
                     self._pending[pool] = None
+            move_views([pools[at] for at in np.flatnonzero(changed).tolist()], correction)
         self._associate_pending()
 
     def limit_confidence(self, identity: str, limit: float) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,10 @@ from numpy.typing import NDArray
 from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
 Array = NDArray[np.float64]
+View = tuple[float, float, float]  # stamp_s, x_m, y_m of the base; the stamp says with which pose it moves
 Key = tuple[int, int, int, int, int]  # cell x, cell y, side, track, rank among the frame's sightings there
 
 CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
@@ -45,7 +48,8 @@ class ObservationPool:
     information (3,): xx, xy, yy of their pixel information, 1/m^2; vector (2,): that times position. shared: (2, 2)
     m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
     first_m2: (2, 2), all that it makes of the earliest one. anchor_s: mean stamp, of the pose that it moves with.
-    beside: pools seen in one frame with it. views: squares they were seen from. saved: the earlier map's object this
+    beside: pools seen in one frame with it. views: squares they were seen from, each with the first place in it.
+    saved: the earlier map's object this
     is, if it is one. row: in its index. updated: number of the last frame.
     """
 
@@ -62,7 +66,7 @@ class ObservationPool:
         self.sums = SightingSums()
         self.beside: dict[ObservationPool, None] = {}
         self.row = -1
-        self.views: set[tuple[int, int]] = set()
+        self.views: dict[tuple[int, int], View] = {}
         self.updated, self.anchor_s = 0, 0.0
 
     @classmethod
@@ -79,7 +83,7 @@ class ObservationPool:
         known.vector = np.array([[xx, xy], [xy, yy]]) @ item.position_m
         known.weight = xx + yy
         known.sums = SightingSums.of_saved(item)
-        known.views = {_square(x_m, y_m) for x_m, y_m in item.seen_from_m}
+        known.views = {_square(x_m, y_m): (-math.inf, x_m, y_m) for x_m, y_m in item.seen_from_m}
         return known
 
     def is_apart(self, other: ObservationPool) -> bool:
@@ -101,7 +105,8 @@ class ObservationPool:
         self.sums.add(placed)
         self.anchor_s += (placed.sighting.stamp_s - self.anchor_s) / self.sums.count
         self.variance_m2 += (mean_variance(pose_m2) - self.variance_m2) / self.sums.count
-        self.views.add(_square(x_m - placed.lever_m[0], y_m - placed.lever_m[1]))
+        from_x_m, from_y_m = x_m - placed.lever_m[0], y_m - placed.lever_m[1]
+        self.views.setdefault(_square(from_x_m, from_y_m), (placed.sighting.stamp_s, from_x_m, from_y_m))
         self.updated = frame
 
     @property
@@ -115,7 +120,6 @@ class ObservationPool:
         (xx, xy, yy), (dx, dy) = self.information, by_m
         self.vector += (xx * dx + xy * dy, xy * dx + yy * dy)
         self.variance_m2, self.first_m2 = mean_variance(pose_m2), pose_m2
-        self.views = {_square((i + 0.5) * VIEW_M + dx, (j + 0.5) * VIEW_M + dy) for i, j in self.views}
 
     def join(self, other: ObservationPool) -> None:
         """Take in another pool's sightings."""
@@ -127,9 +131,19 @@ class ObservationPool:
         self.information, self.vector = self.information + other.information, self.vector + other.vector
         self.shared, self.weight = self.shared + other.shared, self.weight + other.weight
         self.sums.join(other.sums)
-        self.views |= other.views
+        self.views = other.views | self.views
         self.saved = self.saved or other.saved
         self.updated = max(self.updated, other.updated)
+
+
+def move_views(pools: Sequence[ObservationPool], correction: TrajectoryCorrection) -> None:
+    """The places that pools were seen from move as the trajectory does: exactly, or rounding would carry them away."""
+    views = np.array([view for pool in pools for view in pool.views.values()]).reshape(-1, 3)
+    views[:, 1:] = correction.moved_points(views[:, 0], views[:, 1:])
+    rows = iter(views.tolist())
+    for pool in pools:
+        moved = [(stamp_s, x_m, y_m) for stamp_s, x_m, y_m in islice(rows, len(pool.views))]
+        pool.views = {_square(x_m, y_m): (stamp_s, x_m, y_m) for stamp_s, x_m, y_m in reversed(moved)}
 
 
 def mean_variance(covariance: Array) -> float:
