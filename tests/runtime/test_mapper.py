@@ -108,15 +108,14 @@ def test_objects_move_with_a_closure(closed):
     assert max(moved) > 0.5 * result.correction.moved_m
 
 
-def test_the_places_an_object_was_seen_from_move_with_a_closure(closed):
-    """They are corners of a half-metre grid: within 0.36 m of the trajectory, and a little for what moves later."""
-    result, objects = closed[-1]
-    poses = result.trajectory.at([step.frame.stamp_s for step, _ in closed])[:, :2]
+def test_the_places_an_object_was_seen_from_move_with_their_poses():
+    """They are middles of half-metre squares: within 0.36 m of the trajectory, however often it was corrected."""
+    motions = drifting(POSES, yaw_share=0.12, way_share=0.06)
+    *_, (result, objects) = drive(Mapper(loop_closer=LoopCloser()), ROOM, POSES, motions, 0)
+    poses = result.trajectory.at(np.arange(len(POSES)) / 10)[:, :2]
     off = [float(np.linalg.norm(poses - np.array(view), axis=1).min()) for item in objects for view in item.seen_from_m]
     assert len(off) > 40
-    assert np.percentile(off, 90) < 0.36
-    true = np.array([(p.x_m, p.y_m) for p in (POSES[0].inverse() @ pose for pose in POSES)])
-    assert np.linalg.norm(true - poses, axis=1).max() < 0.6
+    assert max(off) < 0.36
 
 
 def test_a_landmark_is_found_again_after_a_detour_that_odometry_drifts_on():
