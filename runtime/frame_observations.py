@@ -32,4 +32,11 @@ class FrameObservations:
     @property
     def faults(self) -> tuple[str, ...]:
         """What is wrong with the picture or the motion, where it is news."""
-        return tuple(dict.fromkeys(fault for fault in (self.health.fault, self.motion.fault) if fault))
+        return tuple(
+            dict.fromkeys(fault for fault in (self.health.fault, self._attitude_fault, self.motion.fault) if fault)
+        )
+
+    @property
+    def _attitude_fault(self) -> str:
+        attitude = self.camera and self.camera.attitude
+        return attitude.fault if attitude else ""

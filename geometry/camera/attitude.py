@@ -33,7 +33,7 @@ class Attitude:
 
     covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None where no gyro tells it.
-    source: what it comes from, for people.
+    source: what it comes from, for people. fault: one line where it shows that the mount is wrong, once.
     """
 
     roll_rad: float
@@ -42,6 +42,7 @@ class Attitude:
     height_m: float | None = None
     rotation: GyroRotation | None = None
     source: str = "mount"
+    fault: str = ""
 
     @classmethod
     def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:

@@ -38,7 +38,7 @@ class InertialNoise:
     accel: float = 0.2
     bias_walk: float = 1e-5
     start_bias: float = 0.1
-    start_tilt: float = math.radians(3.0)
+    start_tilt: float = math.radians(10.0)
     speed: float = 0.5
     speed_s: float = 0.5
     rest_gyro: float = 0.03
@@ -82,7 +82,9 @@ def inertial_start(samples: ImuSamples, stamp_s: float, noise: InertialNoise) ->
     up = up / max(float(np.linalg.norm(up)), 1e-9)
     side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    sigmas = [noise.start_tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [noise.speed] * 3
+    mean_m_s2 = float(np.linalg.norm(samples.accel_m_s2.mean(axis=0)))
+    tilt = noise.start_tilt + 2.0 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
+    sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [noise.speed] * 3
     rotation = np.array([side, np.cross(up, side), up])
     return InertialState(rotation, np.zeros(3), np.zeros(3), np.diag(np.square(sigmas)), stamp_s, samples)
 

@@ -16,6 +16,9 @@ from edgemap.runtime.frame import Frame
 OFFSET_RAD = math.radians(2.5)
 FARTHEST_RAD = math.radians(6.0)  # what is tilted more than this is no offset, but a camera that is held otherwise
 NODDING_RAD, NODDING_S = math.radians(0.5), 2.0  # of a level robot about its mount, and for how long it stays so
+JUDGED_S = 10.0  # of samples, before the mount is called wrong
+STEADY_RAD = math.radians(2.0)  # standard deviation of tilt below which a camera is mounted, not carried
+WRONG_RAD = math.radians(4.5)  # more than the accelerometer's offset
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -46,6 +49,33 @@ class ConstantTilt:
         return gain * mean, prior * (1.0 - gain)
 
 
+class MountCheck:
+    """Tells once where gravity and the mount differ by more than an accelerometer's offset can explain.
+
+    A camera that is carried and not mounted, whose tilt scatters, is not judged.
+    """
+
+    def __init__(self, mount: Mount) -> None:
+        self._mount, self._sum, self._squares = mount, np.zeros(2), np.zeros(2)
+        self._seconds, self._count, self._told = 0.0, 0, False
+
+    def judge(self, measured_rad: np.ndarray, span_s: float) -> str:
+        """The fault, from one more frame's roll and pitch (2,) by gravity; empty where there is none or it was told."""
+        self._sum, self._squares = self._sum + measured_rad, self._squares + measured_rad**2
+        self._seconds, self._count = self._seconds + span_s, self._count + 1
+        if self._told or self._seconds < JUDGED_S:
+            return ""
+        mean = self._sum / self._count
+        scatter = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
+        off = np.abs(mean - [self._mount.roll_rad, self._mount.pitch_rad])
+        if scatter.max() > STEADY_RAD or off.max() < WRONG_RAD:
+            return ""
+        self._told = True
+        given = f"pitch {math.degrees(self._mount.pitch_rad):.1f} and roll {math.degrees(self._mount.roll_rad):.1f} deg"
+        likelier = f"pitch {math.degrees(mean[1]):.1f} and roll {math.degrees(mean[0]):.1f} deg"
+        return f"mount: {given} given, gravity over {self._seconds:.0f} s says {likelier}: measure it again"
+
+
 class InertialAttitude:
     """Roll, pitch and rotation by gyro and accelerometer, against the mount; without samples the `other` source.
 
@@ -57,7 +87,7 @@ class InertialAttitude:
     def __init__(self, mount: Mount, other: AttitudeSource, noise: InertialNoise | None = None) -> None:
         self._mount = np.array([mount.roll_rad, mount.pitch_rad])
         self._other, self._noise = other, noise or InertialNoise()
-        self._tilt = ConstantTilt()
+        self._tilt, self._check = ConstantTilt(), MountCheck(mount)
         self._state: InertialState | None = None
 
     def step(self, frame: Frame) -> Attitude:
@@ -102,4 +132,5 @@ class InertialAttitude:
         offset, variance = self._tilt.estimate()
         roll, pitch = (float(value) for value in measured - offset)
         covariance = plain.covariance_rad2 + np.diag(variance)
-        return Attitude(roll, pitch, covariance, rotation=rotation, source=self.name)
+        fault = self._check.judge(measured, span_s)
+        return Attitude(roll, pitch, covariance, rotation=rotation, source=self.name, fault=fault)

@@ -130,3 +130,14 @@ def test_a_real_flight_is_levelled_within_a_degree(shared_data):
     turned = true @ (u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v).T
     errors = np.arccos(np.clip((found * turned).sum(axis=1), -1.0, 1.0))
     assert math.degrees(np.sqrt((errors**2).mean())) < 0.9
+
+
+def test_a_mount_that_is_5_degrees_wrong_is_a_fault_within_20_seconds():
+    stamps = np.arange(0.0, 20.0, 0.01)
+    samples = samples_of(np.full(len(stamps), math.radians(11.5)), stamps)
+    wrong, right = Mount.from_degrees(0.6, 17.0), Mount.from_degrees(0.6, 11.5)
+    source, silent = InertialAttitude(wrong, MountAttitude(wrong)), InertialAttitude(right, MountAttitude(right))
+    faults = [source.step(frame).fault for frame in frames_of(samples, 10.0)]
+    (told,) = filter(None, faults)
+    assert told.startswith("mount: pitch 17.0 and roll 0.0 deg given, gravity over 10 s says pitch 11.5 and roll")
+    assert not any(silent.step(frame).fault for frame in frames_of(samples, 10.0))
