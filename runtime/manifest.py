@@ -16,7 +16,7 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.runtime.errors import BundleError
-from edgemap.runtime.reading import Coordinate, Name, Share, Size, Strict, decode_json, read_bytes
+from edgemap.runtime.reading import HIDDEN, Coordinate, Name, Share, Size, Strict, decode_json, read_bytes
 
 FORMAT = "edgemap.bundle/1"
 MANIFEST_NAME = "bundle.json"
@@ -28,7 +28,7 @@ MANIFEST_BYTES = 4 << 20
 VALUES_LIMIT = 1 << 26  # of one tensor
 DFL_CHANNELS = 32  # 8 bins for each side of a box
 
-FileName = Annotated[str, Meta(max_length=200, pattern=r"\A[^\x00-\x1f\x7f]*\Z")]  # `_inside` checks where it leads
+FileName = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]  # `_inside` checks where it leads
 Sha256 = Annotated[str, Meta(pattern=r"\A[0-9a-f]{64}\Z")]
 Dimension = Annotated[int, Meta(ge=1, le=1 << 20)]
 Shape = Annotated[tuple[Dimension, ...], Meta(min_length=1, max_length=8)]

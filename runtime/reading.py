@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 MESSAGE_LENGTH = 200
 SHOWN = 60  # of a value
-CONTROL = dict.fromkeys([*range(32), *range(127, 160), 0x2028, 0x2029], " ")
+HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so none of them ever comes in.
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]  # metres or pixels
@@ -28,7 +28,7 @@ Size = Annotated[float, Meta(ge=0.0, le=1e6)]  # metres or pixels
 Stamp = Annotated[float, Meta(ge=-1e12, le=1e12)]  # seconds
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
-Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"\A[^\x00-\x1f\x7f-\x9f\u2028\u2029]*\Z")]
+Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 
 
 class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
@@ -37,7 +37,8 @@ class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
 
 def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     """A text of any origin as part of a message: no line breaks, no control characters, not too long."""
-    words = " ".join(str(text).translate(CONTROL).split()).encode(errors="replace").decode()
+    words = "".join(letter if letter.isprintable() else " " for letter in str(text))
+    words = " ".join(words.split())
     return words if len(words) <= length else words[: length - 1] + "…"
 
 
