@@ -16,7 +16,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
 from edgemap.runtime.manifest import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
-from edgemap.runtime.reading import read_bytes
+from edgemap.runtime.reading import one_line, read_bytes
 
 MODEL_BYTES = 1 << 30
 YOLOX_STRIDES = (8, 16, 32)
@@ -44,14 +44,14 @@ def load_onnx(path: Path) -> ModelProto:
         onnx.checker.check_model(model)
     except (DecodeError, onnx.checker.ValidationError, UnicodeDecodeError, ValueError) as error:
         size = path.stat().st_size
-        raise ExportError(f"{path}: not a whole ONNX model, {size:,} bytes ({_first_line(error)})") from None
+        raise ExportError(f"{path}: not a whole ONNX model, {size:,} bytes ({one_line(error, 160)})") from None
     opset = default_opset(model)
     if opset not in OPSETS:
         wanted = OPSETS[0] if opset < OPSETS[0] else OPSETS[-1]
         try:
             model = version_converter.convert_version(model, wanted)
         except Exception as error:  # the converter raises bare RuntimeError and others
-            raise ExportError(f"{path}: opset {opset} does not convert to {wanted} ({_first_line(error)})") from None
+            raise ExportError(f"{path}: opset {opset} does not convert to {wanted} ({one_line(error, 160)})") from None
     return model
 
 
@@ -175,7 +175,3 @@ def _tap(model: ModelProto, path: Path, feature: str, spec: InputSpec) -> Featur
     if named.name not in {value.name for value in model.graph.output}:
         model.graph.output.append(onnx.helper.make_tensor_value_info(named.name, onnx.TensorProto.FLOAT, shape))
     return FeatureSpec(name=named.name, shape=shape, stride=spec.width // named.width)
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
