@@ -17,7 +17,7 @@ class FrameObservations:
 
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
-    frame, None for the level robot's.
+    frame, None for the level robot's. looked: whether the picture was searched, so that what is missing in it is gone.
     """
 
     index: int
@@ -28,6 +28,7 @@ class FrameObservations:
     stages_ms: dict[str, float] = field(default_factory=dict)
     health: PictureHealth = field(default_factory=PictureHealth)
     camera: FloorCamera | None = None
+    looked: bool = True
 
     @property
     def faults(self) -> tuple[str, ...]:

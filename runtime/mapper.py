@@ -107,7 +107,7 @@ class Mapper:
             for sighting, landmark in zip(observed.sightings, landmarks, strict=True)
         ]
         object_ids = self.map.update(sightings)
-        if not observed.health.blind:
+        if observed.looked:
             self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids, observed.camera)
         stage("map")
         update = MapUpdate(

@@ -70,7 +70,8 @@ class Pipeline:
         motion = self._move_blind(frame, health) if health.blind else None
         if motion is not None and not (health.stale and self._at_rest()):
             stages_ms = self._watch.stages_ms
-            return FrameObservations(frame.index, frame.stamp_s, self._nothing, [], motion, stages_ms, health, camera)
+            none = self._nothing, []
+            return FrameObservations(frame.index, frame.stamp_s, *none, motion, stages_ms, health, camera, looked=False)
         tensor, placement = self._preprocess(frame.image)
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
