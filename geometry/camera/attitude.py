@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 class GyroRotation:
     """The camera's rotation from the previous frame to this one, by a gyro whose bias is taken out.
 
-    rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it about the
-    vertical, counter-clockwise. sigma_rad: standard deviation of yaw_rad.
+    rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
+    change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad.
     """
 
     rotation: Array

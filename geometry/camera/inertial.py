@@ -113,8 +113,11 @@ def inertial_step(
         recent,
         state.rest_s + span_s if _at_rest(state, recent, noise) else 0.0,
     )
-    turned = predicted.rotation @ before.T
-    yaw_rad = math.atan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1])
+    ahead, was_ahead = (
+        predicted.rotation[:2, 2],
+        before[:2, 2],
+    )  # heading is where the optical axis points, seen from above
+    yaw_rad = math.atan2(was_ahead[0] * ahead[1] - was_ahead[1] * ahead[0], float(was_ahead @ ahead))
     about = state.up_optical @ state.covariance[_BIAS, _BIAS] @ state.up_optical
     rotation = GyroRotation(rotated, yaw_rad, math.sqrt(angle2 + about * span_s**2))
     return _held(predicted, span_s, noise), rotation

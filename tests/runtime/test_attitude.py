@@ -141,3 +141,16 @@ def test_a_mount_that_is_5_degrees_wrong_is_a_fault_within_20_seconds():
     (told,) = filter(None, faults)
     assert told.startswith("mount: pitch 17.0 and roll 0.0 deg given, gravity over 10 s says pitch 11.5 and roll")
     assert not any(silent.step(frame).fault for frame in frames_of(samples, 10.0))
+
+
+def test_a_roll_of_a_camera_that_looks_down_is_no_yaw_of_the_base():
+    stamps = np.arange(0.0, 6.0, 0.005)
+    rolls = math.radians(8.0) * np.sin(2.0 * math.pi * 0.5 * stamps)
+    rates = np.zeros((len(stamps), 3))
+    rates[:, 2] = np.gradient(rolls, stamps)  # about the optical axis
+    ups = [Mount(1.0, math.radians(30.0), roll).rotation_base_optical().T @ [0, 0, 9.81] for roll in rolls]
+    mount = Mount.from_degrees(1.0, 30.0)
+    source = InertialAttitude(mount, MountAttitude(mount))
+    attitudes = [source.step(frame) for frame in frames_of(ImuSamples(stamps, rates, np.array(ups)), 10.0)]
+    yaws = [attitude.rotation.yaw_rad for attitude in attitudes if attitude.rotation is not None]
+    assert math.degrees(max(map(abs, yaws[20:]))) < 0.1  # the rate about the vertical is sin 30 deg of 2.5 deg a frame
