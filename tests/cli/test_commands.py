@@ -344,7 +344,7 @@ def test_doctor_knows_that_an_unknown_bundle_will_not_run(edgemap, pictures):
 
 def test_a_failing_picture_says_where_the_map_is(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    result = edgemap("run", "--strict", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in one_line(result)
 
 

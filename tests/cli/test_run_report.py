@@ -50,7 +50,7 @@ def test_nothing_is_judged_where_nothing_is_known(edgemap, painted_bundle, pictu
 
 def test_a_fault_leaves_a_report(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    result = edgemap("run", "--strict", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert result.returncode == 1
     assert "8.png: not a picture" in (tmp_path / "run" / "report.html").read_text()
 
