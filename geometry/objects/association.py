@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,9 @@ class AssociationRule:
     side. min_count (of what its sightings count, see FloorRule), min_confidence: what an object needs to show
     on the map (chosen on simulated homes). forget_after: frames after which one that does not is dropped.
     maximum_pools: of one object, the least recent ones of more are joined. budget: pools that moved, or were only seen
-    better, associated again in one frame. still_m: what moves by less in one needs no association.
+    better, associated again in one frame. still_m: what moves by less needs no association.
+    real_log_odds, real_slope: that an object is real, after one full sighting and per e-fold of them (logistic
+    regression on 259 objects of ten tuning drives; of those told 0.9 to 0.95 in a home left out, 0.91 are real).
     """
 
     gate: float = 13.82
@@ -41,6 +43,8 @@ class AssociationRule:
     maximum_pools: int = 8
     budget: int = 8
     still_m: float = 0.02
+    real_log_odds: float = -1.51
+    real_slope: float = 1.154
     overlap: OverlapRule = field(default_factory=OverlapRule)
 
     def systematic_of(self, extent_m: float) -> float:
@@ -92,5 +96,7 @@ class Estimate:
         return own + shared + self._first_m2
 
     def as_object(self, identity: str, label: str) -> MapObject:
-        """The object as a map shows it."""
-        return self.sums.as_object(identity, label, self.position_m, self.covariance())
+        """The object as a map shows it; its confidence is the probability that such an object is real."""
+        log_odds = self._rule.real_log_odds + self._rule.real_slope * math.log(max(self.sums.sure, 1.0))
+        plain = self.sums.as_object(identity, label, self.position_m, self.covariance())
+        return replace(plain, confidence=1.0 / (1.0 + math.exp(-log_odds)))

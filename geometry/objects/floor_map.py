@@ -30,13 +30,14 @@ Array = NDArray[np.float64]
 
 @dataclass(slots=True, eq=False)
 class _Object:
-    """Sightings of one label that are one object. pools: what it is made of. limit: of the confidence that it may show.
+    """Sightings of one label that are one object. pools: what it is made of. presence: probability that it
+    still stands there.
     estimate: None until asked for."""
 
     id: str
     label: str
     pools: list[ObservationPool]
-    limit: float = 1.0
+    presence: float = 1.0
     estimate: Estimate | None = None
 
     def estimated(self, rule: AssociationRule) -> Estimate:
@@ -158,11 +159,11 @@ class FloorMap:
             move_views([pools[at] for at in np.flatnonzero(changed).tolist()], correction)
         self._associate_pending()
 
-    def limit_confidence(self, identity: str, limit: float) -> None:
-        """Show an object with this confidence at most."""
+    def set_presence(self, identity: str, probability: float) -> None:
+        """How probable it is that an object still stands there: its confidence is that share of what it is else."""
         item = self._objects.get(identity)
-        if item is not None and item.limit != limit:
-            item.limit = limit
+        if item is not None and item.presence != probability:
+            item.presence = probability
             self._change(identity)
 
     def drop(self, identity: str) -> None:
@@ -221,8 +222,8 @@ class FloorMap:
             identity = names[0] if names else self._new_id(label)
             known = before.get(identity)
             if known is None or len(names) > 1 or known.pools != group or any(pool.row in rows for pool in group):
-                limit = max((before[name].limit for name in names), default=1.0)
-                known = self._objects[identity] = _Object(identity, label, group, limit)
+                presence = max((before[name].presence for name in names), default=1.0)
+                known = self._objects[identity] = _Object(identity, label, group, presence)
                 self._change(identity)
             for pool in group:
                 self._owner[pool] = known
@@ -345,9 +346,9 @@ class FloorMap:
             return None
         labels = label_posterior(named, self._overlaps.rule)
         if estimate.saved is not None and len(best.pools) == 1:  # not seen since
-            confidence = min(estimate.saved.confidence, best.limit)
+            confidence = estimate.saved.confidence * best.presence
             return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
         plain = estimate.as_object(best.id, best.label)
         views = sorted(set[tuple[int, int]]().union(*(pool.views for pool in best.pools)))
         places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views)
-        return replace(plain, confidence=min(plain.confidence, best.limit), seen_from_m=places, labels=labels)
+        return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)

@@ -128,8 +128,8 @@ class Forgetter:
                 for known in (self._log_odds, self._open):
                     known.pop(item.id, None)
             else:
-                limit = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0
-                floor_map.limit_confidence(item.id, limit)
+                presence = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0
+                floor_map.set_presence(item.id, presence)
         return gone
 
     def _concerned(self, floor_map: ObjectMap, pose_map_base: SE2, sighted: set[str]) -> list[MapObject]:

@@ -73,8 +73,8 @@ class ObjectMap(Protocol):
         """Everything moves with the pose that it was seen from. Raises MapError if fixed."""
         ...
 
-    def limit_confidence(self, identity: str, limit: float) -> None:
-        """Show an object with this confidence at most. Raises MapError if fixed."""
+    def set_presence(self, identity: str, probability: float) -> None:
+        """How probable it is that an object still stands there: its confidence is that share of what it is else. Raises MapError if fixed."""
         ...
 
     def drop(self, identity: str) -> None:

@@ -69,7 +69,7 @@ class PaperMap:
         """Raises MapError: sightings stay where they were placed."""
         raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")
 
-    def limit_confidence(self, identity: str, limit: float) -> None:  # noqa: ARG002
+    def set_presence(self, identity: str, probability: float) -> None:  # noqa: ARG002
         """Raises MapError: see `drop`."""
         self.drop(identity)
 

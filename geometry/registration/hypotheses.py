@@ -14,7 +14,7 @@ from edgemap.geometry.se2 import SE2
 Array = NDArray[np.float64]
 
 SHORTEST_M = 0.7  # nearer objects tell too little of the turn
-MOST_CORRESPONDENCES = 600  # of which every two are tried; more are drawn from, rarest labels first
+MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
 MOST_MODES = 16  # clearly different motions that are looked at closely
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
 CHUNK = 256
@@ -125,7 +125,7 @@ def _correspondences(first: Sequence[MapObject], second: Sequence[MapObject]) ->
     random = np.random.default_rng(0)
     chosen: list[tuple[int, int]] = []
     for pairs in sorted(found.values(), key=len):
-        room = max(MOST_CORRESPONDENCES - len(chosen), 0)
+        room = max(MAXIMUM_CORRESPONDENCES - len(chosen), 0)
         if len(pairs) > room:
             pairs = [pairs[k] for k in sorted(random.choice(len(pairs), room, replace=False))]
         chosen += pairs
