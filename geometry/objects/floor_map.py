@@ -160,7 +160,7 @@ class FloorMap:
         self._associate_pending()
 
     def set_presence(self, identity: str, probability: float) -> None:
-        """How probable it is that an object still stands there: its confidence is that share of what it is else."""
+        """Scale an object's confidence by how probably it still stands there."""
         item = self._objects.get(identity)
         if item is not None and item.presence != probability:
             item.presence = probability

@@ -74,7 +74,7 @@ class ObjectMap(Protocol):
         ...
 
     def set_presence(self, identity: str, probability: float) -> None:
-        """How probable it is that an object still stands there: its confidence is that share of what it is else. Raises MapError if fixed."""
+        """Scale an object's confidence by how probably it still stands there. Raises MapError if fixed."""
         ...
 
     def drop(self, identity: str) -> None:
