@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view test lint mutants docs bench reliability paper-tables demo clean
+.PHONY: setup system run view test lint mutants docs bench reliability paper-tables demo release clean
 
 setup: system $(STAMP)
 
@@ -19,6 +19,7 @@ $(STAMP): pyproject.toml constraints.txt scripts/system-packages
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
 	mkdir -p .typing/edgemap
 	for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done
+	for file in __init__.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
 	touch $(STAMP)
 
 system:
@@ -75,6 +76,13 @@ paper-tables: setup
 # Renders the demo drive anew (runtime/demo/); some minutes.
 demo: setup
 	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/demo
+
+# Wheel and source archive of the version in api/__init__.py, checked; publishing them is done by hand.
+release: setup
+	rm -rf dist
+	$(BIN)/python -m build --quiet
+	$(BIN)/python -m twine check --strict dist/*
+	@grep -q "^## $$($(BIN)/python -c 'import edgemap; print(edgemap.__version__)')" CHANGELOG.md || { echo "CHANGELOG.md has no section for this version"; exit 1; }
 
 clean:
 	rm -rf $(VENV) .typing .mutants site build dist *.egg-info

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.errors import MissingExtraError
+from edgemap.runtime.extras import install_hint
 from edgemap.runtime.manifest import Detector
 
 Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]
@@ -25,7 +26,7 @@ def openvino_network(path: Path, detector: Detector, threads: int) -> tuple[Infe
     try:
         import openvino as ov
     except ImportError:
-        raise MissingExtraError("--against openvino needs OpenVINO: pip install 'edgemap[openvino]'") from None
+        raise MissingExtraError(f"--against openvino needs OpenVINO: {install_hint('openvino')}") from None
     core = ov.Core()
     model = core.read_model(path)
     names = [output.get_any_name() for output in model.outputs]

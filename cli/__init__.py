@@ -49,9 +49,9 @@ def main(arguments: list[str] | None = None) -> None:
         print(overview())
         sys.exit(0 if arguments else 2)
     if arguments[0] == "--version":
-        from importlib.metadata import version
+        from edgemap import __version__
 
-        print(f"edgemap {version('edgemap')}")
+        print(f"edgemap {__version__}")
         return
     words = next((words for words in (" ".join(arguments[:2]), arguments[0]) if words in COMMANDS), None)
     if words is None:

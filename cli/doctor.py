@@ -19,6 +19,7 @@ from edgemap.cli.options import (
     MountText,
 )
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.extras import install_hint
 
 WAIT_S = 20.0  # for the first frame of a camera
 
@@ -130,7 +131,7 @@ def _libraries() -> Iterator[Finding]:
         lacking = [package for module, package in modules if find_spec(module) is None]
         if lacking:
             text = f"extra {extra} ({purposes[extra]}) lacks {', '.join(lacking)}"
-            yield Finding("extra", "missing", text, f"pip install 'edgemap[{extra}]'")
+            yield Finding("extra", "missing", text, install_hint(extra))
             continue
         try:
             text = f"{extra} ({purposes[extra]}): " + ", ".join(f"{name} {version(name)}" for _, name in modules)

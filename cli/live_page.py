@@ -12,6 +12,7 @@ from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from edgemap.runtime.errors import MissingExtraError
+from edgemap.runtime.extras import install_hint
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -73,7 +74,7 @@ def live_page(
         yield NoPage()
         return
     if any(find_spec(name) is None for name in ("starlette", "uvicorn", "websockets")):
-        raise MissingExtraError("--view needs starlette, uvicorn and websockets: pip install 'edgemap[view]'")
+        raise MissingExtraError(f"--view needs starlette, uvicorn and websockets: {install_hint('view')}")
     from edgemap.view.page import LivePage
     from edgemap.view.pause import Pause
     from edgemap.view.server import PageServer

@@ -214,6 +214,8 @@ def _record(
     from dataclasses import asdict
     from importlib.metadata import version
 
+    from edgemap import __version__
+
     seat = floor.mount
     return {
         "format": "edgemap.run/1",
@@ -236,6 +238,7 @@ def _record(
         "spinning": loaded.compute.spin,
         "engine": loaded.compute.engine,
         "precision": loaded.precision,
-        "versions": {name: version(name) for name in ("edgemap", "onnxruntime", "numpy", "opencv-python-headless")},
+        "versions": {"edgemap": __version__}
+        | {name: version(name) for name in ("onnxruntime", "numpy", "opencv-python-headless")},
         "machine": {"system": platform.platform(), "python": platform.python_version()},
     }

@@ -64,7 +64,7 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
     try:
         from faster_coco_eval import COCO, COCOeval_faster
     except ImportError:
-        raise EvaluationError("detection figures need faster-coco-eval: pip install 'edgemap[evaluation]'") from None
+        raise EvaluationError("detection figures need faster-coco-eval (extra evaluation)") from None
     truth, found = [], []
     for number, picture in enumerate(pictures, start=1):
         ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored

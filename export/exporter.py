@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 
+from edgemap import __version__
 from edgemap.export import parity
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone
 from edgemap.export.bundle_writer import write_bundle
@@ -76,7 +76,7 @@ def export_backbone(
     manifest = Manifest(
         format=FORMAT,
         name=part.name,
-        version=version("edgemap"),
+        version=__version__,
         detector=part.detector,
         sha256={},
         odometry=odometry,

@@ -11,7 +11,6 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlsplit
@@ -19,6 +18,7 @@ from urllib.parse import urlsplit
 import msgspec
 from tqdm import tqdm
 
+from edgemap import __version__
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.manifest import sha256_file
 from edgemap.runtime.reading import Strict, decode_json, one_line, read_bytes
@@ -151,7 +151,7 @@ def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int
 def _open(url: str, have: int, validator: str, timeout_s: float) -> Iterator[http.client.HTTPResponse]:
     if not is_url(url):
         raise ValueError("not an http or https URL")
-    headers = {"User-Agent": f"edgemap/{version('edgemap')}", "Accept-Encoding": "identity"}
+    headers = {"User-Agent": f"edgemap/{__version__}", "Accept-Encoding": "identity"}
     if have:
         headers["Range"] = f"bytes={have}-"
         if validator:

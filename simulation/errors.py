@@ -7,6 +7,7 @@ from types import ModuleType
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.errors import MissingExtraError
+from edgemap.runtime.extras import install_hint
 
 
 class SimulationError(EdgemapError):
@@ -14,10 +15,10 @@ class SimulationError(EdgemapError):
 
 
 def require(module: str) -> ModuleType:
-    """Import a module of the extra `edgemap[simulation]`. Raises MissingExtraError naming the extra."""
+    """Import a module of the extra `edgemap-robot[simulation]`. Raises MissingExtraError naming the extra."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingExtraError(
-            f"the simulation needs {module.partition('.')[0]} ({error}): pip install 'edgemap[simulation]'"
+            f"the simulation needs {module.partition('.')[0]} ({error}): {install_hint('simulation')}"
         ) from None

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
-from edgemap.runtime.errors import MissingExtraError
+from edgemap.runtime.extras import need
 
 
 def need_mcap() -> None:
     """Raise MissingExtraError where mcap or its ROS 2 part cannot be imported."""
-    if any(find_spec(name) is None for name in ("mcap", "mcap_ros2")):
-        raise MissingExtraError("recordings need mcap and mcap-ros2-support: pip install 'edgemap[record]'")
+    need("record", "a recording", ("mcap", "mcap_ros2"))

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-pytest.importorskip("av", reason="needs the extra edgemap[simulation]")
+pytest.importorskip("av", reason="needs the extra edgemap-robot[simulation]")
 
 
 def pictures(count):

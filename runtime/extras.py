@@ -1,0 +1,32 @@
+"""Optional parts of the installation: how to ask for one that is missing, from wherever this one came."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
+from urllib.parse import unquote, urlparse
+
+from edgemap.runtime.errors import MissingExtraError
+
+DISTRIBUTION = "edgemap-robot"
+
+
+def install_hint(extra: str) -> str:
+    """What to type for an extra: from the folder that this installation came from, else by the distribution's name."""
+    try:
+        origin = json.loads(distribution(DISTRIBUTION).read_text("direct_url.json") or "{}")
+    except (PackageNotFoundError, ValueError):
+        origin = {}
+    address = urlparse(str(origin.get("url", "")))
+    if address.scheme != "file":
+        return f"pip install '{DISTRIBUTION}[{extra}]'"
+    editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
+    return f"pip install {editable}'{unquote(address.path)}[{extra}]'"
+
+
+def need(extra: str, purpose: str, modules: tuple[str, ...]) -> None:
+    """Raise MissingExtraError where a module of an extra cannot be imported. purpose: what asks for it."""
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise MissingExtraError(f"{purpose} needs {', '.join(missing)}: {install_hint(extra)}")
