@@ -1,6 +1,3 @@
-from importlib.util import find_spec
+from edgemap.runtime.extras import need
 
-from edgemap.runtime.errors import MissingExtraError
-
-if find_spec("matplotlib") is None:
-    raise MissingExtraError("drawing needs matplotlib: pip install 'edgemap[plot]'")
+need("plot", "drawing", ("matplotlib",))

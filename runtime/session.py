@@ -9,6 +9,7 @@ from types import TracebackType
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.attitude.open import open_attitude
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.config import Config, load_config
@@ -82,7 +83,7 @@ def open_session(
         loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
         floor = FloorCamera(lens, seat)
         motion = open_odometry(odometry, loaded, source, floor, drift=tuned.wheels)
-        pipeline = Pipeline(loaded, floor, motion, rule=tuned.floor)
+        pipeline = Pipeline(loaded, floor, motion, rule=tuned.floor, attitude=open_attitude(odometry, source, seat))
         return Session(source, SemanticSlam(pipeline, new_mapper(tuned, clustering, odometry, loop_closure)))
     except BaseException:
         source.close()

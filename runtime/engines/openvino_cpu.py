@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.errors import MissingExtraError
+from edgemap.runtime.extras import need
 from edgemap.runtime.network import Compute, Network, Tensors
 
-try:
-    import openvino as ov
-except ImportError:
-    raise MissingExtraError("--engine openvino needs OpenVINO: pip install 'edgemap[openvino]'") from None
+need("openvino", "--engine openvino", ("openvino",))
+
+import openvino as ov  # noqa: E402
 
 
 def open_openvino(path: Path, compute: Compute) -> Network:

