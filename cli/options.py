@@ -38,7 +38,7 @@ BundleName = Annotated[
     tyro.conf.arg(
         metavar="NAME|DIR",
         help="The model: a bundle folder, or a name in the cache (pulled when it is not there). By default "
-        "edgemap-nano for rendered pictures (demo, sim:, drive:), picodet-s for those of a lens; both lie here.",
+        "edgemap-nano for rendered pictures (demo, sim:, drive:), yolox-nano for those of a lens; picodet-s comes with the package too.",
     ),
 ]
 OdometrySpec = Annotated[

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from edgemap.geometry.errors import EdgemapError
 
-RENDERED, LENS = "edgemap-nano", "picodet-s"
+RENDERED, LENS = "edgemap-nano", "yolox-nano"
 RENDERED_KINDS = ("sim", "drive")
 SIMULATION_FILE = "simulation.json"  # lies in what `edgemap simulate` writes
 
