@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
@@ -30,23 +29,21 @@ def command(
     camera: CameraSpec = "demo",
     rate: Annotated[
         tuple[float, ...],
-        tyro.conf.arg(metavar="HZ…", help="Frames per second that a camera delivers; the first one's figures lead."),
+        arg(metavar="HZ…", help="Frames per second that a camera delivers; the first one's figures lead."),
     ] = (10.0, 30.0),
-    seconds: Annotated[float, tyro.conf.arg(metavar="S", help="How long to measure at each rate, in seconds.")] = 10.0,
+    seconds: Annotated[float, arg(metavar="S", help="How long to measure at each rate, in seconds.")] = 10.0,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     engine: EngineName = "onnxruntime",
     against: Annotated[
         Literal["openvino", "opencv"] | None,
-        tyro.conf.arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
+        arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
     ] = None,
     soak: Annotated[
         float | None,
-        tyro.conf.arg(metavar="MINUTES", help="Go on at the first rate for so long: memory and times by the minute."),
+        arg(metavar="MINUTES", help="Go on at the first rate for so long: memory and times by the minute."),
     ] = None,
-    plot: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help="Draw stages and processor time into DIR/bench.png.")
-    ] = None,
+    plot: Annotated[Path | None, arg(metavar="DIR", help="Draw stages and processor time into DIR/bench.png.")] = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,

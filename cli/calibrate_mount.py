@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import (
     BoardText,
     OutYaml,
@@ -23,9 +22,9 @@ from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least
 
 def command(
     camera: CameraSpec,
-    square: Annotated[float, tyro.conf.arg(metavar="METRES", help="Side of one square of the board.")],
+    square: Annotated[float, arg(metavar="METRES", help="Side of one square of the board.")],
     board: BoardText = "9x6",
-    thickness: Annotated[float, tyro.conf.arg(metavar="METRES", help="Of the board, added to the height.")] = 0.0,
+    thickness: Annotated[float, arg(metavar="METRES", help="Of the board, added to the height.")] = 0.0,
     out: OutYaml = Path("camera.yaml"),
     frames: Pictures = None,
     camera_file: CameraFile = None,

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import read_intrinsics
 
@@ -18,14 +17,12 @@ if TYPE_CHECKING:
     from edgemap.runtime.cameras.protocol import Camera
 
 BoardText = Annotated[
-    str, tyro.conf.arg(metavar="COLSxROWS", help="The chessboard's INNER corners: one less than its squares each way.")
+    str, arg(metavar="COLSxROWS", help="The chessboard's INNER corners: one less than its squares each way.")
 ]
-Pictures = Annotated[int | None, tyro.conf.arg(metavar="N", help="Look at N pictures and no more.")]
+Pictures = Annotated[int | None, arg(metavar="N", help="Look at N pictures and no more.")]
 OutYaml = Annotated[
     Path,
-    tyro.conf.arg(
-        aliases=["-o"], metavar="camera.yaml", help="File to write; one that is there must be the --camera-file."
-    ),
+    arg(aliases=["-o"], metavar="camera.yaml", help="File to write; one that is there must be the --camera-file."),
 ]
 
 

@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import OutYaml, Pictures, check_out, known_lens, write_yaml
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, open_described
@@ -18,7 +17,7 @@ ENOUGH = 40
 def command(
     camera: CameraSpec,
     height: Annotated[
-        float | None, tyro.conf.arg(metavar="METRES", help="Lens above the floor, by ruler; else the known mount's.")
+        float | None, arg(metavar="METRES", help="Lens above the floor, by ruler; else the known mount's.")
     ] = None,
     out: OutYaml = Path("camera.yaml"),
     frames: Pictures = None,

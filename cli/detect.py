@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import (
     BundleName,
     CameraFile,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 def command(
     images: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],
-        tyro.conf.arg(metavar="IMAGE...", help="Pictures, or folders of them."),
+        arg(metavar="IMAGE...", help="Pictures, or folders of them."),
     ],
     bundle: BundleName = None,
     mount: MountText = None,
@@ -43,7 +44,7 @@ def command(
     precision: PrecisionName = "float32",
     plot: Annotated[
         Path | None,
-        tyro.conf.arg(
+        arg(
             metavar="DIR",
             help="Write per picture: boxes marked floor or not, distances, 2-D map (the paper's Fig. 4), and the "
             "horizon with a metre grid. Needs a mount.",

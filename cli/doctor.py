@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import (
     HOW_TO_MEASURE,
     BundleName,
@@ -42,7 +41,7 @@ def command(
     camera_file: CameraFile = None,
     plot: Annotated[
         Path | None,
-        tyro.conf.arg(
+        arg(
             metavar="PICTURE",
             help="Write the camera's first picture with horizon and metre grid: lines must lie flat on the floor.",
         ),

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, at_least, find_bundle, in_unit
 
@@ -14,25 +13,25 @@ from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, at_lea
 def command(
     data: Annotated[
         str,
-        tyro.conf.arg(
+        arg(
             aliases=["--camera"],
             metavar="yolo:DIR|drive:DIR|sim:SEED",
             help="Labelled pictures, a drive with boxes.json, or one that is rendered: 450 frames by default.",
         ),
     ],
     bundle: BundleName = None,
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N pictures.")] = None,
+    frames: Annotated[int | None, arg(metavar="N", help="Only the first N pictures.")] = None,
     confidence: Annotated[
-        float, tyro.conf.arg(metavar="0..1", help="Least score of a box; low, so that the whole curve counts.")
+        float, arg(metavar="0..1", help="Least score of a box; low, so that the whole curve counts.")
     ] = 0.001,
-    nms: Annotated[float, tyro.conf.arg(metavar="0..1", help="Overlap (IoU) above which the weaker box goes.")] = 0.6,
+    nms: Annotated[float, arg(metavar="0..1", help="Overlap (IoU) above which the weaker box goes.")] = 0.6,
     classes: Annotated[
         str | None,
-        tyro.conf.arg(metavar="NAME,…", help="Score these classes only, so that bundles compare; by default all."),
+        arg(metavar="NAME,…", help="Score these classes only, so that bundles compare; by default all."),
     ] = None,
     plot: Annotated[
         Path | None,
-        tyro.conf.arg(metavar="DIR", help="Draw the worst false boxes and the largest misses into this folder."),
+        arg(metavar="DIR", help="Draw the worst false boxes and the largest misses into this folder."),
     ] = None,
     threads: Threads = None,
     precision: PrecisionName = "float32",

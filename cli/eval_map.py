@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
@@ -28,7 +27,7 @@ from edgemap.cli.options import (
 def command(
     data: Annotated[
         str,
-        tyro.conf.arg(
+        arg(
             aliases=["--camera"],
             metavar="demo|KIND:DIR|sim:SEED",
             help="A drive with poses and objects.json, or one that is rendered: 450 frames unless --frames says more.",
@@ -38,17 +37,17 @@ def command(
     odometry: OdometrySpec = "hybrid",
     without_wheels: WithoutWheels = False,
     without_imu: WithoutImu = False,
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N frames.")] = None,
+    frames: Annotated[int | None, arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
     clustering: Annotated[
-        Literal["default", "paper"], tyro.conf.arg(help="default: association; paper: single linkage at 1 m.")
+        Literal["default", "paper"], arg(help="default: association; paper: single linkage at 1 m.")
     ] = "default",
     loop_closure: LoopClosure = True,
     config: ConfigFile = None,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     plot: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
+        Path | None, arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
     ] = None,
     json: Json = False,
 ) -> None:

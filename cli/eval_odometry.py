@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, WithoutImu, at_least, find_bundle
 
@@ -18,7 +19,7 @@ DEFAULT_DATA = (("demo",),)
 def command(
     data: Annotated[
         Repeated,
-        tyro.conf.arg(
+        arg(
             aliases=["--camera"],
             metavar="demo|KIND:DIR|sim:SEED|FILE.mcap",
             help="Drives with true poses, several at once or the option again: KIND is kitti, tum, c2w, drive or "
@@ -28,30 +29,28 @@ def command(
     bundle: BundleName = None,
     odometry: Annotated[
         str,
-        tyro.conf.arg(
+        arg(
             metavar="SPEC",
             help="As of `edgemap run`; besides, wheel alone is the wheel odometry that comes with the data.",
         ),
     ] = "hybrid",
     without_wheels: Annotated[
-        bool, tyro.conf.arg(help="hybrid leaves aside the wheel odometry that comes with the data.")
+        bool, arg(help="hybrid leaves aside the wheel odometry that comes with the data.")
     ] = False,
     without_imu: WithoutImu = False,
     first: Annotated[
-        int, tyro.conf.arg(name="from", metavar="N", help="Start with frame N, counted from 0; it is the origin.")
+        int, arg(name="from", metavar="N", help="Start with frame N, counted from 0; it is the origin.")
     ] = 0,
-    every: Annotated[int, tyro.conf.arg(metavar="K", help="Use each K-th frame only: 2 makes 5 Hz out of 10 Hz.")] = 1,
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only the first N of those frames.")] = None,
+    every: Annotated[int, arg(metavar="K", help="Use each K-th frame only: 2 makes 5 Hz out of 10 Hz.")] = 1,
+    frames: Annotated[int | None, arg(metavar="N", help="Only the first N of those frames.")] = None,
     segments: Annotated[
         str | None,
-        tyro.conf.arg(
-            metavar="L,…", help="Lengths in metres over which drift is taken; 1,2,5, and 100,200,…,800 for kitti."
-        ),
+        arg(metavar="L,…", help="Lengths in metres over which drift is taken; 1,2,5, and 100,200,…,800 for kitti."),
     ] = None,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     plot: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help="Draw each trajectory with the true one into this folder.")
+        Path | None, arg(metavar="DIR", help="Draw each trajectory with the true one into this folder.")
     ] = None,
     json: Json = False,
 ) -> None:

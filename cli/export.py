@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from edgemap.cli.arguments import arg
 from edgemap.geometry.errors import EdgemapError
 
 
@@ -18,50 +19,48 @@ def command(
     checkpoint: Annotated[
         Path | None,
         tyro.conf.Positional,
-        tyro.conf.arg(
+        arg(
             metavar="[CHECKPOINT]",
             help="What was trained: a detector's best.pt, or an odometry head's, which names its backbone.",
         ),
     ] = None,
     *,
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="DIR", help="The bundle folder to write.")],
+    output: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="The bundle folder to write.")],
     backbone: Annotated[
         str | None,
-        tyro.conf.arg(
+        arg(
             metavar="NAME|FILE",
             help="yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or a detector's best.pt.",
         ),
     ] = None,
     weights: Annotated[
         Path | None,
-        tyro.conf.arg(
-            metavar="FILE", help="The backbone's .weights (yolox-nano: .onnx); fetched for a NAME without it."
-        ),
+        arg(metavar="FILE", help="The backbone's .weights (yolox-nano: .onnx); fetched for a NAME without it."),
     ] = None,
     head: Annotated[
         tuple[Path, ...],
-        tyro.conf.arg(metavar="CHECKPOINT", help="Trained odometry heads; without any, an untrained paper head."),
+        arg(metavar="CHECKPOINT", help="Trained odometry heads; without any, an untrained paper head."),
     ] = (),
     feature: Annotated[
         str | None,
-        tyro.conf.arg(
+        arg(
             metavar="NAME",
             help="What the untrained head reads: head (raw coarse map, the default), neck, stride8, stride16, layer:N; "
             "for ONNX files a tensor's name or stride8, stride16, stride32 (the default).",
         ),
     ] = None,
     size: Annotated[
-        tuple[int, int] | None, tyro.conf.arg(metavar="W H", help="Input size in pixels of a Darknet backbone.")
+        tuple[int, int] | None, arg(metavar="W H", help="Input size in pixels of a Darknet backbone.")
     ] = None,
     random_weights: Annotated[
-        bool, tyro.conf.arg(help="Seeded random weights instead of a file, for timing only; detects nothing.")
+        bool, arg(help="Seeded random weights instead of a file, for timing only; detects nothing.")
     ] = False,
     int8: Annotated[
-        bool, tyro.conf.arg(help="Besides, a variant of 8-bit numbers for `--precision int8`; needs --calibrate.")
+        bool, arg(help="Besides, a variant of 8-bit numbers for `--precision int8`; needs --calibrate.")
     ] = False,
     calibrate: Annotated[
         Path | None,
-        tyro.conf.arg(
+        arg(
             metavar="DIR",
             help="Pictures like those that the robot will see, for --int8: a folder of some hundreds. With images/ and "
             "YOLO labels/ the loss of AP50 is measured too, without which --precision auto does not take int8.",

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 NAMES = {
@@ -16,26 +17,26 @@ NAMES = {
 
 
 def command(
-    map: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="MAP", help="A map.json or a run folder.")],
+    map: Annotated[tyro.conf.Positional[Path], arg(metavar="MAP", help="A map.json or a run folder.")],
     *,
     format: Annotated[
         Literal["geojson", "nav2", "nav2-vector", "csv", "png", "svg"],
-        tyro.conf.arg(
+        arg(
             help="geojson: circles as polygons, metres of the map frame; nav2: occupancy map, PGM and YAML; "
             "nav2-vector: circles for Nav2's Vector Object server; csv: one line per object; png, svg: drawn."
         ),
     ],
     out: Annotated[
         Path | None,
-        tyro.conf.arg(aliases=["-o"], metavar="PATH", help="File or folder to write; beside the map by default."),
+        arg(aliases=["-o"], metavar="PATH", help="File or folder to write; beside the map by default."),
     ] = None,
-    resolution: Annotated[float, tyro.conf.arg(metavar="M", help="nav2: side of a cell, metres.")] = 0.05,
+    resolution: Annotated[float, arg(metavar="M", help="nav2: side of a cell, metres.")] = 0.05,
     robot_width: Annotated[
-        float, tyro.conf.arg(metavar="M", help="nav2: width along the robot's path that counts as free, metres.")
+        float, arg(metavar="M", help="nav2: width along the robot's path that counts as free, metres.")
     ] = 0.35,
     map_id: Annotated[
         str,
-        tyro.conf.arg(metavar="NAME", help="Names the place: objects keep their UUIDs as long as name and id stay."),
+        arg(metavar="NAME", help="Names the place: objects keep their UUIDs as long as name and id stay."),
     ] = "map",
 ) -> None:
     """Write a map for another program.

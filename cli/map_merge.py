@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
@@ -16,14 +17,10 @@ if TYPE_CHECKING:
 def command(
     maps: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],
-        tyro.conf.arg(
-            metavar="A B...", help="map.json files or run folders of one place; the first one's frame counts."
-        ),
+        arg(metavar="A B...", help="map.json files or run folders of one place; the first one's frame counts."),
     ],
     *,
-    out: Annotated[
-        Path, tyro.conf.arg(aliases=["-o"], metavar="OUT", help="map.json to write, or a folder to write it into.")
-    ],
+    out: Annotated[Path, arg(aliases=["-o"], metavar="OUT", help="map.json to write, or a folder to write it into.")],
 ) -> None:
     """Lay maps of one place onto each other by their objects, and join them into one.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import Json, known_names, numbers
 
@@ -20,24 +21,22 @@ if TYPE_CHECKING:
 
 def command(
     maps: Annotated[
-        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="MAP...", help="map.json files or run folders.")
+        tyro.conf.Positional[tuple[Path, ...]], arg(metavar="MAP...", help="map.json files or run folders.")
     ],
     out: Annotated[
         Path | None,
-        tyro.conf.arg(
-            aliases=["-o"], metavar="PATH", help="Picture to write, .png or .svg; map.png beside the map by default."
-        ),
+        arg(aliases=["-o"], metavar="PATH", help="Picture to write, .png or .svg; map.png beside the map by default."),
     ] = None,
-    label: Annotated[str | None, tyro.conf.arg(metavar="A,B,…", help="Only objects of these classes.")] = None,
+    label: Annotated[str | None, arg(metavar="A,B,…", help="Only objects of these classes.")] = None,
     near: Annotated[
-        str | None, tyro.conf.arg(metavar="X,Y", help="Nearest to this point first, with distances; metres, map frame.")
+        str | None, arg(metavar="X,Y", help="Nearest to this point first, with distances; metres, map frame.")
     ] = None,
     inside: Annotated[
         str | None,
-        tyro.conf.arg(metavar="X,Y;X,Y;…", help="Only objects whose centre lies in this polygon; metres, map frame."),
+        arg(metavar="X,Y;X,Y;…", help="Only objects whose centre lies in this polygon; metres, map frame."),
     ] = None,
     since: Annotated[
-        float | None, tyro.conf.arg(metavar="S", help="Only objects seen at this stamp or later; the map's seconds.")
+        float | None, arg(metavar="S", help="Only objects seen at this stamp or later; the map's seconds.")
     ] = None,
     json: Json = False,
 ) -> None:

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ MOST_THREADS = 64
 
 CameraSpec = Annotated[
     str,
-    tyro.conf.arg(
+    arg(
         metavar="SPEC",
         help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
         "a video file; a folder of pictures; a recording FILE.mcap[#/topic]; sim:SEED (a rendered home); "
@@ -35,7 +34,7 @@ CameraSpec = Annotated[
 ]
 BundleName = Annotated[
     str | None,
-    tyro.conf.arg(
+    arg(
         metavar="NAME|DIR",
         help="The model: a bundle folder, or a name in the cache (pulled when it is not there). By default "
         "edgemap-nano for rendered pictures (demo, sim:, drive:), yolox-nano for those of a lens; picodet-s comes with the package too.",
@@ -43,7 +42,7 @@ BundleName = Annotated[
 ]
 OdometrySpec = Annotated[
     str,
-    tyro.conf.arg(
+    arg(
         metavar="SPEC",
         help="Where the robot's motion comes from: hybrid (flow, planar, and gyro and wheels where the source brings "
         "them); flow (a network on the backbone's features); planar (floor corners); gyro; truth (the drive's own "
@@ -51,13 +50,13 @@ OdometrySpec = Annotated[
         "FILE.tum (poses of the base).",
     ),
 ]
-WithoutWheels = Annotated[bool, tyro.conf.arg(help="hybrid leaves out the wheel odometry that comes with the source.")]
+WithoutWheels = Annotated[bool, arg(help="hybrid leaves out the wheel odometry that comes with the source.")]
 WithoutImu = Annotated[
-    bool, tyro.conf.arg(help="Leave out the inertial samples that come with the source: the mount's attitude, no gyro.")
+    bool, arg(help="Leave out the inertial samples that come with the source: the mount's attitude, no gyro.")
 ]
 MountText = Annotated[
     str | None,
-    tyro.conf.arg(
+    arg(
         metavar="HEIGHT_M,PITCH_DEG",
         help="How the camera sits: height of the lens above the floor in metres, and pitch in degrees, positive "
         "looking DOWN. Goes before the camera file's; roll and lever arm stay as they are known.",
@@ -65,7 +64,7 @@ MountText = Annotated[
 ]
 IntrinsicsText = Annotated[
     str | None,
-    tyro.conf.arg(
+    arg(
         metavar="FX,FY,CX,CY",
         help="Focal lengths and principal point in pixels of the delivered picture, no distortion; goes before what "
         "the source and the camera file say.",
@@ -73,48 +72,46 @@ IntrinsicsText = Annotated[
 ]
 CameraFile = Annotated[
     Path | None,
-    tyro.conf.arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that bring none."),
+    arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that bring none."),
 ]
 Confidence = Annotated[
     float | None,
-    tyro.conf.arg(
-        metavar="0..1", help="Least score of a box (objectness times class probability); by default the bundle's own."
-    ),
+    arg(metavar="0..1", help="Least score of a box (objectness times class probability); by default the bundle's own."),
 ]
 Threads = Annotated[
     int | None,
-    tyro.conf.arg(metavar="N", help="Threads of the backbone; by default one or two, as a short trial finds better."),
+    arg(metavar="N", help="Threads of the backbone; by default one or two, as a short trial finds better."),
 ]
 PrecisionName = Annotated[
     Literal["float32", "int8", "auto"],
-    tyro.conf.arg(
+    arg(
         help="Numbers that the backbone computes with. int8: the bundle's variant of 8-bit numbers, where it has one; "
         "auto: that one where its report loses at most 0.01 AP50 and a short trial finds it faster on this processor.",
     ),
 ]
 EngineName = Annotated[
     Literal["onnxruntime", "openvino", "openvino-bf16", "auto"],
-    tyro.conf.arg(
+    arg(
         help="What runs the backbone. openvino (extra openvino) computes with 32 bits as well, openvino-bf16 "
         "with 16 where the processor has them; auto: of the first two what a trial finds clearly faster, remembered."
     ),
 ]
 LoopClosure = Annotated[
     bool,
-    tyro.conf.arg(
+    arg(
         help="Leave the pose to odometry when objects are observed again. Always so where poses are given (truth, "
         "FILE.tum) and with --clustering paper."
     ),
 ]
 ConfigFile = Annotated[
     Path | None,
-    tyro.conf.arg(
+    arg(
         name="config",
         metavar="FILE",
         help="A YAML file or a run.json: its options, unless typed as well, and its tuned numbers.",
     ),
 ]
-Json = Annotated[bool, tyro.conf.arg(help="Print one JSON document on standard output and nothing else.")]
+Json = Annotated[bool, arg(help="Print one JSON document on standard output and nothing else.")]
 
 
 def numbers(text: str, option: str, names: str) -> list[float]:

@@ -8,12 +8,14 @@ from typing import Annotated
 
 import tyro
 
+from edgemap.cli.arguments import arg
+
 
 def command(
     source: Annotated[
         str,
         tyro.conf.Positional,
-        tyro.conf.arg(
+        arg(
             metavar="NAME|URL|FOLDER",
             help="yolov3-tiny, yolov3, yolox-nano or picodet-s (needs the extra 'export'); or a finished bundle: its "
             "folder, or the URL of one (needs nothing).",
@@ -21,7 +23,7 @@ def command(
     ],
     given: Annotated[
         str | None,
-        tyro.conf.arg(name="from", metavar="FILE|URL", help="The model's file, for machines that reach no source."),
+        arg(name="from", metavar="FILE|URL", help="The model's file, for machines that reach no source."),
     ] = None,
 ) -> None:
     """Fetch a model into the cache, ready to run.

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import (
     CameraFile,
     CameraSpec,
@@ -25,26 +24,26 @@ if TYPE_CHECKING:
     from edgemap.runtime.sinks.recording import RecordingSink
     from edgemap.runtime.trajectory import Trajectory
 
-Lossless = Annotated[bool, tyro.conf.arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
+Lossless = Annotated[bool, arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
 
 
 def command(
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE.mcap", help="The recording; must not exist yet.")],
+    out: Annotated[Path, arg(aliases=["-o"], metavar="FILE.mcap", help="The recording; must not exist yet.")],
     camera: CameraSpec = "demo",
     lossless: Lossless = False,
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Stop after N pictures.")] = None,
+    frames: Annotated[int | None, arg(metavar="N", help="Stop after N pictures.")] = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
     wheel: Annotated[
         str | None,
-        tyro.conf.arg(
+        arg(
             metavar="FILE.csv|.mcap",
             help="Wheel odometry to record beside them, by default the source's own: stamp_s,x_m,y_m,yaw_rad, or "
             "nav_msgs.",
         ),
     ] = None,
-    realtime: Annotated[bool, tyro.conf.arg(help="Pace files by their stamps, not at full speed.")] = False,
+    realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
 ) -> None:
     """Record a camera: pictures, lens, mount and odometry as ROS 2 messages in one MCAP file.
 

@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.options import (
     BundleName,
     CameraFile,
@@ -52,51 +51,49 @@ def command(
     camera_file: CameraFile = None,
     config: ConfigFile = None,
     classes: Annotated[
-        str | None, tyro.conf.arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
+        str | None, arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
     ] = None,
     confidence: Confidence = None,
     clustering: Annotated[
         Literal["default", "paper"],
-        tyro.conf.arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
+        arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
     ] = "default",
     loop_closure: LoopClosure = True,
     saved: SavedMap = None,
     start: StartText = None,
     forget: Forget = "auto",
-    out: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
-    ] = None,
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Stop after N frames.")] = None,
-    realtime: Annotated[bool, tyro.conf.arg(help="Pace files by their stamps, not at full speed.")] = False,
+    out: Annotated[Path | None, arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")] = None,
+    frames: Annotated[int | None, arg(metavar="N", help="Stop after N frames.")] = None,
+    realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
     view: Annotated[
         bool,
-        tyro.conf.arg(
+        arg(
             help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
             "page stays after the last frame until Ctrl-C."
         ),
     ] = False,
     view_host: Annotated[
         str,
-        tyro.conf.arg(
+        arg(
             metavar="ADDRESS",
             help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
             "is printed with the page's address.",
         ),
     ] = "127.0.0.1",
-    view_port: Annotated[int, tyro.conf.arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090,
+    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090,
     recording: Annotated[
         Path | None,
-        tyro.conf.arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
+        arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
     ] = None,
-    lossless: Annotated[bool, tyro.conf.arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
+    lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     engine: EngineName = "onnxruntime",
     strict: Annotated[
-        bool, tyro.conf.arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
+        bool, arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
     ] = False,
     allow_untrained: Annotated[
-        bool, tyro.conf.arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
+        bool, arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
     ] = False,
 ) -> None:
     """Drive from a camera to a map of the objects on the floor.

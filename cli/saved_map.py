@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import numbers
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 
 SavedMap = Annotated[
     Path | None,
-    tyro.conf.arg(
+    arg(
         name="map",
         metavar="SAVED",
         help="Go on with a saved map (map.json or run folder): its objects keep their ids. Where in it the robot is, "
@@ -24,7 +23,7 @@ SavedMap = Annotated[
 ]
 StartText = Annotated[
     str | None,
-    tyro.conf.arg(
+    arg(
         metavar="X,Y,YAW_DEG",
         help="Where the robot starts in the saved map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
         "counter-clockwise.",
@@ -32,7 +31,7 @@ StartText = Annotated[
 ]
 Forget = Annotated[
     Literal["auto", "on", "off"],
-    tyro.conf.arg(
+    arg(
         help="Whether an object that is in plain view and not detected, look after look, leaves the map; auto: on with "
         "--map, where furniture may have been moved since."
     ),

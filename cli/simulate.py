@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-
+from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import MountText, at_least, read_mount
 
@@ -15,22 +14,20 @@ if TYPE_CHECKING:
 
 
 def command(
-    out: Annotated[
-        Path, tyro.conf.arg(aliases=["-o"], metavar="DIR", help="The folder; one that was stopped goes on.")
-    ],
-    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of the home, the drive, the camera and the light.")] = 0,
-    frames: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures, at --rate.")] = 450,
-    rate: Annotated[float, tyro.conf.arg(metavar="HZ", help="Pictures per second.")] = 10.0,
-    video: Annotated[bool, tyro.conf.arg(help="One compact video.mp4, not pictures.")] = False,
-    depth: Annotated[bool, tyro.conf.arg(help="Depth pictures too: 16 bits, millimetres.")] = False,
+    out: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="The folder; one that was stopped goes on.")],
+    seed: Annotated[int, arg(metavar="N", help="Of the home, the drive, the camera and the light.")] = 0,
+    frames: Annotated[int, arg(metavar="N", help="Pictures, at --rate.")] = 450,
+    rate: Annotated[float, arg(metavar="HZ", help="Pictures per second.")] = 10.0,
+    video: Annotated[bool, arg(help="One compact video.mp4, not pictures.")] = False,
+    depth: Annotated[bool, arg(help="Depth pictures too: 16 bits, millimetres.")] = False,
     mount: MountText = None,
     light: Annotated[
-        Literal["day", "lamp", "mixed", "dim", "changing"] | None, tyro.conf.arg(help="Drawn from the seed by default.")
+        Literal["day", "lamp", "mixed", "dim", "changing"] | None, arg(help="Drawn from the seed by default.")
     ] = None,
-    people: Annotated[int | None, tyro.conf.arg(metavar="N", help="People walking about; drawn by default.")] = None,
+    people: Annotated[int | None, arg(metavar="N", help="People walking about; drawn by default.")] = None,
     moved: Annotated[
         int,
-        tyro.conf.arg(
+        arg(
             metavar="K",
             help="Another drive through the same home after K of its pieces were removed and K put elsewhere: "
             "moved.json says which, and where in the first drive's map the new one starts.",
@@ -38,28 +35,28 @@ def command(
     ] = 0,
     plain: Annotated[
         bool,
-        tyro.conf.arg(
+        arg(
             help="The demo's camera: a lens without distortion, 0.60 m up and 11.5 deg down, a sharp picture without "
             "noise, by day, nobody about."
         ),
     ] = False,
     locobot: Annotated[
-        bool, tyro.conf.arg(help="The LoCoBot data set instead: 5,000 training pictures and four drives of 2,000.")
+        bool, arg(help="The LoCoBot data set instead: 5,000 training pictures and four drives of 2,000.")
     ] = False,
     pictures: Annotated[
         int | None,
-        tyro.conf.arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
+        arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
     ] = None,
     seeds: Annotated[
         str | None,
-        tyro.conf.arg(
+        arg(
             metavar="A:B",
             help="Homes from seed A up to, not including, B: --pictures of each, else a drive DIR/SEED of each.",
         ),
     ] = None,
     shard: Annotated[
         str | None,
-        tyro.conf.arg(
+        arg(
             metavar="I/N",
             help="Only every N-th home of --seeds, from the I-th (1 to N) on: one machine's part of a farm.",
         ),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import tyro
+from edgemap.cli.arguments import arg
 
 
 def command(
     data: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(
+        arg(
             metavar="KIND:DIR...",
             help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json; or a plain folder of pictures, which the "
             "teachers label.",
@@ -19,49 +19,45 @@ def command(
     ],
     output: Annotated[
         Path,
-        tyro.conf.arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
+        arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
     ],
     validation: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(
+        arg(
             metavar="KIND:DIR...",
             help="Other pictures, other rooms! Each is a set of its own; the highest mean AP50 chooses best.pt.",
         ),
     ],
     start: Annotated[
         str,
-        tyro.conf.arg(
+        arg(
             metavar="NAME|FILE",
             help="yolox-nano (its COCO weights, fetched where needed), its .onnx file, an earlier best.pt, or none.",
         ),
     ] = "yolox-nano",
     weights: Annotated[
         Path | None,
-        tyro.conf.arg(
+        arg(
             metavar="FILE",
             help="A best.pt to go on from, with a schedule of its own; --keep and --blend-loss still look to --start.",
         ),
     ] = None,
-    minutes: Annotated[
-        float | None, tyro.conf.arg(metavar="M", help="Budget of training time; goes before --epochs.")
-    ] = None,
-    epochs: Annotated[int, tyro.conf.arg(metavar="N", help="Budget in passes over the pictures.")] = 10,
-    resume: Annotated[bool, tyro.conf.arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
-    input: Annotated[int, tyro.conf.arg(metavar="PX", help="Side of the square input, a multiple of 32.")] = 416,
-    batch: Annotated[int, tyro.conf.arg(metavar="N", help="Pictures per step.")] = 16,
+    minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --epochs.")] = None,
+    epochs: Annotated[int, arg(metavar="N", help="Budget in passes over the pictures.")] = 10,
+    resume: Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
+    input: Annotated[int, arg(metavar="PX", help="Side of the square input, a multiple of 32.")] = 416,
+    batch: Annotated[int, arg(metavar="N", help="Pictures per step.")] = 16,
     rate: Annotated[
         float | None,
-        tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.0003, from scratch 0.004."),
+        arg(metavar="RATE", help="Highest learning rate; by default 0.0003, from scratch 0.004."),
     ] = None,
     mix: Annotated[
         tuple[float, ...],
-        tyro.conf.arg(
-            metavar="SHARE...", help="Share of pictures of each --data in turn; by default by how many each holds."
-        ),
+        arg(metavar="SHARE...", help="Share of pictures of each --data in turn; by default by how many each holds."),
     ] = (),
     teacher: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(
+        arg(
             metavar="BUNDLE...",
             help="Label pictures without labels: boxes of these bundles, averaged; at least 0.45 is a label, 0.2 to "
             "0.45 is neither object nor background.",
@@ -69,35 +65,35 @@ def command(
     ] = (),
     keep: Annotated[
         str | None,
-        tyro.conf.arg(
+        arg(
             metavar="BUNDLE",
             help="Whose features to stay near on every picture: a bundle with detector.pt, or anything that --start "
             "takes; by default --start; 'none' for nobody's.",
         ),
     ] = None,
-    keep_weight: Annotated[float, tyro.conf.arg(metavar="W", help="How hard to hold on to them.")] = 1.0,
+    keep_weight: Annotated[float, arg(metavar="W", help="How hard to hold on to them.")] = 1.0,
     blend_loss: Annotated[
         float,
-        tyro.conf.arg(
+        arg(
             metavar="AP50",
             help="At the end blended.pt: weights drawn back towards the start as far as that costs at most so much "
             "validation AP50; it knows photographs better than best.pt does.",
         ),
     ] = 0.03,
     bfloat16: Annotated[
-        bool, tyro.conf.arg(help="Convolutions in bfloat16: 1.7 times as fast where the processor has AVX512-BF16.")
+        bool, arg(help="Convolutions in bfloat16: 1.7 times as fast where the processor has AVX512-BF16.")
     ] = False,
     threads: Annotated[
         int,
-        tyro.conf.arg(metavar="N", help="Of the network; one is better than two where other work shares the cores."),
+        arg(metavar="N", help="Of the network; one is better than two where other work shares the cores."),
     ] = 2,
-    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
+    seed: Annotated[int, arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
     validate_minutes: Annotated[
         float | None,
-        tyro.conf.arg(metavar="M", help="Training time between validations; by default one after every epoch."),
+        arg(metavar="M", help="Training time between validations; by default one after every epoch."),
     ] = None,
     validate_pictures: Annotated[
-        int, tyro.conf.arg(metavar="N", help="Validation pictures of each folder, evenly chosen.")
+        int, arg(metavar="N", help="Validation pictures of each folder, evenly chosen.")
     ] = 300,
 ) -> None:
     """Train edgemap-nano on labelled pictures: mosaics, colour, scale, blur; moving average; cosine schedule.

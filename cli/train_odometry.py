@@ -5,70 +5,62 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
+from edgemap.cli.arguments import arg
 
 
 def command(
     data: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(
-            metavar="KIND:DIR...", help="Drives with true poses and a mount: drive, locobot, kitti, tum, c2w."
-        ),
+        arg(metavar="KIND:DIR...", help="Drives with true poses and a mount: drive, locobot, kitti, tum, c2w."),
     ],
     output: Annotated[
         Path,
-        tyro.conf.arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
+        arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
     ],
     validation: Annotated[
         tuple[str, ...],
-        tyro.conf.arg(metavar="KIND:DIR...", help="Other drives, that choose best.pt; other rooms!"),
+        arg(metavar="KIND:DIR...", help="Other drives, that choose best.pt; other rooms!"),
     ],
     backbone: Annotated[
         str,
-        tyro.conf.arg(metavar="NAME|FILE", help="edgemap-nano, yolox-nano, yolov3-tiny, yolov3, a .cfg, .onnx or .pt."),
+        arg(metavar="NAME|FILE", help="edgemap-nano, yolox-nano, yolov3-tiny, yolov3, a .cfg, .onnx or .pt."),
     ] = "edgemap-nano",
-    weights: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help="The backbone's weights.")] = None,
+    weights: Annotated[Path | None, arg(metavar="FILE", help="The backbone's weights.")] = None,
     head: Annotated[
-        Literal["flow", "paper"], tyro.conf.arg(help="flow: ours. paper: the paper's ConvLSTM by its own recipe.")
+        Literal["flow", "paper"], arg(help="flow: ours. paper: the paper's ConvLSTM by its own recipe.")
     ] = "flow",
     feature: Annotated[
         str | None,
-        tyro.conf.arg(
-            metavar="NAME", help="What the head reads; by default stride4 for flow, the raw coarse map for paper."
-        ),
+        arg(metavar="NAME", help="What the head reads; by default stride4 for flow, the raw coarse map for paper."),
     ] = None,
     start: Annotated[
-        Path | None, tyro.conf.arg(metavar="FILE", help="A head's best.pt to go on from, for the same feature.")
+        Path | None, arg(metavar="FILE", help="A head's best.pt to go on from, for the same feature.")
     ] = None,
-    minutes: Annotated[
-        float | None, tyro.conf.arg(metavar="M", help="Budget of training time; goes before --steps.")
-    ] = None,
-    steps: Annotated[int, tyro.conf.arg(metavar="N", help="Budget in batches.")] = 4000,
-    resume: Annotated[bool, tyro.conf.arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
-    batch: Annotated[int, tyro.conf.arg(metavar="N", help="Clips per step.")] = 6,
-    length: Annotated[int | None, tyro.conf.arg(metavar="T", help="Frames per clip; by default 8, paper 10.")] = None,
+    minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --steps.")] = None,
+    steps: Annotated[int, arg(metavar="N", help="Budget in batches.")] = 4000,
+    resume: Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
+    batch: Annotated[int, arg(metavar="N", help="Clips per step.")] = 6,
+    length: Annotated[int | None, arg(metavar="T", help="Frames per clip; by default 8, paper 10.")] = None,
     rate: Annotated[
-        float | None, tyro.conf.arg(metavar="RATE", help="Highest learning rate; by default 0.001, paper 0.005.")
+        float | None, arg(metavar="RATE", help="Highest learning rate; by default 0.001, paper 0.005.")
     ] = None,
-    kernel: Annotated[Literal[3, 5], tyro.conf.arg(help="Side of the paper head's kernels.")] = 3,
-    relu: Annotated[bool, tyro.conf.arg(help="The paper head with ReLU, not leaky ReLU.")] = False,
-    first: Annotated[int, tyro.conf.arg(metavar="N", help="Leave out the first N frames of each drive.")] = 0,
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="Only N frames of each training drive.")] = None,
-    validation_first: Annotated[int, tyro.conf.arg(metavar="N", help="The same for validation drives.")] = 0,
-    validation_frames: Annotated[int | None, tyro.conf.arg(metavar="N", help="The same for validation drives.")] = None,
-    patience: Annotated[
-        int | None, tyro.conf.arg(metavar="N", help="Stop after N validations without a better one.")
-    ] = None,
-    validate_minutes: Annotated[float, tyro.conf.arg(metavar="M", help="Training time between validations.")] = 5.0,
+    kernel: Annotated[Literal[3, 5], arg(help="Side of the paper head's kernels.")] = 3,
+    relu: Annotated[bool, arg(help="The paper head with ReLU, not leaky ReLU.")] = False,
+    first: Annotated[int, arg(metavar="N", help="Leave out the first N frames of each drive.")] = 0,
+    frames: Annotated[int | None, arg(metavar="N", help="Only N frames of each training drive.")] = None,
+    validation_first: Annotated[int, arg(metavar="N", help="The same for validation drives.")] = 0,
+    validation_frames: Annotated[int | None, arg(metavar="N", help="The same for validation drives.")] = None,
+    patience: Annotated[int | None, arg(metavar="N", help="Stop after N validations without a better one.")] = None,
+    validate_minutes: Annotated[float, arg(metavar="M", help="Training time between validations.")] = 5.0,
     threads: Annotated[
-        int, tyro.conf.arg(metavar="N", help="Of the network; one is better where other work shares the cores.")
+        int, arg(metavar="N", help="Of the network; one is better where other work shares the cores.")
     ] = 2,
     bfloat16: Annotated[
-        bool, tyro.conf.arg(help="Convolutions in bfloat16: 1.6 times as fast where the processor has AVX512-BF16.")
+        bool, arg(help="Convolutions in bfloat16: 1.6 times as fast where the processor has AVX512-BF16.")
     ] = False,
-    seed: Annotated[int, tyro.conf.arg(metavar="N", help="Of clips and random weights.")] = 0,
+    seed: Annotated[int, arg(metavar="N", help="Of clips and random weights.")] = 0,
     cache: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
+        Path | None, arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
     ] = None,
 ) -> None:
     """Train an odometry head on features of a frozen backbone, which are computed once and kept.
