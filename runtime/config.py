@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import yaml
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.association import AssociationRule
@@ -17,6 +15,8 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.odometry.recorded import WHEEL, DriftRate
+from edgemap.runtime.plain_yaml import read_yaml
+from edgemap.runtime.reading import decode_json, read_bytes
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
@@ -57,17 +57,11 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     A YAML file has two sections, both optional: `options` (the flags of `edgemap run` without dashes) and `config` (any
     part of the tree). Raises ConfigError in one line that names the value.
     """
-    try:
-        if path.is_dir():
-            path = path / "run.json"
-        if path.stat().st_size > MAX_BYTES:
-            raise ConfigError(f"{path}: {path.stat().st_size} bytes are no configuration (at most {MAX_BYTES})")
-        text = path.read_text()
-        document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, yaml.YAMLError, RecursionError) as error:
-        raise ConfigError(f"{path}: neither YAML nor JSON ({' '.join(str(error).split())[:120]})") from None
+    path = path / "run.json" if path.is_dir() else path
+    if path.suffix == ".json":
+        document = decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
+    else:
+        document = read_yaml(path, ConfigError)
     if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
         raise ConfigError(f"{path}: has neither a section `config` nor `options`")
     options = document.get("options") or {}

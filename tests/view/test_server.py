@@ -158,7 +158,9 @@ def test_after_a_relocation_all_is_sent_anew(serve):
         assert (first["moved"], len(first["trail"])) == (False, 3)
         viewer.say("shown")
         result, objects = served.steps.next()
-        served.page.write(replace(result, relocated=SE2(10.0, 0.0, 0.0)), objects)
+        moved = SE2(10.0, 0.0, 0.0)
+        result.trajectory.transform(moved)
+        served.page.write(replace(result, update=replace(result.update, relocated=moved)), objects)
         second = viewer.update()
         assert second["moved"]
         assert [place[0] for place in second["trail"][:3]] == pytest.approx([10.0, 10.05, 10.1])
