@@ -28,6 +28,7 @@ from edgemap.runtime.timing import Stopwatch
 
 Array = NDArray[np.float64]
 
+MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
 
@@ -207,8 +208,9 @@ def _sound(observed: FrameObservations) -> FrameObservations:
         for sighting in observed.sightings
         if all(np.isfinite(values).all() for values in _numbers(sighting))
         and is_covariance(sighting.covariance_m2)
-        and np.linalg.eigvalsh(sighting.covariance_m2)[0] > 0.0
+        and MIN_VARIANCE_M2 < np.linalg.eigvalsh(sighting.covariance_m2)[0]
         and is_covariance(sighting.shared_m2)
+        and np.trace(sighting.covariance_m2 + sighting.shared_m2) < FARTHEST_M**2
         and np.linalg.norm(sighting.position_base_m) < FARTHEST_M
     ]
     return replace(observed, sightings=sightings, motion=observed.motion.checked("this"))

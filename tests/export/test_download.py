@@ -258,7 +258,7 @@ def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_da
     assert capsys.readouterr().out == f"ready: {folder}\n"
     load_bundle(folder)
     assert "yolox_nano.onnx sha256 e8af074932d4" in json.loads((folder / "bundle.json").read_text())["sources"][0]
-    monkeypatch.setattr("edgemap.cli.extras.find_spec", lambda name: None)  # as on a robot
+    monkeypatch.setattr("edgemap.runtime.extras.find_spec", lambda name: None)  # as on a robot
     assert pull.pull_known("yolox-nano") == folder
     (folder / "backbone.onnx").write_bytes(b"damaged")
     with pytest.raises(Exception, match=r"needs torch and onnx: pip install 'edgemap\[export\]'"):

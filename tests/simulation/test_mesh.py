@@ -48,5 +48,5 @@ def test_missing_extra_is_one_line():
     from edgemap.runtime.errors import MissingExtraError
     from edgemap.simulation.errors import require
 
-    with pytest.raises(MissingExtraError, match=r"edgemap\[simulation\]"):
+    with pytest.raises(MissingExtraError, match=r"\[simulation\]"):
         require("no_such_renderer")

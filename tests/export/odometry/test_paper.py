@@ -130,7 +130,7 @@ def test_bad_checkpoints_are_one_line(tmp_path):
     save_head(HeadCheckpoint(random_head((1, 8, 6, 6)), "yolov3-tiny", "head"), path)
     document = torch.load(path, weights_only=True)
     torch.save({key: value for key, value in document.items() if key != "sigma"}, path)
-    assert "lacks 'sigma'" in refusal()
+    assert "missing required field `sigma`" in refusal()
     torch.save(document | {"shape": [1, 9, 6, 6]}, path)
     assert "weights do not fit" in refusal()
     document["state_dict"]["out.bias"][1] = float("nan")
