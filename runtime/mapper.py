@@ -208,7 +208,7 @@ def _sound(observed: FrameObservations) -> FrameObservations:
         for sighting in observed.sightings
         if all(np.isfinite(values).all() for values in _numbers(sighting))
         and is_covariance(sighting.covariance_m2)
-        and MIN_VARIANCE_M2 < np.linalg.eigvalsh(sighting.covariance_m2)[0]
+        and np.linalg.eigvalsh(sighting.covariance_m2)[0] > MIN_VARIANCE_M2
         and is_covariance(sighting.shared_m2)
         and np.trace(sighting.covariance_m2 + sighting.shared_m2) < FARTHEST_M**2
         and np.linalg.norm(sighting.position_base_m) < FARTHEST_M
