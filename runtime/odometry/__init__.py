@@ -61,8 +61,8 @@ def open_odometry(
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
-# Factors on the covariances of the hybrid's members, so that errors and covariance agree. With 2 for planar the camera alone
-# drifts 4.4 % over 5 m on homes 9101-9104; with 4, as before its own covariance grew honest, 5.6 %.
+# Factors on the covariances of the hybrid's members, so that errors and covariance agree. With 2 for planar the camera
+# alone drifts 4.4 % over 5 m on homes 9101-9104; with 4, as before its own covariance grew honest, 5.6 %.
 DOUBTS = {"flow": 1.0, "planar": 2.0, "wheels": 1.0, "gyro": 1.0}
 
 # A factor on the head's covariance for a camera outside its training envelope: with it a head camera 1.73 m up drifts
