@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from dataclasses import dataclass
 from importlib import import_module
@@ -12,6 +13,8 @@ from typing import Annotated
 import tyro
 
 from edgemap.benchmarks.reliability.parts import PARTS, PartReport
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line has it, before a part imports numpy
 
 
 @dataclass(frozen=True)
