@@ -124,6 +124,9 @@ def _worker(root: Path, blas: str, bundle: str, engine: str) -> subprocess.Popen
     package.mkdir()
     for room in ROOMS:
         (package / room).symlink_to(root.resolve() / room)
+    # The package's own file: an installed edgemap would otherwise answer for a commit that has none.
+    own = root.resolve() / "api" / "__init__.py"
+    (package / "__init__.py").write_text(own.read_text() if own.is_file() else "")
     command = [sys.executable, "-c", WORKER, blas, bundle, engine]
     environment = {"PYTHONPATH": str(package.parent), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())}
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
