@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import TrajectoryCorrection, composed
 
 Array = NDArray[np.float64]
 
@@ -49,8 +49,7 @@ class PoseJournal:
         """Everything so far is in another frame, whose view of the old one is `pose_map_start`."""
         self._settle()
         rows = self._rows[: self._count]
-        rows[:, 1:3] = pose_map_start.apply(rows[:, 1:3])
-        rows[:, 3] = np.angle(np.exp(1j * (rows[:, 3] + pose_map_start.yaw_rad)))
+        rows[:, 1:] = composed(pose_map_start.vector()[None], rows[:, 1:])
         self.revision += 1
 
     def at(self, stamps_s: ArrayLike) -> Array:
@@ -62,11 +61,8 @@ class PoseJournal:
 
     def points(self, stamps_s: ArrayLike, points_base_m: ArrayLike) -> Array:
         """Points (N, 2) of the base frame at those stamps (N,), in the map frame as known now."""
-        poses = self.at(stamps_s)
         points = np.asarray(points_base_m, dtype=np.float64).reshape(-1, 2)
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x, y = points.T
-        return np.column_stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y])
+        return composed(self.at(stamps_s), np.column_stack([points, np.zeros(len(points))]))[:, :2]
 
     def _settle(self) -> None:
         pending, self._pending = self._pending, None

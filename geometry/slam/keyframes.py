@@ -47,7 +47,7 @@ class TrajectoryCorrection:
 
     def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
         """Poses (N, 3) of those times (N,), x, y, yaw, where they are now."""
-        return _composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
+        return composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
 
     def moved_points(self, stamps_s: ArrayLike, points_m: ArrayLike) -> Array:
         """Points (N, 2) seen at those times (N,), where they are now."""
@@ -73,8 +73,8 @@ class TrajectoryCorrection:
         return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
 
 
-def _composed(a: Array, b: Array) -> Array:
-    """`SE2 @ SE2` of rows (N, 3)."""
+def composed(a: Array, b: Array) -> Array:
+    """`SE2 @ SE2` of rows (N, 3); one row stands for all."""
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     yaw = np.angle(np.exp(1j * (a[:, 2] + b[:, 2])))
     return np.column_stack([a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], yaw])
