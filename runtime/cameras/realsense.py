@@ -187,11 +187,12 @@ class RealSenseRecording(CameraBase):
         try:
             config.enable_device_from_file(str(path), repeat_playback=False)
             config.enable_stream(rs.stream.color)
-            active = self._pipeline.start(config)
-            self._running = True
-            self._playback = active.get_device().as_playback()
+            # Before the start: in real time, playback drops the pictures that come before the pipeline waits for them.
+            resolved = config.resolve(rs.pipeline_wrapper(self._pipeline))
+            self._playback = resolved.get_device().as_playback()
             self._playback.set_real_time(False)
-            profile = active.get_stream(rs.stream.color)
+            profile = self._pipeline.start(config).get_stream(rs.stream.color)
+            self._running = True
         except RuntimeError as error:
             self.close()
             raise CameraError(
