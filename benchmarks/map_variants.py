@@ -92,12 +92,22 @@ def map_drive(
         sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
         odometry = SideBySide(
             {
-                (spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, drift=config.wheels)
+                (spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, rules=config.odometry)
                 for spec, wheels in sources
             }
         )
-        estimated, given = (open_attitude(spec, camera, floor.mount, imu) for spec in ("estimated", "truth"))
-        pipeline = Pipeline(bundle, floor, odometry, rule=config.floor, attitude=estimated, confidence=confidence)
+        estimated, given = (
+            open_attitude(spec, camera, floor.mount, imu, config.attitude) for spec in ("estimated", "truth")
+        )
+        pipeline = Pipeline(
+            bundle,
+            floor,
+            odometry,
+            rule=config.floor,
+            attitude=estimated,
+            confidence=confidence,
+            health=config.health,
+        )
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
             true = seen_from(observed, floor.at(given.step(frame)), pipeline.rule)

@@ -133,10 +133,10 @@ def command(
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
-        motion = open_odometry(odometry, loaded, source, floor, allow_untrained, not without_wheels, drift=tuned.wheels)
+        motion = open_odometry(odometry, loaded, source, floor, allow_untrained, not without_wheels, tuned.odometry)
         rule = replace(tuned.floor, mapped=mapped)
-        attitude = open_attitude(odometry, source, seat, not without_imu)
-        pipeline = Pipeline(loaded, floor, motion, rule=rule, attitude=attitude, confidence=least)
+        attitude = open_attitude(odometry, source, seat, not without_imu, tuned.attitude)
+        pipeline = Pipeline(loaded, floor, motion, rule=rule, attitude=attitude, confidence=least, health=tuned.health)
         forgetful = floor if forgets(forget, saved, clustering) else None
         mapper = new_mapper(tuned, clustering, odometry, loop_closure, forgetful)
         enter_saved_map(mapper, saved, start, clustering)

@@ -14,7 +14,9 @@ from edgemap.geometry.objects.forgetting import ForgetRule
 from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
-from edgemap.runtime.odometry.recorded import WHEEL, DriftRate
+from edgemap.runtime.attitude.inertial import AttitudeRule
+from edgemap.runtime.health import HealthRule
+from edgemap.runtime.odometry import OdometryRules
 from edgemap.runtime.plain_yaml import read_yaml
 from edgemap.runtime.reading import decode_json, read_bytes
 
@@ -31,7 +33,8 @@ class Config:
     """The step's tuned numbers by stage; each class tells meaning, unit and reason of its own.
 
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
-    landmarks and loop hypotheses. wheels: how far wheel odometry drifts.
+    landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. health: of pictures. attitude:
+    gravity and gyro against the mount.
     """
 
     floor: FloorRule = field(default_factory=FloorRule)
@@ -39,7 +42,9 @@ class Config:
     loop_closure: GraphRule = field(default_factory=GraphRule)
     forgetting: ForgetRule = field(default_factory=ForgetRule)
     registration: AlignmentRule = field(default_factory=AlignmentRule)
-    wheels: DriftRate = WHEEL
+    odometry: OdometryRules = field(default_factory=OdometryRules)
+    health: HealthRule = field(default_factory=HealthRule)
+    attitude: AttitudeRule = field(default_factory=AttitudeRule)
 
 
 def config_document(config: Config) -> dict[str, Any]:

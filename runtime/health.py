@@ -13,22 +13,33 @@ from numpy.typing import NDArray
 from edgemap.runtime.frame import Frame
 
 WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which takes the noise out
-DARK = (
-    24  # grey level; a picture whose 98th percentile is below shows nothing. Demo: 52 at its darkest, photographs 151
-)
-BLOWN, BLOWN_SHARE = (
-    250,
-    0.75,
-)  # grey level that counts as saturated, and the share that is too much (photographs: 0.65)
 FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
 PERCENTILE = 0.99  # of the absolute structure
-COVERED = 5  # grey levels of coarse structure; a covered lens or a plain wall close by has less. Photographs: 23
-SHARP = 0.40  # fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77
-FROZEN_S = 1.0  # of pictures that do not change at all: frozen, and not one delivered twice
-TORN_SHARE = 0.15  # of the rows, at the top or the bottom, that are the last picture's while the others moved
-MOVED = 4.0  # mean grey levels by which the other rows changed
 DECODER_GREY = 128  # what decoders leave where data is missing
-REPEATED_S = 10.0  # of stream, between two faults of one blindness
+
+
+@dataclass(frozen=True, slots=True)
+class HealthRule:
+    """When a picture shows nothing.
+
+    dark: grey level; a picture whose 98th percentile is below is dark (demo: 52 at its darkest, photographs 151).
+    blown, blown_share: grey level that counts as saturated, and the share that is too much (photographs: 0.65).
+    covered: grey levels of coarse structure; a covered lens or a plain wall close by has less (photographs: 23).
+    sharp: fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77.
+    frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share: of the rows, at
+    the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels by which the
+    other rows changed. repeated_s: of stream, between two faults of one blindness.
+    """
+
+    dark: int = 24
+    blown: int = 250
+    blown_share: float = 0.75
+    covered: int = 5
+    sharp: float = 0.40
+    frozen_s: float = 1.0
+    torn_share: float = 0.15
+    moved: float = 4.0
+    repeated_s: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +70,8 @@ class HealthMonitor:
     Every fourth is compared with the picture before: a sensor's noise always changes some.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rule: HealthRule | None = None) -> None:
+        self._rule = rule or HealthRule()
         self.reset()
 
     def judge(self, frame: Frame) -> PictureHealth:
@@ -70,12 +82,12 @@ class HealthMonitor:
         changed = last is None or not np.array_equal(grid, last)
         if changed:
             self._changed_s = frame.stamp_s
-        kind, detail = _content(_small(half))
+        kind, detail = _content(_small(half), self._rule)
         if not kind and not changed:
-            kind = "repeated" if frame.stamp_s - self._changed_s < FROZEN_S else "frozen"
+            kind = "repeated" if frame.stamp_s - self._changed_s < self._rule.frozen_s else "frozen"
             detail = f"has not changed since {self._changed_s:.3f} s"
         elif not kind and last is not None and last.shape == grid.shape:
-            kind, detail = _torn(grid, last)
+            kind, detail = _torn(grid, last, self._rule)
         return self._found(kind, detail, frame.stamp_s)
 
     def reset(self) -> None:
@@ -90,7 +102,7 @@ class HealthMonitor:
             return PictureHealth()
         if kind != self._kind:
             self._kind, self._reason, self._told_s = kind, f"blind: picture {kind} ({detail})", -math.inf
-        news = kind != "repeated" and stamp_s - self._told_s >= REPEATED_S
+        news = kind != "repeated" and stamp_s - self._told_s >= self._rule.repeated_s
         if news:
             self._told_s = stamp_s
         return PictureHealth(kind, self._reason, self._reason if news else "")
@@ -102,37 +114,37 @@ def _small(half: NDArray[np.uint8]) -> MatLike:
     return cv2.resize(half, (width // step, max(1, height // step)), interpolation=cv2.INTER_AREA)
 
 
-def _content(grey: MatLike) -> tuple[str, str]:
+def _content(grey: MatLike, rule: HealthRule) -> tuple[str, str]:
     """What one picture's own content says, and the number."""
     shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
     bright = int(np.searchsorted(shares, 0.98))
-    if bright < DARK:
+    if bright < rule.dark:
         return "dark", f"98 % of it at grey level {bright} or below"
-    blown = 1.0 - float(shares[BLOWN - 1])
-    if blown > BLOWN_SHARE:
+    blown = 1.0 - float(shares[rule.blown - 1])
+    if blown > rule.blown_share:
         return "blown", f"{100 * blown:.0f} % of it saturated"
     fine = cv2.blur(grey, (FINE_PX, FINE_PX))
     coarse = _percentile(cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX))))
-    if coarse < COVERED:
+    if coarse < rule.covered:
         return "covered", f"contrast {coarse} grey levels: a covered lens, or a plain surface"
     sharpness = _percentile(cv2.absdiff(grey, fine)) / coarse
-    if sharpness < SHARP:
-        return "blurred", f"sharpness {sharpness:.2f}, at least {SHARP:.2f} is needed"
+    if sharpness < rule.sharp:
+        return "blurred", f"sharpness {sharpness:.2f}, at least {rule.sharp:.2f} is needed"
     return "", ""
 
 
-def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8]) -> tuple[str, str]:
+def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[str, str]:
     """Whether rows at one end are old, or missing."""
     rows = len(grid)
     missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
-    if missing > TORN_SHARE * rows:
+    if missing > rule.torn_share * rows:
         return "torn", f"{missing} of {rows} rows are missing"
     same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
     if same.any():
         top, bottom = _run(same), _run(same[::-1])
         old = max(top, bottom)
         moved = float(cv2.absdiff(grid[~same], last[~same]).mean())
-        if old > TORN_SHARE * rows and moved > MOVED:
+        if old > rule.torn_share * rows and moved > rule.moved:
             return "torn", f"{old} of {rows} rows at the {'top' if top >= bottom else 'bottom'} are the last picture's"
     return "", ""
 

@@ -16,7 +16,7 @@ from edgemap.runtime.decode import Decoder
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.health import HealthMonitor, PictureHealth
+from edgemap.runtime.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.timing import Stopwatch
@@ -40,6 +40,7 @@ class Pipeline:
         rule: FloorRule | None = None,
         attitude: AttitudeSource | None = None,
         confidence: float | None = None,
+        health: HealthRule | None = None,
     ) -> None:
         self.camera, self.odometry = camera, odometry
         self.attitude = attitude or MountAttitude(camera.mount)
@@ -55,7 +56,7 @@ class Pipeline:
         min_score = bundle.manifest.confidence if confidence is None else confidence
         self._decode = Decoder(bundle.manifest.detector, min_score, one_name=True)
         self._nothing = Detections.none(bundle.names)
-        self._health = HealthMonitor()
+        self._health = HealthMonitor(health)
         self._since_seen = SE2()
         self._watch = Stopwatch()
 

@@ -82,8 +82,9 @@ def open_session(
         name = str(bundle) if bundle else default_bundle(camera if isinstance(camera, str) else source.name)[0]
         loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
         floor = FloorCamera(lens, seat)
-        motion = open_odometry(odometry, loaded, source, floor, drift=tuned.wheels)
-        pipeline = Pipeline(loaded, floor, motion, rule=tuned.floor, attitude=open_attitude(odometry, source, seat))
+        motion = open_odometry(odometry, loaded, source, floor, rules=tuned.odometry)
+        attitude = open_attitude(odometry, source, seat, rule=tuned.attitude)
+        pipeline = Pipeline(loaded, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health)
         return Session(source, SemanticSlam(pipeline, new_mapper(tuned, clustering, odometry, loop_closure)))
     except BaseException:
         source.close()

@@ -66,7 +66,9 @@ def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
     return MotionEstimate(motion, (covariance + covariance.T) / 2.0, a.source)
 
 
-def consensus(measured: Sequence[MotionEstimate], gate: float = GATE) -> MotionEstimate:
+def consensus(
+    measured: Sequence[MotionEstimate], gate: float = GATE, known_sigma: float = KNOWN_SIGMA
+) -> MotionEstimate:
     """One motion of several measurements, the most trusted first: of the sets in which all pairs agree, the one with
     most SOURCES.
 
@@ -89,7 +91,7 @@ def consensus(measured: Sequence[MotionEstimate], gate: float = GATE) -> MotionE
                     best[sources] = rank, chosen
     most = max(len(sources) for sources in best)
     strongest = [_witness(measured, chosen) for s, (_, chosen) in best.items() if len(s) == most]
-    return strongest[0] if len(strongest) == 1 else _between(strongest)
+    return strongest[0] if len(strongest) == 1 else _between(strongest, known_sigma)
 
 
 def _witness(measured: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
@@ -104,13 +106,13 @@ def _witness(measured: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> Mot
     return replace(found, covariance=found.covariance + np.outer(doubt, doubt) / 4.0)
 
 
-def _between(sets: Sequence[MotionEstimate]) -> MotionEstimate:
+def _between(sets: Sequence[MotionEstimate], known_sigma: float) -> MotionEstimate:
     """Sets that disagree, one of which may be right: the moments of their mixture, each as likely as the others.
 
     What a set does not know (a gyro knows no translation) has no say: weights are by information, at most equal.
     """
     sigmas = np.array([np.sqrt(np.diag(item.covariance)) for item in sets])
-    knows = np.minimum(1.0, (KNOWN_SIGMA / sigmas) ** 2)
+    knows = np.minimum(1.0, (known_sigma / sigmas) ** 2)
     weights = knows / knows.sum(axis=0)
     apart = np.array([difference(sets[0], item) for item in sets])
     middle = (weights * apart).sum(axis=0)

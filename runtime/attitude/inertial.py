@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,41 +11,59 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.inertial import InertialNoise, InertialState, inertial_start, inertial_step
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.protocol import AttitudeSource
+from edgemap.runtime.attitude.sources import NODDING_RAD
 from edgemap.runtime.frame import Frame
 
-# Between IMU and mount lies a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg) and the mount's error.
-OFFSET_RAD = math.radians(2.5)
-FARTHEST_RAD = math.radians(6.0)  # what is tilted more than this is no offset, but a camera that is held otherwise
-NODDING_RAD, NODDING_S = math.radians(0.5), 2.0  # of a level robot about its mount, and for how long it stays so
-JUDGED_S = 10.0  # of samples, before the mount is called wrong
-STEADY_RAD = math.radians(2.0)  # standard deviation of tilt below which a camera is mounted, not carried
-WRONG_RAD = math.radians(4.5)  # more than the accelerometer's offset
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeRule:
+    """How gravity is weighed against the mount; between both lies a constant tilt: the accelerometer's offset (BMI055:
+    70 mg, 4 deg) and the mount's error.
+
+    offset_rad: of that constant. farthest_rad: what is tilted more is no offset, but a camera that is held otherwise.
+    nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. judged_s: of samples, before
+    the mount is called wrong. steady_rad: standard deviation of tilt below which a camera is mounted, not carried.
+    wrong_rad: more than the accelerometer's offset. noise: of the sensor and the filter.
+    mount_sigma_rad: of the mount's angles where nothing measures tilt: a robot on wheels that brakes on hard floors.
+    """
+
+    offset_rad: float = math.radians(2.5)
+    farthest_rad: float = math.radians(6.0)
+    nodding_rad: float = math.radians(0.5)
+    nodding_s: float = 2.0
+    judged_s: float = 10.0
+    steady_rad: float = math.radians(2.0)
+    wrong_rad: float = math.radians(4.5)
+    mount_sigma_rad: float = NODDING_RAD
+    noise: InertialNoise = field(default_factory=InertialNoise)
 
 
 class ConstantTilt:
     """The mean of what the IMU says beyond the mount, roll and pitch, taken for a constant as far as its scatter lets.
 
-    Raises nothing; deviations above `FARTHEST_RAD` teach nothing.
+    Raises nothing; deviations above `farthest_rad` teach nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rule: AttitudeRule) -> None:
+        self._rule = rule
         self._sum, self._squares, self._seconds, self._count = np.zeros(2), np.zeros(2), 0.0, 0
 
     def learn(self, deviation_rad: np.ndarray, span_s: float) -> None:
         """One frame's deviation (2,) from the mount, which stands for this time."""
-        if np.abs(deviation_rad).max() < FARTHEST_RAD:
+        if np.abs(deviation_rad).max() < self._rule.farthest_rad:
             self._sum, self._squares = self._sum + deviation_rad, self._squares + deviation_rad**2
             self._seconds, self._count = self._seconds + span_s, self._count + 1
 
     def estimate(self) -> tuple[np.ndarray, np.ndarray]:
         """The constant (2,), rad, and its variance (2,)."""
-        prior = OFFSET_RAD**2
+        prior = self._rule.offset_rad**2
         if not self._count:
             return np.zeros(2), np.full(2, prior)
         mean = self._sum / self._count
-        scatter = np.maximum(self._squares / self._count - mean**2, NODDING_RAD**2)
-        variance = scatter / max(self._seconds / (2.0 * NODDING_S), 1.0)
+        scatter = np.maximum(self._squares / self._count - mean**2, self._rule.nodding_rad**2)
+        variance = scatter / max(self._seconds / (2.0 * self._rule.nodding_s), 1.0)
         gain = prior / (prior + variance)
         return gain * mean, prior * (1.0 - gain)
 
@@ -55,7 +74,8 @@ class MountCheck:
     A camera that is carried and not mounted, whose tilt scatters, is not judged.
     """
 
-    def __init__(self, mount: Mount) -> None:
+    def __init__(self, mount: Mount, rule: AttitudeRule) -> None:
+        self._rule = rule
         self._mount, self._sum, self._squares = mount, np.zeros(2), np.zeros(2)
         self._seconds, self._count, self._told = 0.0, 0, False
 
@@ -63,12 +83,12 @@ class MountCheck:
         """The fault, from one more frame's roll and pitch (2,) by gravity; empty where there is none or it was told."""
         self._sum, self._squares = self._sum + measured_rad, self._squares + measured_rad**2
         self._seconds, self._count = self._seconds + span_s, self._count + 1
-        if self._told or self._seconds < JUDGED_S:
+        if self._told or self._seconds < self._rule.judged_s:
             return ""
         mean = self._sum / self._count
         scatter = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
         off = np.abs(mean - [self._mount.roll_rad, self._mount.pitch_rad])
-        if scatter.max() > STEADY_RAD or off.max() < WRONG_RAD:
+        if scatter.max() > self._rule.steady_rad or off.max() < self._rule.wrong_rad:
             return ""
         self._told = True
         given = f"pitch {math.degrees(self._mount.pitch_rad):.1f} and roll {math.degrees(self._mount.roll_rad):.1f} deg"
@@ -84,10 +104,11 @@ class InertialAttitude:
 
     name = "imu"
 
-    def __init__(self, mount: Mount, other: AttitudeSource, noise: InertialNoise | None = None) -> None:
+    def __init__(self, mount: Mount, other: AttitudeSource, rule: AttitudeRule | None = None) -> None:
+        rule = rule or AttitudeRule()
         self._mount = np.array([mount.roll_rad, mount.pitch_rad])
-        self._other, self._noise = other, noise or InertialNoise()
-        self._tilt, self._check = ConstantTilt(), MountCheck(mount)
+        self._other, self._noise = other, rule.noise
+        self._tilt, self._check = ConstantTilt(rule), MountCheck(mount, rule)
         self._state: InertialState | None = None
 
     def step(self, frame: Frame) -> Attitude:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -9,17 +10,28 @@ from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.odometry.coasting import CoastingRule
 from edgemap.runtime.odometry.gyro import GyroOdometry
-from edgemap.runtime.odometry.hybrid import GYRO, HybridOdometry, Member
+from edgemap.runtime.odometry.hybrid import GYRO, HybridOdometry, HybridRule, Member
 from edgemap.runtime.odometry.learned import LearnedOdometry
-from edgemap.runtime.odometry.planar import PlanarOdometry
+from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.odometry.resting import RestingOdometry
 from edgemap.runtime.recordings.wheel import is_recording, read_wheel
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
-__all__ = ["Motion", "Odometry", "open_odometry"]
+__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry"]
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryRules:
+    """What is tuned of the robot's own motion: planar landmarks, wheels, the hybrid of all, and a guess while blind."""
+
+    planar: PlanarRule = field(default_factory=PlanarRule)
+    wheels: DriftRate = WHEEL
+    hybrid: HybridRule = field(default_factory=HybridRule)
+    coasting: CoastingRule = field(default_factory=CoastingRule)
 
 
 def open_odometry(
@@ -29,29 +41,31 @@ def open_odometry(
     floor: FloorCamera,
     allow_untrained: bool = False,
     wheels: bool = True,
-    drift: DriftRate = WHEEL,
+    rules: OdometryRules | None = None,
 ) -> Odometry:
     """The odometry that a SPEC names: hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
 
-    wheels: whether the hybrid listens to the source's wheels, where it brings any. drift: of wheel odometry.
+    wheels: whether the hybrid listens to the source's wheels, where it brings any.
     Raises OdometryError for one that is unknown or not to be had here.
     """
+    rules = rules or OdometryRules()
     if spec == "hybrid":
-        return RestingOdometry(HybridOdometry(_members(bundle, camera, floor, wheels, drift)))
+        members = _members(bundle, camera, floor, wheels, rules)
+        return RestingOdometry(HybridOdometry(members, rules.hybrid, rules.coasting))
     if spec == "gyro":
         return GyroOdometry()
     if spec == "planar":
-        return RestingOdometry(PlanarOdometry(floor))
+        return RestingOdometry(PlanarOdometry(floor, rules.planar, rules.coasting))
     if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, allow_untrained)
+        return LearnedOdometry(bundle, spec, floor, allow_untrained, rules.coasting)
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
         return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
     if spec.startswith("wheel:") and is_recording(spec):
-        return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, drift)
+        return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, rules.wheels)
     if spec.startswith("wheel:"):
-        return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, drift)
+        return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, rules.wheels)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(
@@ -61,28 +75,21 @@ def open_odometry(
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
-# Factors on the covariances of the hybrid's members, so that errors and covariance agree. With 2 for planar the camera
-# alone drifts 4.4 % over 5 m on homes 9101-9104; with 4, as before its own covariance grew honest, 5.6 %.
-DOUBTS = {"flow": 1.0, "planar": 2.0, "wheels": 1.0, "gyro": 1.0}
 
-# A factor on the head's covariance for a camera outside its training envelope: with it a head camera 1.73 m up drifts
-# 8.1 instead of 12.2 % over 5 m, with a gyro, and mean NEES falls from 109 to 9.
-OUTSIDE_DOUBT = 25.0
-OUTSIDE_PLANAR_DOUBT = 2.0  # such a camera is carried, and nods: on hololens mean NEES is 46 without it, 25 with it
-
-
-def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, drift: DriftRate) -> list[Member]:
+def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules) -> list[Member]:
     """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
+    doubts = rules.hybrid
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
-        flow = LearnedOdometry(bundle, "flow", floor)
+        flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting)
     carried = flow is not None and flow.outside_envelope
-    doubt = DOUBTS["planar"] * (OUTSIDE_PLANAR_DOUBT if carried else 1.0)
-    members = [Member(PlanarOdometry(floor), "camera", doubt)]
+    doubt = doubts.planar_doubt * (doubts.outside_planar_doubt if carried else 1.0)
+    members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), "camera", doubt)]
     if flow is not None:
-        members.append(Member(flow, "camera", DOUBTS["flow"] * (OUTSIDE_DOUBT if carried else 1.0)))
+        doubt = doubts.flow_doubt * (doubts.outside_flow_doubt if carried else 1.0)
+        members.append(Member(flow, "camera", doubt))
     if wheels and camera.wheel is not None:
-        recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor, drift=drift)
-        members.append(Member(recorded, "wheels", DOUBTS["wheels"]))
-    members.append(Member(GyroOdometry(), GYRO, DOUBTS["gyro"], optional=True))
+        recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor, rules=rules)
+        members.append(Member(recorded, "wheels", doubts.wheels_doubt))
+    members.append(Member(GyroOdometry(), GYRO, doubts.gyro_doubt, optional=True))
     return members

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.odometry.protocol import Motion
 
-CARRIED_S = 0.5  # the last velocity is carried on for so long; after that the robot is as likely to stand
-SPEED_SIGMA = 0.35  # m/s, of a small robot whose motion is unknown; the last speed adds to it
-YAW_RATE_SIGMA = 0.5  # rad/s
 SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0  # between two steps, for a velocity
+
+
+@dataclass(frozen=True, slots=True)
+class CoastingRule:
+    """carried_s: the last velocity is carried on for so long; after that the robot is as likely to stand.
+
+    speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
+    """
+
+    carried_s: float = 0.5
+    speed_sigma_m_s: float = 0.35
+    yaw_rate_sigma_rad_s: float = 0.5
 
 
 class Coasting:
@@ -22,15 +32,16 @@ class Coasting:
     of each step takes in its correlation with the steps before: sigma^2 (t^2 - t_before^2).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rule: CoastingRule | None = None) -> None:
+        self._rule = rule or CoastingRule()
         self.reset()
 
     def saw(self, motion: SE2, stamp_s: float) -> None:
         """A measured motion that ended at a stamp."""
         dt_s = stamp_s - self._last_s
         if SHORTEST_DT_S < dt_s < LONGEST_DT_S:
-            self._velocity = motion.vector() / dt_s
-            self._sigmas = np.array([SPEED_SIGMA, 0.5 * SPEED_SIGMA, YAW_RATE_SIGMA]) + abs(self._velocity)
+            self._velocity, speed = motion.vector() / dt_s, self._rule.speed_sigma_m_s
+            self._sigmas = np.array([speed, 0.5 * speed, self._rule.yaw_rate_sigma_rad_s]) + abs(self._velocity)
         self.begin(stamp_s)
 
     def begin(self, stamp_s: float) -> None:
@@ -44,7 +55,7 @@ class Coasting:
         before_s = self._last_s - self._blind_from_s
         after_s = max(stamp_s - self._blind_from_s, before_s + SHORTEST_DT_S)
         self._last_s = self._blind_from_s + after_s
-        carried_s = max(0.0, min(after_s, CARRIED_S) - min(before_s, CARRIED_S))
+        carried_s = max(0.0, min(after_s, self._rule.carried_s) - min(before_s, self._rule.carried_s))
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
         return Motion(SE2(*(self._velocity * carried_s)), covariance, fault, blind=True)
 

@@ -15,7 +15,7 @@ from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.manifest import Manifest, OdometryHead
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry.coasting import Coasting
+from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
 from edgemap.runtime.odometry.protocol import Motion, blind_motion
 from edgemap.runtime.preprocess import cell_grid
 
@@ -35,8 +35,15 @@ class LearnedOdometry:
     Raises OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
     """
 
-    def __init__(self, bundle: Bundle, kind: str, camera: FloorCamera, allow_untrained: bool = False) -> None:
-        self.name = kind
+    def __init__(
+        self,
+        bundle: Bundle,
+        kind: str,
+        camera: FloorCamera,
+        allow_untrained: bool = False,
+        coasting: CoastingRule | None = None,
+    ) -> None:
+        self.name, self._coasting_rule = kind, coasting
         self._head, self._network = bundle.odometry_head(kind)
         if not self._head.trained and not allow_untrained:
             raise OdometryError(
@@ -93,7 +100,7 @@ class LearnedOdometry:
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""
         self._start_again()
-        self._coasting, self._last_s = Coasting(), -math.inf
+        self._coasting, self._last_s = Coasting(self._coasting_rule), -math.inf
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
 
     def _start_again(self) -> None:

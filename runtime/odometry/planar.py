@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -29,32 +29,53 @@ from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry.coasting import Coasting
+from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
 from edgemap.runtime.odometry.protocol import Motion
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
-WORKING_WIDTH = 320  # px; wider pictures are scaled down to it
-WINDOW_PX, LEVELS = 11, 3  # of the tracker; with two levels it loses a robot that starts to spin at once
-MAX_CORNERS = 160
-CORNERS_APART_PX = 6
-FLOOR_SHARE = 0.6  # of the corners, looked for where the floor is within reach
+LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
 SHIFT_PX = 4  # the picture's shift is looked for on every so many pixels
-SHIFT_RESPONSE, SHIFT_LEAST_PX = 0.15, 8.0  # of the phase correlation; and what the tracker does not find by itself
-SCALED = 25  # landmarks of known depth that keep the scale
 MASK_PX = 8  # the floor is told from the rest on every so many pixels
-REACH_HEIGHTS = 12.0  # what lies farther than this many camera heights is not taken for floor
-MAX_AGE = 30  # frames that a landmark is remembered
-TRACK_SIGMA_PX = 0.3  # of one tracked corner, at working resolution
-DRIFT_SIGMA_PX = 0.1  # what it wanders in one frame
-LEVELLING = 0.25  # share of the tilt that is taken for the landmarks' and not for the camera's
-TRUSTED_SHARE = 0.4  # of the tracks that must agree, or a fresh start is tried
-AGREES_MORE = 1.3  # times as many must agree on the fresh start, which has looser landmarks
-LEAST_WEIGHT = 8.0  # tracks that must agree at all
-SCALE_DRIFT_PER_S, MAX_SCALE_DRIFT = 0.1, 0.5  # relative, of the scale that landmarks keep while no floor is in view
-LONGEST_GAP_S = 1.0  # without a picture; after a longer one the corners are not looked for any more
 LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarRule:
+    """How planar odometry follows corners and what it believes of them.
+
+    working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px: how
+    many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response,
+    shift_least_px: of the phase correlation, and what the tracker does not find by itself. scaled: landmarks of known
+    depth that keep the scale. reach_heights: what lies farther than this many camera heights is not taken for floor.
+    max_age: frames that a landmark is remembered. track_sigma_px, drift_sigma_px: of one tracked corner at the working
+    width, and what it wanders in one frame. levelling: share of the tilt that is taken for the landmarks' and not for
+    the camera's. trusted_share: of the tracks that must agree, or a fresh start is tried. agrees_more: times as many
+    must agree on the fresh start, which has looser landmarks. least_weight: tracks that must agree at all.
+    scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
+    longest_gap_s: without a picture; after a longer one the corners are not looked for any more.
+    """
+
+    working_width_px: int = 320
+    window_px: int = 11
+    corners: int = 160
+    corners_apart_px: int = 6
+    floor_share: float = 0.6
+    shift_response: float = 0.15
+    shift_least_px: float = 8.0
+    scaled: int = 25
+    reach_heights: float = 12.0
+    max_age: int = 30
+    track_sigma_px: float = 0.3
+    drift_sigma_px: float = 0.1
+    levelling: float = 0.25
+    trusted_share: float = 0.4
+    agrees_more: float = 1.3
+    least_weight: float = 8.0
+    scale_drift_per_s: float = 0.1
+    max_scale_drift: float = 0.5
+    longest_gap_s: float = 1.0
 
 
 class PlanarOdometry:
@@ -65,19 +86,26 @@ class PlanarOdometry:
 
     name = "planar"
 
-    def __init__(self, camera: FloorCamera, seed: int = 0) -> None:
-        scale = min(1.0, WORKING_WIDTH / camera.intrinsics.width)
+    def __init__(
+        self,
+        camera: FloorCamera,
+        rule: PlanarRule | None = None,
+        coasting: CoastingRule | None = None,
+        seed: int = 0,
+    ) -> None:
+        self._rule = rule = rule or PlanarRule()
+        scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self._size = size
         self._level = self._camera = FloorCamera(camera.intrinsics.scaled(*size), camera.mount)
         focal = self._level.intrinsics.fx
-        self._level_noise = self._noise = Noise(TRACK_SIGMA_PX / focal, DRIFT_SIGMA_PX / focal)
-        self._reach_m = REACH_HEIGHTS * camera.mount.height_m
+        self._level_noise = self._noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)
+        self._reach_m = rule.reach_heights * camera.mount.height_m
         self._rays = _ray_table(self._camera)
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._mask = self._floor_mask(self._level)
         self._attitude: Attitude | None = None
-        self._seed, self._coasting = seed, Coasting()
+        self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:  # noqa: ARG002
@@ -85,7 +113,7 @@ class PlanarOdometry:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
-        if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_GAP_S:
+        if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
             self._start_again()
         last, self._grey = self._grey, grey
         self._attend(frame.attitude)
@@ -99,8 +127,8 @@ class PlanarOdometry:
             fault = f"planar odometry: started again at {frame.stamp_s:.3f} s"
             return self._coasting.guess(frame.stamp_s, fault)
         self._follow(last, grey)
-        found = self._locate(frame.index) if len(self._corners) >= LEAST_WEIGHT else None
-        if found is None or found.weights.sum() < LEAST_WEIGHT:
+        found = self._locate(frame.index) if len(self._corners) >= self._rule.least_weight else None
+        if found is None or found.weights.sum() < self._rule.least_weight:
             return self._guess(grey, frame.stamp_s)
         motion = (self._view.pose @ self._since).inverse() @ found.view.pose
         self._coasting.saw(motion, frame.stamp_s)
@@ -113,12 +141,12 @@ class PlanarOdometry:
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
-        self._keep(keep & (self._landmarks.age < MAX_AGE))
+        self._keep(keep & (self._landmarks.age < self._rule.max_age))
         factor = oversize(self._landmarks)
         if factor > 1.0:
             self._landmarks = shrunk(self._landmarks, self._camera, self._view, factor, self._noise)
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
-        self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, LEVELLING)
+        self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, self._rule.levelling)
         self._seek(grey)
         return Motion(motion, covariance)
 
@@ -146,9 +174,9 @@ class PlanarOdometry:
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
         """Relative, of the motion's length: the longer no floor is in view, the less is known of the scale."""
-        if float(found.weights[self._landmarks.floor].sum()) >= LEAST_WEIGHT:
+        if float(found.weights[self._landmarks.floor].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
-        return min(SCALE_DRIFT_PER_S * (stamp_s - self._floor_s), MAX_SCALE_DRIFT) ** 2
+        return min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
 
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, what remains unknown of its attitude, and the rotation that a gyro tells."""
@@ -176,7 +204,7 @@ class PlanarOdometry:
         seen = self._bearings(self._corners)
         start = View(self._view.pose @ self._since @ self._motion)
         found = locate(self._landmarks, seen, self._camera, start, self._noise)
-        if self._trusted and found.weights.sum() > TRUSTED_SHARE * len(seen):
+        if self._trusted and found.weights.sum() > self._rule.trusted_share * len(seen):
             return found
         rays = _rays(self._bearings(self._before))
         anew = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m)
@@ -186,7 +214,7 @@ class PlanarOdometry:
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
         start = View(self._view.pose @ (rough.motion if rough else self._since @ self._motion))
         other = locate(anew, seen, self._camera, start, self._noise)
-        if other.weights.sum() < AGREES_MORE * found.weights.sum():
+        if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
             return found
         self._landmarks = anew
         return other
@@ -213,7 +241,7 @@ class PlanarOdometry:
         if not self._turn_known:
             expected += self._surprise(last, grey, expected)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            last, grey, self._corners[:, None], expected[:, None].copy(), winSize=(WINDOW_PX, WINDOW_PX),
+            last, grey, self._corners[:, None], expected[:, None].copy(), winSize=[self._rule.window_px] * 2,
             maxLevel=LEVELS, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=1e-4,
         )  # fmt: skip
@@ -230,7 +258,7 @@ class PlanarOdometry:
         small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
         shift, response = cv2.phaseCorrelate(small[0], small[1], window)
         surprise = SHIFT_PX * np.array(shift) - np.median(expected - self._corners, axis=0)
-        clear = response > SHIFT_RESPONSE and float(np.hypot(*surprise)) > SHIFT_LEAST_PX
+        clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
@@ -238,21 +266,21 @@ class PlanarOdometry:
 
     def _seek(self, grey: MatLike) -> None:
         """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
-        missing = MAX_CORNERS - len(self._corners)
-        if missing < MAX_CORNERS // 5:
+        missing = self._rule.corners - len(self._corners)
+        if missing < self._rule.corners // 5:
             return
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for x, y in self._corners:
-            cv2.circle(free, (int(x), int(y)), CORNERS_APART_PX, 0, -1)
+            cv2.circle(free, (int(x), int(y)), self._rule.corners_apart_px, 0, -1)
         floors = int(self._landmarks.floor.sum())
         for mask, have, share in (
-            (free & self._mask, floors, FLOOR_SHARE),
-            (free & ~self._mask, len(self._corners) - floors, 1.0 - FLOOR_SHARE),
+            (free & self._mask, floors, self._rule.floor_share),
+            (free & ~self._mask, len(self._corners) - floors, 1.0 - self._rule.floor_share),
         ):
-            wanted = round(share * MAX_CORNERS) - have
+            wanted = round(share * self._rule.corners) - have
             if wanted <= 0:
                 continue
-            found = cv2.goodFeaturesToTrack(grey, wanted, 0.005, CORNERS_APART_PX, mask=mask, blockSize=3)
+            found = cv2.goodFeaturesToTrack(grey, wanted, 0.005, self._rule.corners_apart_px, mask=mask, blockSize=3)
             if found is None:
                 continue
             fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
@@ -263,7 +291,7 @@ class PlanarOdometry:
     def _scaled(self) -> bool:
         """Whether landmarks of known depth tell the scale, so that new ones need not be taken for floor."""
         known = self._landmarks
-        return int((known.floor | (known.variance < (0.1 * known.inverse_m) ** 2)).sum()) >= SCALED
+        return int((known.floor | (known.variance < (0.1 * known.inverse_m) ** 2)).sum()) >= self._rule.scaled
 
     def _bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""

@@ -1,3 +1,4 @@
+import itertools
 import json
 
 import pytest
@@ -5,6 +6,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+import edgemap
 from edgemap.runtime.config import Config, ConfigError, config_arguments, config_document, load_config
 
 
@@ -25,7 +27,7 @@ def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
 
 
 def test_the_resolved_tree_gives_itself_back(tmp_path):
-    config, _ = load_config(written(tmp_path, {"config": {"wheels": {"per_metre": 0.05}}}))
+    config, _ = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"per_metre": 0.05}}}}))
     again, _ = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
     assert again == config
 
@@ -70,3 +72,20 @@ def test_every_number_survives_the_file(tmp_path_factory, gate, frames):
     folder = tmp_path_factory.mktemp("c")
     config, _ = load_config(written(folder, {"config": {"association": {"gate": gate, "forget_after": frames}}}))
     assert (config.association.gate, config.association.forget_after) == (gate, frames)
+
+
+@pytest.mark.parametrize(
+    ("tree", "told"),
+    [
+        ({"health": {"dark": 256}}, "picture dark"),
+        ({"odometry": {"planar": {"corners": 0}}}, "among 0 floor corners"),
+    ],
+)
+def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
+    config, _ = load_config(written(tmp_path, {"config": {"attitude": {"mount_sigma_rad": 0.125}, **tree}}))
+    with edgemap.open("demo", odometry="planar", config=config) as session:
+        _, second = itertools.islice(session, 2)
+    assert told in second.motion.fault
+    assert second.observed.camera is not None
+    assert second.observed.camera.attitude is not None
+    assert second.observed.camera.attitude.covariance_rad2[0, 0] == pytest.approx(0.125**2)
