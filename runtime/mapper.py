@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,8 @@ class MapUpdate:
     object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
     trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
     this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of
-    the frame before (`pose_map_start`).
+    the frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,
+    continuous whatever loop closure and relocalisation move (REP-105).
     """
 
     sightings: list[PlacedSighting]
@@ -52,6 +53,8 @@ class MapUpdate:
     stages_ms: dict[str, float]
     correction: LoopCorrection | None = None
     relocated: SE2 | None = None
+    pose_odom_base: SE2 = field(default_factory=SE2)
+    odom_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 class Mapper:
@@ -75,6 +78,7 @@ class Mapper:
         self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
+        self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
         self._started = False
         self._blind: Motion | None = None  # since the last step
@@ -113,7 +117,7 @@ class Mapper:
         stage("map")
         update = MapUpdate(
             sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,
-            self.travelled_m, {}, correction,
+            self.travelled_m, {}, correction, pose_odom_base=self.pose_odom_base, odom_covariance=self.odom_covariance,
         )  # fmt: skip
         alignment = self.relocaliser.align()
         if alignment is not None:
@@ -142,6 +146,10 @@ class Mapper:
                 self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
             )
             self.pose_map_base = self.pose_map_base @ motion.motion
+            self.odom_covariance = compose_covariance(
+                self.pose_odom_base, self.odom_covariance, motion.motion, motion.covariance
+            )
+            self.pose_odom_base = self.pose_odom_base @ motion.motion
             self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
         self._started = True
 

@@ -76,6 +76,16 @@ class StepResult:
         return self.update.pose_covariance
 
     @property
+    def pose_odom_base(self) -> SE2:
+        """The base in the odom frame (REP-105): by odometry alone, continuous."""
+        return self.update.pose_odom_base
+
+    @property
+    def odom_covariance(self) -> NDArray[np.float64]:
+        """(3, 3) of x, y, yaw in the odom frame: m, m, rad; grows without bound."""
+        return self.update.odom_covariance
+
+    @property
     def trajectory(self) -> PoseJournal:
         """All poses so far, as known now."""
         return self.update.trajectory

@@ -222,9 +222,9 @@ def _recordings() -> list[ReaderCase]:
     from edgemap.geometry.camera.mount import Mount
     from edgemap.geometry.se2 import SE2
     from edgemap.runtime.cameras.recording import RecordingCamera
-    from edgemap.runtime.recordings import messages
+    from edgemap.runtime.messages import build as messages
+    from edgemap.runtime.messages.definitions import definition
     from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record
-    from edgemap.runtime.recordings.schemas import definition
     from edgemap.runtime.recordings.wheel import read_wheel
 
     lens, mount = Intrinsics(17, 12, 20.0, 20.0, 8.0, 6.0), Mount.from_degrees(0.6, 10.0)

@@ -13,12 +13,12 @@ from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.messages.stamps import ns_of, to_s
+from edgemap.runtime.messages.topics import STAMPS
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import lens_of, mount_of
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.recordings.reader import McapReading
-from edgemap.runtime.recordings.stamps import ns_of, to_s
-from edgemap.runtime.recordings.topics import STAMPS
 from edgemap.runtime.trajectory import Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}

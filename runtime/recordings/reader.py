@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.messages.cdr import decoder
+from edgemap.runtime.messages.definitions import FIELDS
 from edgemap.runtime.reading import one_line
 from edgemap.runtime.recordings.chunks import (
     RECORD_LIMIT_BYTES,
@@ -19,7 +21,6 @@ from edgemap.runtime.recordings.chunks import (
 )
 from edgemap.runtime.recordings.extra import need_mcap
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
-from edgemap.runtime.recordings.schemas import FIELDS, definition
 
 MAGIC = b"\x89MCAP0\r\n"
 OWN_FILES = (WHEEL_FILE, TRUTH_FILE)
@@ -62,7 +63,6 @@ class McapReading:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
-        self._decoders: dict[str, Callable[[bytes], Any]] = {}
         self._summary: Any = None
         try:
             self._summary = self._guarded_call(self._indexed) if self.whole else None
@@ -92,11 +92,7 @@ class McapReading:
         kind = _short(schema.name)
         if kind not in FIELDS:
             raise CameraError(f"{self.path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
-        if kind not in self._decoders:
-            from mcap_ros2._dynamic import generate_dynamic
-
-            self._decoders[kind] = generate_dynamic(kind, definition(kind))[kind]
-        return self._decoders[kind]
+        return decoder(kind)
 
     def close(self) -> None:
         """Close the file."""

@@ -4,41 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
-
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.errors import RecordingError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.recordings import messages
-from edgemap.runtime.recordings.facts import (
-    RECORD,
-    TRUTH_FILE,
-    WHEEL_FILE,
-    Facts,
-    facts_record,
-    trajectory_file,
-)
-from edgemap.runtime.recordings.map_messages import detections_3d, markers
-from edgemap.runtime.recordings.stamps import to_ns, to_s
-from edgemap.runtime.recordings.topics import (
-    BOXES,
-    INFO,
-    MARKERS,
-    OBJECTS,
-    ODOMETRY,
-    PICTURES,
-    STAMPS,
-    TF,
-    TRUTH,
-    WHEEL,
-)
+from edgemap.runtime.messages import build
+from edgemap.runtime.messages.build import IDS, FrameIds
+from edgemap.runtime.messages.stamps import to_ns, to_s
+from edgemap.runtime.messages.stream import MessageStream, Outgoing
+from edgemap.runtime.messages.topics import KINDS, OBJECTS, STAMPS, TRUTH, WHEEL
+from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
 from edgemap.runtime.recordings.writer import McapFile
 from edgemap.runtime.slam import StepResult
 from edgemap.runtime.trajectory import Trajectory
 
-JPEG_QUALITY = 90
-MAP_EVERY = 10  # frames between two maps
-ODOMETRY_KIND = "nav_msgs/msg/Odometry"
+TRUTH_IDS = FrameIds(odom=IDS.map)  # true poses start where the map does, and never jump
 
 
 class Recorder:
@@ -57,10 +35,10 @@ class Recorder:
         truth: Trajectory | None = None,
     ) -> None:
         self.path, self.frames = path, 0
-        self._facts, self._lossless = facts, lossless
+        self._stream = MessageStream(facts.intrinsics, facts.mount, lossless=lossless)
         self._tracks = [
-            _Track(topic, name, track)
-            for topic, name, track in ((WHEEL, WHEEL_FILE, wheel), (TRUTH, TRUTH_FILE, truth))
+            _Track(topic, name, track, ids)
+            for topic, name, track, ids in ((WHEEL, WHEEL_FILE, wheel, IDS), (TRUTH, TRUTH_FILE, truth, TRUTH_IDS))
             if track is not None
         ]
         self._file = McapFile(path)
@@ -68,7 +46,7 @@ class Recorder:
         for track in self._tracks:
             self._file.attach(track.file, "application/json", trajectory_file(track.way))
         self._last: tuple[int, list[MapObject]] | None = None
-        self._last_stamp_s: float | None = None
+        self._map_ns: int | None = None  # stamp of the newest map in the file
 
     def picture(self, frame: Frame) -> int:
         """Record a frame with the lens, the mount and what the wheels did until then; its stamp in nanoseconds."""
@@ -76,70 +54,43 @@ class Recorder:
         for track in self._tracks:
             track.write_until(self._file, stamp_ns)
         if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
-            self._file.write(STAMPS, "std_msgs/msg/Float64", stamp_ns, {"data": frame.stamp_s})
-        if self._facts.intrinsics is not None:
-            info = messages.camera_info(stamp_ns, self._facts.intrinsics)
-            self._file.write(INFO, "sensor_msgs/msg/CameraInfo", stamp_ns, info)
-        if self._facts.mount is not None:
-            # Again and again on /tf, and not once on /tf_static: players of a part of the file have it too.
-            seat = messages.tf(messages.mount_transform(stamp_ns, self._facts.mount))
-            self._file.write(TF, "tf2_msgs/msg/TFMessage", stamp_ns, seat)
-        encoding = "png" if self._lossless else "jpeg"
-        image = messages.compressed_image(stamp_ns, self._encode(frame), encoding)
-        self._file.write(PICTURES, "sensor_msgs/msg/CompressedImage", stamp_ns, image)
+            self._file.write(STAMPS, KINDS[STAMPS], stamp_ns, {"data": frame.stamp_s})
+        for outgoing in self._stream.picture(frame):
+            self._write(outgoing)
         self.frames += 1
         return stamp_ns
 
     def results(self, stamp_ns: int, result: StepResult, objects: list[MapObject]) -> None:
-        """Record what a step found: pose, boxes, and every `MAP_EVERY` frames the map."""
-        pose, stamp_s = result.pose_map_base, result.frame.stamp_s
-        dt_s = 0.0 if self._last_stamp_s is None else stamp_s - self._last_stamp_s
-        self._last_stamp_s = stamp_s
-        moved = result.motion.motion
-        velocity = (moved.x_m / dt_s, moved.y_m / dt_s, moved.yaw_rad / dt_s) if dt_s > 0 else (0.0, 0.0, 0.0)
-        message = messages.odometry(stamp_ns, pose, result.pose_covariance, velocity)
-        self._file.write(ODOMETRY, ODOMETRY_KIND, stamp_ns, message)
-        place = messages.tf(messages.pose_transform(stamp_ns, pose))
-        self._file.write(TF, "tf2_msgs/msg/TFMessage", stamp_ns, place)
-        boxes = messages.detections_2d(stamp_ns, result)
-        self._file.write(BOXES, "vision_msgs/msg/Detection2DArray", stamp_ns, boxes)
+        """Record what a step found: poses, boxes, and every few frames the map."""
         self._last = (stamp_ns, objects)
-        if (self.frames - 1) % MAP_EVERY == 0:
-            self._write_map()
+        for outgoing in self._stream.results(result, objects):
+            self._write(outgoing)
 
     def close(self) -> None:
-        """The last map, and the file's end; may be called twice."""
+        """The last map, where it is newer than the one recorded, and the file's end; may be called twice."""
         try:
-            self._write_map()
+            if self._last is not None and self._last[0] != self._map_ns:
+                for outgoing in self._stream.map(*self._last):
+                    self._write(outgoing)
         finally:
             self._file.close()
 
-    def _write_map(self) -> None:
-        if self._last is not None:
-            (stamp_ns, objects), self._last = self._last, None
-            self._file.write(OBJECTS, "vision_msgs/msg/Detection3DArray", stamp_ns, detections_3d(stamp_ns, objects))
-            self._file.write(MARKERS, "visualization_msgs/msg/MarkerArray", stamp_ns, markers(stamp_ns, objects))
-
-    def _encode(self, frame: Frame) -> bytes:
-        suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-        if self._lossless:
-            suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]  # the quickest that still compresses
-        good, data = cv2.imencode(suffix, frame.image, options)
-        if not good:
-            raise RecordingError(f"{frame.name}: OpenCV does not encode it as {suffix}")
-        return data.tobytes()
+    def _write(self, outgoing: Outgoing) -> None:
+        if outgoing.topic == OBJECTS:
+            self._map_ns = outgoing.stamp_ns
+        self._file.write(outgoing.topic, outgoing.kind, outgoing.stamp_ns, outgoing.make())
 
 
 class _Track:
     """A trajectory that is written as it happens, between the pictures."""
 
-    def __init__(self, topic: str, file: str, way: Trajectory) -> None:
-        self.topic, self.file, self.way = topic, file, way
+    def __init__(self, topic: str, file: str, way: Trajectory, ids: FrameIds) -> None:
+        self.topic, self.file, self.way, self._ids = topic, file, way, ids
         self._next = 0
 
     def write_until(self, file: McapFile, stamp_ns: int) -> None:
         """The poses up to this stamp that are not written yet."""
         while self._next < len(self.way.poses) and (now_ns := to_ns(float(self.way.stamps_s[self._next]))) <= stamp_ns:
-            message = messages.odometry(now_ns, self.way.poses[self._next])
-            file.write(self.topic, ODOMETRY_KIND, now_ns, message)
+            message = build.odometry(now_ns, self.way.poses[self._next], ids=self._ids)
+            file.write(self.topic, KINDS[self.topic], now_ns, message)
             self._next += 1

@@ -11,11 +11,11 @@ import numpy as np
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.wheel_csv import check_speed
 from edgemap.runtime.errors import CameraError, OdometryError
+from edgemap.runtime.messages.stamps import ns_of, to_s
+from edgemap.runtime.messages.topics import ODOMETRY, TRUTH
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.runtime.recordings.reader import McapReading
-from edgemap.runtime.recordings.stamps import ns_of, to_s
-from edgemap.runtime.recordings.topics import ODOMETRY, TRUTH
 from edgemap.runtime.trajectory import QUATERNION_TOLERANCE, Trajectory
 
 KIND = "nav_msgs/Odometry"

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from edgemap.runtime.errors import RecordingError
+from edgemap.runtime.messages.cdr import encoder
+from edgemap.runtime.messages.definitions import Message, definition
 from edgemap.runtime.recordings.extra import need_mcap
-from edgemap.runtime.recordings.messages import Message
-from edgemap.runtime.recordings.schemas import definition
 
 CHUNK_BYTES = 1 << 19  # what a killed process loses at most; half a MiB is a few pictures
 
@@ -23,8 +23,9 @@ class McapFile:
 
     def __init__(self, path: Path) -> None:
         need_mcap()
-        from mcap.writer import CompressionType
-        from mcap_ros2.writer import Writer
+        from mcap.writer import CompressionType, Writer
+
+        from edgemap import __version__
 
         self.path = path
         try:
@@ -36,17 +37,22 @@ class McapFile:
             raise RecordingError(f"{path}: cannot be written ({error.strerror})") from None
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
         self._failed = False
-        self._schemas: dict[str, Any] = {}
+        self._writer.start(profile="ros2", library=f"edgemap {__version__}")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
     def write(self, topic: str, kind: str, stamp_ns: int, message: Message) -> None:
         """Append a message of a ROS 2 type (`sensor_msgs/msg/CameraInfo`) at a stamp."""
-        if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_msgdef(kind, definition(kind))
+        channel = self._channels.get(topic)
+        if channel is None:
+            if kind not in self._schemas:
+                text = definition(kind).encode()
+                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
+            channel = self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         number = self._counts[topic] = self._counts.get(topic, 0) + 1
-        self._guarded(
-            self._writer.write_message, topic, self._schemas[kind], message, stamp_ns, stamp_ns, sequence=number
-        )
+        data = encoder(kind)(message)
+        self._guarded(self._writer.add_message, channel, stamp_ns, data, stamp_ns, number)
 
     def metadata(self, name: str, record: dict[str, str]) -> None:
         """Append a metadata record."""

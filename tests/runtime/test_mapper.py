@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.drifting import drifting
+from support.drifting import drifting, integrated
 from support.drives import drive, exact, observed, round_trip
 from support.rooms import furnished, mapped
 from support.seen import CAMERA, look
@@ -53,6 +53,15 @@ def test_the_trajectory_holds_every_pose_there_and_back():
         update = mapper.step(observed(index, [], Motion(SE2(step_m, 0.0, 0.0), np.zeros((3, 3)))))
     assert update.trajectory.at(np.arange(5) / 10)[:, 0] == pytest.approx([0.0, 1.0, 0.0, 0.0, 1.0])
     assert update.travelled_m == pytest.approx(3.0)
+
+
+def test_the_odom_pose_is_continuous_where_loop_closure_moves_the_map_pose(closed):
+    """REP-105: odom -> base_link is the sum of the motions, whatever map -> odom does meanwhile."""
+    expected = integrated(drifting(POSES))
+    for (result, _), pose in zip(closed, expected, strict=True):
+        assert result.pose_odom_base.vector() == pytest.approx(pose.vector(), abs=1e-9)
+    assert any(result.correction for result, _ in closed)
+    assert math.dist(closed[-1][0].pose_map_base.vector()[:2], expected[-1].vector()[:2]) > 0.01
 
 
 def test_a_yaw_error_grows_with_the_way_driven_after_it():

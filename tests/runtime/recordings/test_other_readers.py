@@ -22,13 +22,13 @@ from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.mapper import MapUpdate
+from edgemap.runtime.messages.build import mount_transform
+from edgemap.runtime.messages.definitions import FIELDS, definition
+from edgemap.runtime.messages.map_messages import markers
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.recordings.map_messages import markers
-from edgemap.runtime.recordings.messages import mount_transform
 from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.recordings.schemas import FIELDS, definition
 from edgemap.runtime.slam import StepResult
 from edgemap.runtime.trajectory import Trajectory
 
@@ -39,6 +39,7 @@ CHAIR = MapObject(
     "chair-1", "chair", np.array([2.0, -1.0]), np.array([[0.04, 0.01], [0.01, 0.02]]), 0.5, 0.9, 7, 0.97, 1.0, 2.0
 )
 POSES = [SE2(0.1 * i, 0.02 * i, 0.05 * i) for i in range(12)]
+OFF = SE2(0.4, -0.3, 0.2)  # what loop closure took back
 COVARIANCE = np.array([[0.01, 0.001, 0.0], [0.001, 0.02, 0.002], [0.0, 0.002, 0.03]])
 
 
@@ -56,7 +57,8 @@ def recording(tmp_path_factory) -> Path:
         assert len(placed) == 1
         motion = Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
         observed = FrameObservations(frame.index, frame.stamp_s, detections, seen, motion)
-        update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {})
+        by_odometry = {"pose_odom_base": OFF @ pose, "odom_covariance": 2.0 * COVARIANCE}
+        update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {}, **by_odometry)
         result = StepResult(frame, observed, update)
         recorder.results(recorder.picture(frame), result, [CHAIR])
     recorder.close()
@@ -94,7 +96,14 @@ def topics(request, recording):
 
 def test_every_topic_is_there_at_the_pictures_stamps(topics):
     stamps = [round(frame.stamp_s * 1e9) for frame in noise(12)]
-    for name in ("/camera/image/compressed", "/camera/camera_info", "/odometry", "/wheel/odometry", "/detections"):
+    for name in (
+        "/camera/image/compressed",
+        "/camera/camera_info",
+        "/odometry",
+        "/pose",
+        "/wheel/odometry",
+        "/detections",
+    ):
         assert np.abs(np.array([stamp for stamp, _ in topics[name]]) - stamps).max() < 300, name
         for stamp, message in topics[name]:
             assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
@@ -128,13 +137,15 @@ def test_tf_leads_from_the_map_to_the_lens(topics):
 
     tree = {}
     for _, message in topics["/tf"][-2:]:
-        (step,) = message.transforms
-        t, q = step.transform.translation, step.transform.rotation
-        matrix = np.eye(4)
-        matrix[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
-        matrix[:3, 3] = t.x, t.y, t.z
-        tree[step.header.frame_id, step.child_frame_id] = matrix
-    assert set(tree) == {("map", "base_link"), ("base_link", "camera_optical_frame")}
+        for step in message.transforms:
+            t, q = step.transform.translation, step.transform.rotation
+            matrix = np.eye(4)
+            matrix[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+            matrix[:3, 3] = t.x, t.y, t.z
+            tree[step.header.frame_id, step.child_frame_id] = matrix
+    assert set(tree) == {("map", "odom"), ("odom", "base_link"), ("base_link", "camera_optical_frame")}  # REP-105
+    assert tree["odom", "base_link"][:2, 3] == pytest.approx([(OFF @ POSES[-1]).x_m, (OFF @ POSES[-1]).y_m])
+    tree["map", "base_link"] = tree["map", "odom"] @ tree["odom", "base_link"]
     # Where a picture's ray meets the floor, by tf and by our own geometry.
     pixel = (40.0, 44.0)
     lens_map = tree["map", "base_link"] @ tree["base_link", "camera_optical_frame"]
@@ -150,14 +161,24 @@ def test_a_level_camera_has_the_quaternion_that_everybody_knows():
     np.testing.assert_allclose(np.array([x, y, z, w]) * np.sign(w), [-0.5, 0.5, -0.5, 0.5])
 
 
-def test_poses_carry_their_covariance_and_speed(topics):
-    message = topics["/odometry"][5][1]
-    assert (message.header.frame_id, message.child_frame_id) == ("map", "base_link")
+@pytest.mark.parametrize(
+    ("topic", "frame", "pose", "covariance"),
+    [("/pose", "map", POSES[5], COVARIANCE), ("/odometry", "odom", OFF @ POSES[5], 2.0 * COVARIANCE)],
+)
+def test_poses_carry_their_covariance(topics, topic, frame, pose, covariance):
+    message = topics[topic][5][1]
+    assert message.header.frame_id == frame
     at = message.pose.pose
-    assert (at.position.x, at.position.y, at.position.z) == (POSES[5].x_m, POSES[5].y_m, 0.0)
-    assert 2.0 * math.atan2(at.orientation.z, at.orientation.w) == pytest.approx(0.25)
+    assert (at.position.x, at.position.y, at.position.z) == (pose.x_m, pose.y_m, 0.0)
+    assert 2.0 * math.atan2(at.orientation.z, at.orientation.w) == pytest.approx(pose.yaw_rad)
     full = np.array(message.pose.covariance).reshape(6, 6)
-    np.testing.assert_allclose(full[np.ix_([0, 1, 5], [0, 1, 5])], COVARIANCE)
+    np.testing.assert_allclose(full[np.ix_([0, 1, 5], [0, 1, 5])], covariance)
+
+
+def test_odometry_carries_speed(topics):
+    message = topics["/odometry"][5][1]
+    assert message.child_frame_id == "base_link"
+    assert message.twist.covariance[0] == pytest.approx(900.0, rel=1e-4)  # 1 m² in a thirtieth of a second
     assert message.twist.twist.linear.x == pytest.approx(3.0, rel=1e-4)  # 0.1 m in a thirtieth of a second
     assert message.twist.twist.angular.z == pytest.approx(1.5, rel=1e-4)
     assert topics["/odometry"][0][1].twist.twist.linear.x == 0.0

@@ -20,9 +20,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.errors import CameraError, RecordingError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.messages.stamps import to_ns, to_s
 from edgemap.runtime.recordings.facts import Facts
 from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.recordings.stamps import to_ns, to_s
 from edgemap.runtime.recordings.wheel import read_wheel
 from edgemap.runtime.trajectory import Trajectory
 

@@ -8,16 +8,17 @@ import zlib
 import numpy as np
 
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
-from edgemap.runtime.recordings.messages import MAP, Message, header
+from edgemap.runtime.messages.build import IDS, FrameIds, header
+from edgemap.runtime.messages.definitions import Message
 
 CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
 TALLEST_M, FLAT_M, LETTER_M = 2.5, 0.01, 0.15
 
 
-def detections_3d(stamp_ns: int, objects: list[MapObject]) -> Message:
+def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
     """`vision_msgs/Detection3DArray` in the map frame: centre of the footprint raised to half the height, with id,
     label, confidence and the position's covariance."""
-    head, found = header(stamp_ns, MAP), []
+    head, found = header(stamp_ns, ids.map), []
     for item in objects:
         covariance = np.zeros((6, 6))
         covariance[:2, :2] = item.covariance_m2
@@ -36,18 +37,18 @@ def detections_3d(stamp_ns: int, objects: list[MapObject]) -> Message:
     return {"header": head, "detections": found}
 
 
-def markers(stamp_ns: int, objects: list[MapObject]) -> Message:
+def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
     """`visualization_msgs/MarkerArray`: for each object a box, its name, and its 95 % ellipse on the floor.
 
     Starts with a marker that takes away all older ones, so that objects that merged do not stay.
     """
-    found: list[Message] = [{"header": header(stamp_ns, MAP), "action": DELETE_ALL}]
+    found: list[Message] = [{"header": header(stamp_ns, ids.map), "action": DELETE_ALL}]
     for number, item in enumerate(objects):
         red, green, blue = _colour(item.label)
         tint = {"r": red, "g": green, "b": blue}
         length_m, width_m, yaw_rad = _ellipse(item)
         turned = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
-        common = {"header": header(stamp_ns, MAP), "id": number}
+        common = {"header": header(stamp_ns, ids.map), "id": number}
         box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
         found.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
         name = {"pose": {"position": _place(item, _height_m(item) + LETTER_M)}, "scale": {"z": LETTER_M}}

@@ -1,4 +1,4 @@
-"""The ROS 2 message definitions that a recording embeds: with them any reader decodes it, with no ROS installed.
+"""The ROS 2 message definitions: what is encoded by, and what a recording embeds, so that any reader decodes it.
 
 Fields as in common_interfaces and geometry2 (Humble to Jazzy) and vision_msgs 4; constants and comments left out.
 """
@@ -6,6 +6,9 @@ Fields as in common_interfaces and geometry2 (Humble to Jazzy) and vision_msgs 4
 from __future__ import annotations
 
 import re
+from typing import Any
+
+Message = dict[str, Any]  # a message by field name; fields that are left out are zero
 
 SEPARATOR = "=" * 80
 
@@ -20,6 +23,7 @@ FIELDS = {
     "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
     "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
     "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/PoseWithCovarianceStamped": "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose",
     "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
     "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",

@@ -1,0 +1,31 @@
+"""ROS 2 messages to CDR bytes and back: the one place that encodes and decodes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from edgemap.runtime.messages.definitions import Message, definition
+
+
+@cache
+def encoder(kind: str) -> Callable[[Message], bytes]:
+    """Encodes messages of a kind (`sensor_msgs/msg/CameraInfo`) as little-endian CDR, encapsulation header first.
+
+    Fields that a message leaves out are zero. Needs the extra `record`.
+    """
+    from mcap_ros2._dynamic import serialize_dynamic
+
+    return serialize_dynamic(kind, definition(kind))[kind]
+
+
+@cache
+def decoder(kind: str) -> Callable[[bytes], Any]:
+    """Decodes CDR bytes of a kind to an object with the fields as attributes.
+
+    What it raises at damaged bytes: struct.error, ValueError, LookupError, RuntimeError, OverflowError.
+    """
+    from mcap_ros2._dynamic import generate_dynamic
+
+    return generate_dynamic(kind, definition(kind))[kind]

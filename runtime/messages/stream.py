@@ -1,0 +1,93 @@
+"""What a run sends, message by message: recordings and live outputs take these and choose what they want of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import cv2
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.errors import RecordingError
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.messages import build, topics
+from edgemap.runtime.messages.build import FrameIds
+from edgemap.runtime.messages.definitions import Message
+from edgemap.runtime.messages.map_messages import detections_3d, markers
+from edgemap.runtime.messages.stamps import to_ns
+from edgemap.runtime.slam import StepResult
+
+JPEG_QUALITY = 90
+MAP_EVERY = 10  # frames between two maps
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """One message to send. make: builds it, for whoever wants it."""
+
+    topic: str
+    stamp_ns: int
+    make: Callable[[], Message]
+
+    @property
+    def kind(self) -> str:
+        """Its ROS 2 type, `nav_msgs/msg/Odometry`."""
+        return topics.KINDS[self.topic]
+
+
+@dataclass(slots=True)
+class MessageStream:
+    """The messages of a run in the order in which they are sent. lossless: pictures as PNG instead of JPEG."""
+
+    intrinsics: Intrinsics | None = None
+    mount: Mount | None = None
+    frames: FrameIds = field(default_factory=FrameIds)
+    lossless: bool = False
+    _steps: int = 0
+    _last_stamp_s: float | None = None
+
+    def picture(self, frame: Frame, stamp_ns: int | None = None) -> Iterator[Outgoing]:
+        """Lens, mount and picture of a frame. stamp_ns: in place of the frame's own."""
+        stamp_ns = to_ns(frame.stamp_s) if stamp_ns is None else stamp_ns
+        ids, lens, mount = self.frames, self.intrinsics, self.mount
+        if lens is not None:
+            yield Outgoing(topics.INFO, stamp_ns, lambda: build.camera_info(stamp_ns, lens, ids))
+        if mount is not None:
+            yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, mount, ids)))
+        encoding = "png" if self.lossless else "jpeg"
+        yield Outgoing(
+            topics.PICTURES,
+            stamp_ns,
+            lambda: build.compressed_image(stamp_ns, encoded(frame, self.lossless), encoding, ids),
+        )
+
+    def results(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+        """What a step found: poses, tf, boxes, and with the first and every `MAP_EVERY`th step the map."""
+        stamp_ns, ids = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns, self.frames
+        before_s, self._last_stamp_s = self._last_stamp_s, result.frame.stamp_s
+        dt_s = 0.0 if before_s is None else result.frame.stamp_s - before_s
+        yield Outgoing(topics.POSE, stamp_ns, lambda: build.pose(stamp_ns, result, ids))
+        yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))
+        yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*build.pose_transforms(stamp_ns, result, ids)))
+        yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(stamp_ns, result, ids))
+        self._steps += 1
+        if self._steps % MAP_EVERY == 1:
+            yield from self.map(stamp_ns, objects)
+
+    def map(self, stamp_ns: int, objects: list[MapObject]) -> Iterator[Outgoing]:
+        """The objects on the map, for programs and for eyes."""
+        yield Outgoing(topics.OBJECTS, stamp_ns, lambda: detections_3d(stamp_ns, objects, self.frames))
+        yield Outgoing(topics.MARKERS, stamp_ns, lambda: markers(stamp_ns, objects, self.frames))
+
+
+def encoded(frame: Frame, lossless: bool = False) -> bytes:
+    """A frame's picture as JPEG or PNG. Raises RecordingError where OpenCV does not encode it."""
+    suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    if lossless:
+        suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]  # the quickest that still compresses
+    good, data = cv2.imencode(suffix, frame.image, options)
+    if not good:
+        raise RecordingError(f"{frame.name}: OpenCV does not encode it as {suffix}")
+    return data.tobytes()

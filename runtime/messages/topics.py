@@ -1,0 +1,22 @@
+"""Names and types of the topics that edgemap writes, for recordings and live outputs alike."""
+
+from __future__ import annotations
+
+PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
+WHEEL, TRUTH, TF = "/wheel/odometry", "/ground_truth/odometry", "/tf"
+POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
+OBJECTS, MARKERS = "/map/objects", "/map/markers"
+
+KINDS = {
+    PICTURES: "sensor_msgs/msg/CompressedImage",
+    INFO: "sensor_msgs/msg/CameraInfo",
+    STAMPS: "std_msgs/msg/Float64",
+    WHEEL: "nav_msgs/msg/Odometry",
+    TRUTH: "nav_msgs/msg/Odometry",
+    TF: "tf2_msgs/msg/TFMessage",
+    POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
+    ODOMETRY: "nav_msgs/msg/Odometry",
+    BOXES: "vision_msgs/msg/Detection2DArray",
+    OBJECTS: "vision_msgs/msg/Detection3DArray",
+    MARKERS: "visualization_msgs/msg/MarkerArray",
+}
