@@ -119,5 +119,5 @@ def recording_sinks(
         return []
     wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
     facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz)
-    recorder = Recorder(path, facts, lossless=lossless, wheel=wheel_track(wheel), truth=source.truth)
-    return [RecordingSink(recorder)]
+    track = wheel_track(wheel)
+    return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]

@@ -113,7 +113,7 @@ def command(
     from edgemap.runtime.attitude.open import open_attitude
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
-    from edgemap.runtime.loop import run, stop_on_signals, tell_all
+    from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.mapper import new_mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
@@ -152,10 +152,10 @@ def command(
             report = ReportFile(folder, None if saved else source.truth, judge)
             progress = Progress(frames or source.frame_count)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
-            sinks: list[Sink] = []
             notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)
-            files = RunFolder(folder, floor, record, lambda text: tell_all(sinks, text))
-            sinks += [files, report, progress, latest, *page.sinks, *tape]
+            files = RunFolder(folder, floor, record)
+            # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
+            sinks: list[Sink] = [progress, latest, *tape, *page.sinks, files, report]
             with stop_on_signals() as stop:
                 try:
                     done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat)
@@ -177,6 +177,8 @@ def command(
 
 class _Latest:
     """A sink that keeps the last result, for the summary."""
+
+    name = "summary"
 
     def __init__(self) -> None:
         self.result: StepResult | None = None

@@ -11,6 +11,7 @@ from types import FrameType
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.fault import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.sinks.group import SinkGroup
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam
 
@@ -28,11 +29,12 @@ def run(
 
     A camera fault is told to the sinks and driving goes on; strict: it ends the run. While a live camera is away the
     pose is carried on by what needs no picture. beat: called with one line at every step, and every half second without
-    a frame. Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure on the way is
-    told to the sinks before it is raised again.
+    a frame. A sink that fails is a fault that is told (`SinkGroup`). Sinks are closed whatever happens, so the map
+    gathered so far is on disk. A known failure on the way is told to the sinks before it is raised again.
     """
     done = 0
     faults: list[CameraFault] = []
+    told = SinkGroup(sinks)
     try:
         while (frames is None or done < frames) and not (stop and stop.is_set()):
             try:
@@ -46,41 +48,22 @@ def run(
                 if strict:
                     raise
                 faults.append(fault)
-                tell_all(sinks, str(fault))
+                told.fault(str(fault))
                 continue
             if frame is None:
                 break
             result = slam.step(frame, faults)
             faults.clear()
             objects = slam.objects()
-            for sink in sinks:
-                sink.write(result, objects)
+            told.write(result, objects)
             done += 1
             beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
     except EdgemapError as error:
-        tell_all(sinks, str(error))
+        told.fault(str(error))
         raise
     finally:
-        _close_all(sinks)
+        told.close()
     return done
-
-
-def tell_all(sinks: Sequence[Sink], text: str) -> None:
-    """Tell every sink of a fault."""
-    for sink in sinks:
-        sink.fault(text)
-
-
-def _close_all(sinks: Sequence[Sink]) -> None:
-    """Close every sink, then raise the first failure: one that fails does not keep the others from saving."""
-    failure: Exception | None = None
-    for sink in sinks:
-        try:
-            sink.close()
-        except Exception as error:  # raised again below
-            failure = failure or error
-    if failure is not None:
-        raise failure
 
 
 @contextmanager

@@ -47,6 +47,8 @@ class LivePage:
     camera_state: running, degraded or lost.
     """
 
+    name = "live page"
+
     def __init__(
         self,
         about: dict[str, Any],

@@ -35,6 +35,8 @@ SAME_M = 0.5
 class _Watch:
     """A sink that notes when frames came, what faults were told, and objects that a fault cost."""
 
+    name = "watch"
+
     def __init__(self, world: World) -> None:
         self._world = world
         self.frames_s: list[float] = []

@@ -30,6 +30,8 @@ FILES = {"map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg
 class _Teller:
     """A sink that tells the stamp of every step, before the run folder hears of it."""
 
+    name = "teller"
+
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe
 

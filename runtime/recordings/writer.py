@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from edgemap.runtime.errors import RecordingError
+from edgemap.runtime.appending import append
+from edgemap.runtime.errors import DiskError, RecordingError
 from edgemap.runtime.messages.cdr import encoder
 from edgemap.runtime.messages.definitions import Message, definition
 from edgemap.runtime.recordings.extra import need_mcap
@@ -18,7 +18,9 @@ class McapFile:
     """ROS 2 messages into one MCAP file, CDR-encoded, definitions embedded.
 
     Chunks are not compressed: pictures are already, and any reader takes them. What a chunk holds reaches the
-    operating system as soon as it is full. Raises RecordingError where the file exists or the disk does not take it.
+    operating system as soon as it is full, all of it or nothing. A chunk that the disk does not take waits in memory;
+    until it is written nothing more is taken in, and what comes after it goes on in the same file.
+    Raises RecordingError where the file exists, DiskError where the disk does not take it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -30,14 +32,15 @@ class McapFile:
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: IO[bytes] | None = path.open("xb")
+            path.open("xb").close()
         except FileExistsError:
             raise RecordingError(f"{path} exists already; choose another file") from None
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be written ({error.strerror})") from None
+            raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
+        self._stream: Any = _Chunks(path)
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
-        self._failed = False
         self._writer.start(profile="ros2", library=f"edgemap {__version__}")
+        self._open = True
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
@@ -52,34 +55,48 @@ class McapFile:
             channel = self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         number = self._counts[topic] = self._counts.get(topic, 0) + 1
         data = encoder(kind)(message)
-        self._guarded(self._writer.add_message, channel, stamp_ns, data, stamp_ns, number)
+        self._written(self._writer.add_message, channel, stamp_ns, data, stamp_ns, number)
 
     def metadata(self, name: str, record: dict[str, str]) -> None:
         """Append a metadata record."""
-        self._guarded(self._writer.add_metadata, name, record)
+        self._written(self._writer.add_metadata, name, record)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Append a file."""
-        self._guarded(self._writer.add_attachment, 0, 0, name, media_type, data)
+        self._written(self._writer.add_attachment, 0, 0, name, media_type, data)
 
     def close(self) -> None:
         """Write index and end; may be called twice."""
-        if self._stream is None:
-            return
-        try:
-            if not self._failed:
-                self._guarded(self._writer.finish)
-        finally:
-            stream, self._stream = self._stream, None
-            with suppress(OSError):  # has been said; what cannot be written is still in its buffer
-                stream.close()
+        if self._open:
+            try:
+                self._written(self._writer.finish)
+            finally:
+                self._open = False
 
-    def _guarded(self, write: Any, *arguments: Any, **options: Any) -> None:
-        if self._stream is None:
+    def _written(self, write: Any, *arguments: Any, **options: Any) -> None:
+        if not self._open:
             raise RecordingError(f"{self.path}: recording is closed")
-        try:
-            write(*arguments, **options)
-            self._stream.flush()  # nothing where the chunk is not full
-        except OSError as error:
-            self._failed = True
-            raise RecordingError(f"{self.path}: cannot be written ({error.strerror})") from None
+        self._stream.flush()  # what waits since the disk did not take it
+        write(*arguments, **options)
+        self._stream.flush()  # nothing where the chunk is not full
+
+
+class _Chunks:
+    """What the MCAP library writes to: bytes wait in memory until `flush` appends them to the file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._waiting, self._end = path, bytearray(), 0
+
+    def write(self, data: bytes) -> int:
+        self._waiting += data
+        self._end += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._end
+
+    def flush(self) -> None:
+        """Raises DiskError; what waits goes on waiting then."""
+        if self._waiting:
+            append(self._path, bytes(self._waiting), create=False)
+            self._waiting.clear()

@@ -31,6 +31,8 @@ class ReportFile:
     why in one line, and `evaluation_rows` are there all the same.
     """
 
+    name = "report"
+
     def __init__(self, folder: Path, truth: Trajectory | None = None, judge: Judge | None = None) -> None:
         self.path = folder / "report.html"
         self.failure = ""
@@ -40,15 +42,7 @@ class ReportFile:
         self._closed = False
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Take in one step; never raises."""
-        if self.failure:
-            return
-        try:
-            self._take(result, objects)
-        except Exception as error:  # whatever is wrong with the report, the drive goes on
-            self._give_up(error)
-
-    def _take(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Take in one step."""
         self._history.add(result)
         self._crops.consider(result)
         if self._history.frames % _TIDY_EVERY == 0:
@@ -59,16 +53,13 @@ class ReportFile:
 
     def close(self) -> None:
         """Write the page; never raises."""
-        if self._closed or self.failure:
+        if self._closed:
             return
         self._closed = True
         try:
             write_atomically(self.path, report_page(self._findings()))
         except Exception as error:  # the map is saved, and the run's end goes on
-            self._give_up(error)
-
-    def _give_up(self, error: Exception) -> None:
-        self.failure = f"{self.path} was not written ({type(error).__name__}: {error})"
+            self.failure = f"{self.path} was not written ({type(error).__name__}: {error})"
 
     def _findings(self) -> Findings:
         objects = load_map(self._folder)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from pathlib import Path
 
-from edgemap.runtime.errors import DiskError
+from edgemap.runtime.appending import append
 
 MAX_WAITING = 200_000  # lines; an hour at 10 Hz with five sightings in each frame
 
@@ -28,17 +27,5 @@ class LineFile:
 
     def flush(self) -> None:
         """Write what waits. Raises DiskError and keeps it where the disk does not take all of it."""
-        data = "".join(self._waiting).encode()
-        try:
-            with self.path.open("ab", buffering=0) as stream:
-                start = stream.seek(0, os.SEEK_END)
-                try:
-                    left = memoryview(data)
-                    while left:
-                        left = left[stream.write(left) :]
-                except OSError:
-                    stream.truncate(start)
-                    raise
-        except OSError as error:
-            raise DiskError(f"{self.path}: cannot be written ({error.strerror})") from None
+        append(self.path, "".join(self._waiting).encode())
         self._waiting.clear()

@@ -13,6 +13,8 @@ from edgemap.runtime.slam import StepResult
 class Progress:
     """Frames done, speed and objects, on stderr; silent where stderr is no terminal. total: None for live cameras."""
 
+    name = "progress line"
+
     def __init__(self, total: int | None) -> None:
         self._bar = tqdm(total=total, unit=" frames", disable=not sys.stderr.isatty(), file=sys.stderr, leave=False)
         self._told: str | None = None

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.recordings.recorder import Recorder
 from edgemap.runtime.slam import StepResult
 
 
 class RecordingSink:
-    """Hands every step to a Recorder. Raises RecordingError where the disk does not take it."""
+    """Hands every step to a Recorder. start: makes it, and makes it again where the file vanished with its folder.
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
+    Raises DiskError where the disk does not take it: those results are missing from the recording, which goes on in the
+    same file once the disk takes it again.
+    """
+
+    def __init__(self, start: Callable[[], Recorder]) -> None:
+        self._start, self._recorder = start, start()
+        self.name = f"recording {self._recorder.path.name}"
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Record the picture and what was found in it."""
+        path = self._recorder.path
+        if path.parent.is_dir() and not path.exists():
+            self._recorder = self._start()
         self._recorder.results(self._recorder.picture(result.frame), result, objects)
 
     def fault(self, text: str) -> None:
         """Faults stand in run.json."""
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file. Raises DiskError where its end cannot be written: it is good up to its last whole chunk."""
         self._recorder.close()

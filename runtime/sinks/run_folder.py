@@ -7,7 +7,6 @@ import json
 import math
 import os
 from collections import Counter, deque
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -16,6 +15,7 @@ from typing import Any
 import cv2
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import DiskError, RunFolderError
@@ -37,16 +37,16 @@ class RunFolder:
 
     record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Trajectory
     and sightings are first written as known at the time; where loop closure or relocalisation moved the past, they are
-    written again at the end, as known then. Where the disk takes nothing any more the run goes on, and saves again once
-    it does; tell: called with both, in one line. The folder is locked while the run lasts.
+    written again at the end, as known then. What the disk does not take is kept and saved once it does. The folder is
+    locked while the run lasts.
     Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or one writes into it.
     """
 
-    def __init__(
-        self, folder: Path, camera: FloorCamera, record: dict[str, Any], tell: Callable[[str], None] | None = None
-    ) -> None:
+    name = "run folder"
+
+    def __init__(self, folder: Path, camera: FloorCamera, record: dict[str, Any]) -> None:
         self.folder = folder
-        self._camera, self._record, self._tell = camera, record, tell or self.fault
+        self._camera, self._record = camera, record
         self._trajectory, self._sightings = LineFile(folder / "trajectory.tum"), LineFile(folder / "sightings.jsonl")
         self._objects: list[MapObject] = []
         self._merged: dict[str, str] = {}
@@ -56,7 +56,8 @@ class RunFolder:
         self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
         self._fault_count = self._frames = 0
-        self._saved_s = self._full_since_s = -math.inf
+        self._saved_s = -math.inf
+        self._failure: EdgemapError | None = None  # of the newest save
         self._stamp_s = 0.0
         self._started = perf_counter()
         self._closed = False
@@ -75,7 +76,11 @@ class RunFolder:
             raise
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Append pose and sightings; save everything by the stream's time."""
+        """Append pose and sightings; save everything by the stream's time.
+
+        Raises DiskError, or RunFolderError where another run took the folder, from the save that fails until one does
+        not.
+        """
         if self._frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
             with suppress(cv2.error):
@@ -100,6 +105,8 @@ class RunFolder:
         self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
         if result.relocated is not None or not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
             self._save(rewrite=result.relocated is not None)
+        if self._failure is not None:
+            raise self._failure
 
     def fault(self, text: str) -> None:
         """Note a fault with the frame it came at."""
@@ -118,19 +125,11 @@ class RunFolder:
             os.close(self._lock)
 
     def _save(self, rewrite: bool) -> None:
-        """Save now; a disk that takes nothing is told once, and once more when it does again."""
-        self._saved_s = self._stamp_s
+        self._saved_s, self._failure = self._stamp_s, None
         try:
             self._write_all(rewrite)
-        except DiskError as error:
-            if self._full_since_s == -math.inf:
-                self._full_since_s = self._stamp_s
-                self._tell(f"{error}; the map goes on in memory and is saved once that can be")
-            return
-        if self._full_since_s > -math.inf:
-            since_s, self._full_since_s = self._full_since_s, -math.inf
-            lost = self._trajectory.dropped + self._sightings.dropped
-            self._tell(f"{self.folder}: saved again after {self._stamp_s - since_s:.1f} s of stream, {lost} lines lost")
+        except EdgemapError as error:
+            self._failure = error
 
     def _write_all(self, rewrite: bool = False) -> None:
         """The map first: it is what the run is for. Raises DiskError."""
@@ -189,6 +188,7 @@ class RunFolder:
             "fault_count": self._fault_count,
             "camera_faults": dict(self._fault_kinds),
             "faults": self._faults,
+            "lines_lost": self._trajectory.dropped + self._sightings.dropped,
         }
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
 

@@ -182,6 +182,8 @@ def test_the_same_frames_give_the_same_map_byte_for_byte(bundle, tmp_path):
 
 def test_one_sink_that_fails_to_close_does_not_keep_the_others_from_saving(bundle, tmp_path):
     class Full:
+        name = "full"
+
         def write(self, result, objects):
             pass
 

@@ -3,10 +3,10 @@
 import json
 import subprocess
 import sys
-from contextlib import suppress
 
 import numpy as np
 import pytest
+from support.small_disk import fill
 from support.steps import Steps
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -17,28 +17,40 @@ from edgemap.runtime.errors import DiskError, RunFolderError
 from edgemap.runtime.map_file import load_map, write_atomically
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.sinks.group import SinkGroup
 from edgemap.runtime.sinks.line_file import LineFile
 from edgemap.runtime.sinks.run_folder import RunFolder
 
 FLOOR = FloorCamera(Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5), Mount.from_degrees(0.6, 11.5))
 
 
-@pytest.fixture
-def small_disk(tmp_path):
-    """A file system of 64 KiB of its own."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
-    made = subprocess.run(command, capture_output=True, text=True)
-    if made.returncode:
-        pytest.skip(f"no tmpfs can be mounted here: {made.stderr.strip()}")
-    yield disk
-    subprocess.run(["umount", "-l", str(disk)], check=True)
+class Told:
+    """A sink that keeps the faults that it is told of."""
+
+    name = "told"
+
+    def __init__(self):
+        self.faults = []
+
+    def write(self, result, objects):
+        pass
+
+    def fault(self, text):
+        self.faults.append(text)
+
+    def close(self):
+        pass
 
 
-def drive(folder, steps, count):
+def told_beside(folder):
+    """A run folder in the group that a run makes of its sinks, and the faults told there."""
+    told = Told()
+    return SinkGroup([RunFolder(folder, FLOOR, {}), told]), told.faults
+
+
+def drive(sinks, steps, count):
     for _ in range(count):
-        folder.write(*steps.next())
+        sinks.write(*steps.next())
 
 
 def stamps(path):
@@ -88,31 +100,27 @@ def test_of_many_runs_at_once_one_gets_the_folder(tmp_path):
 
 
 def test_a_full_disk_costs_no_step_and_saving_resumes(small_disk):
-    told = []
-    files, steps = RunFolder(small_disk / "run", FLOOR, {}, told.append), Steps()
+    (files, told), steps = told_beside(small_disk / "run"), Steps()
     drive(files, steps, 20)
-    hog = small_disk / "hog"
-    with hog.open("wb", buffering=0) as stream, suppress(OSError):
-        while True:
-            stream.write(bytes(512))
+    hog = fill(small_disk)
     drive(files, steps, 60)
     assert len(told) == 1
-    assert "cannot be written (No space left on device); the map goes on in memory" in told[0]
+    assert "cannot be written (No space left on device); the run goes on" in told[0]
     assert load_map(small_disk / "run")  # the one before is whole
     hog.unlink()
     drive(files, steps, 20)
     assert len(told) == 2
-    assert "saved again after" in told[1]
-    assert "0 lines lost" in told[1]
+    assert told[1].startswith("run folder: works again after ")
     files.close()
+    record = json.loads((small_disk / "run" / "run.json").read_text())
+    assert (record["lines_lost"], record["fault_count"]) == (0, 2)
     assert stamps(small_disk / "run") == pytest.approx([0.1 * i for i in range(100)])
     lines = (small_disk / "run" / "sightings.jsonl").read_text().splitlines()
     assert [json.loads(line)["frame"] for line in lines] == [i for i in range(100) for _ in range(2)]
 
 
 def test_a_read_only_disk_is_told_and_the_last_save_fails_with_a_code_of_its_own(small_disk):
-    told = []
-    files, steps = RunFolder(small_disk / "run", FLOOR, {}, told.append), Steps()
+    (files, told), steps = told_beside(small_disk / "run"), Steps()
     drive(files, steps, 5)
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     drive(files, steps, 20)
@@ -126,10 +134,9 @@ def test_a_read_only_disk_is_told_and_the_last_save_fails_with_a_code_of_its_own
 def test_a_folder_that_vanishes_is_made_again_where_its_place_is_there(tmp_path):
     import shutil
 
-    told = []
     place = tmp_path / "stick"
     place.mkdir()
-    files, steps = RunFolder(place / "run", FLOOR, {}, told.append), Steps()
+    (files, told), steps = told_beside(place / "run"), Steps()
     drive(files, steps, 5)
     shutil.rmtree(place)
     drive(files, steps, 20)

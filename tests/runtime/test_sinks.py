@@ -1,0 +1,134 @@
+"""Sinks that fail: the run goes on, the failure is told once, and so is its end; what can be kept is kept."""
+
+import shutil
+
+import pytest
+from support.recordings import FACTS, drain
+from support.small_disk import fill
+from support.steps import Steps
+
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.errors import DiskError, OdometryError
+from edgemap.runtime.recordings.recorder import Recorder
+from edgemap.runtime.sinks.group import SinkGroup
+from edgemap.runtime.sinks.recording import RecordingSink
+from edgemap.view.page import LivePage
+
+DISK_KIB = 2048
+
+
+class Listener:
+    """Keeps what it is given; fails in the steps of `bad`, with `error`."""
+
+    def __init__(self, name="listener", bad=(), error: Exception | None = None):
+        self.name, self.bad, self.error = name, bad, error
+        self.frames, self.faults, self.closed = [], [], False
+
+    def write(self, result, objects):
+        if self.error is not None and result.frame.index in self.bad:
+            raise self.error
+        self.frames.append(result.frame.index)
+
+    def fault(self, text):
+        if self.error is not None:
+            raise self.error
+        self.faults.append(text)
+
+    def close(self):
+        self.closed = True
+        if self.error is not None:
+            raise self.error
+
+
+def write(sinks, steps, count):
+    for _ in range(count):
+        sinks.write(*steps.next())
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (OdometryError("no broker at 10.0.0.1:1883"), "no broker at 10.0.0.1:1883"),
+        (RuntimeError("the context\nis gone"), "RuntimeError: the context is gone"),
+    ],
+)
+def test_a_sink_that_fails_is_told_once_and_gets_every_later_result(error, text):
+    bad, good = Listener("MQTT", range(2, 7), error), Listener()
+    sinks = SinkGroup([bad, good])
+    write(sinks, Steps(), 10)
+    assert good.frames == list(range(10))
+    assert bad.frames == [0, 1, 7, 8, 9]
+    assert good.faults == [
+        f"MQTT: {text}; the run goes on",
+        "MQTT: works again after 0.5 s of stream (5 steps failed)",
+    ]
+    with pytest.raises(type(error)):
+        sinks.close()
+    assert good.closed
+    assert good.faults[2:] == [f"MQTT: {text}"]
+
+
+def test_an_unknown_failure_keeps_its_traceback_in_the_log(caplog):
+    write(SinkGroup([Listener("ROS 2", range(10), TypeError("a bug"))]), Steps(), 3)
+    (record,) = [record for record in caplog.records if record.levelname == "ERROR"]
+    assert record.exc_info[0] is TypeError
+
+
+def test_a_page_whose_server_is_gone_costs_no_step(tmp_path):
+    def gone():
+        raise RuntimeError("Event loop is closed")
+
+    page, listener = LivePage({}, tmp_path), Listener()
+    sinks, steps = SinkGroup([page, listener]), Steps()
+    page.wake_once(gone)
+    write(sinks, steps, 3)
+    assert listener.frames == [0, 1, 2]
+    assert listener.faults[0] == "live page: RuntimeError: Event loop is closed; the run goes on"
+
+
+def test_a_recording_goes_on_in_the_same_file_once_the_disk_has_room(small_disk):
+    path, listener, steps = small_disk / "a.mcap", Listener(), Steps(64, 48)
+    sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True)), listener])
+    write(sinks, steps, 60)
+    hog = fill(small_disk)
+    write(sinks, steps, 120)
+    full = f"{path}: cannot be written (No space left on device)"
+    assert listener.faults == [f"recording a.mcap: {full}; the run goes on"]
+    hog.unlink()
+    write(sinks, steps, 20)
+    sinks.close()
+    assert len(listener.frames) == 200
+    assert listener.faults[1].startswith("recording a.mcap: works again after ")
+    with open_camera(str(path)) as camera:
+        stamps = [frame.stamp_s for frame in drain(camera)]
+    assert stamps == sorted(set(stamps))
+    assert stamps[:60] == pytest.approx([0.1 * i for i in range(60)])
+    assert stamps[-20:] == pytest.approx([0.1 * i for i in range(180, 200)])
+
+
+def test_a_recording_whose_end_the_disk_does_not_take_is_good_up_to_its_last_chunk(small_disk):
+    path, steps = small_disk / "a.mcap", Steps(64, 48)
+    sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True))])
+    write(sinks, steps, 100)
+    fill(small_disk)
+    write(sinks, steps, 100)
+    with pytest.raises(DiskError, match="No space left") as caught:
+        sinks.close()
+    assert caught.value.exit_code == 4
+    with open_camera(str(path)) as camera:
+        assert camera.read() is not None
+
+
+def test_a_recording_begins_again_where_its_folder_vanished_and_is_back(tmp_path):
+    path, listener, steps = tmp_path / "stick" / "a.mcap", Listener(), Steps(64, 48)
+    sinks = SinkGroup([RecordingSink(lambda: Recorder(path, FACTS, lossless=True)), listener])
+    write(sinks, steps, 20)
+    shutil.rmtree(path.parent)
+    write(sinks, steps, 100)
+    assert "cannot be written (No such file or directory)" in listener.faults[0]
+    path.parent.mkdir()
+    write(sinks, steps, 20)
+    sinks.close()
+    assert "works again" in listener.faults[1]
+    with open_camera(str(path)) as camera:
+        assert [frame.stamp_s for frame in drain(camera)] == pytest.approx([0.1 * i for i in range(120, 140)])
