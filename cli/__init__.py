@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "calibrate intrinsics": ("calibrate_intrinsics", "the lens, from pictures of a chessboard"),
     "calibrate mount": ("calibrate_mount", "height, pitch and roll, from a chessboard on the floor"),
     "calibrate tilt": ("calibrate_tilt", "pitch and roll without a pattern, from the room's own edges"),
+    "cameras": ("cameras", "the cameras that are here, and what to type for each"),
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 

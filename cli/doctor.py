@@ -78,7 +78,7 @@ def _examine(
 ) -> Iterator[Finding]:
     yield from _processor()
     yield from _libraries()
-    yield from _realsense()
+    yield from _cameras()
     yield _bundle(bundle, camera)
     yield from _camera(camera, mount, intrinsics, camera_file, plot)
 
@@ -139,18 +139,19 @@ def _libraries() -> Iterator[Finding]:
         yield Finding("extra", "ok", text)
 
 
-def _realsense() -> Iterator[Finding]:
-    from edgemap.runtime.cameras.realsense import devices
+def _cameras() -> Iterator[Finding]:
+    from edgemap.cli.cameras import command_line
+    from edgemap.runtime.cameras.found import found_cameras
 
-    try:
-        found = devices()
-    except EdgemapError as error:
-        yield Finding("realsense", "missing", str(error))
-        return
-    if not found:
-        yield Finding("realsense", "missing", "librealsense and libusb load; no device is plugged in")
-    for serial, name in found:
-        yield Finding("realsense", "ok", f"{name}, serial {serial}", f"edgemap run --camera realsense:{serial}")
+    cameras, notes = found_cameras()
+    for note in notes:
+        yield Finding("cameras", "missing", note)
+    if not cameras:
+        yield Finding("cameras", "missing", "no camera is plugged in")
+    for camera in cameras:
+        yield Finding(
+            "cameras", "missing" if camera.problem else "ok", camera.problem or camera.name, command_line(camera)
+        )
 
 
 def _bundle(name: str | None, camera: str) -> Finding:

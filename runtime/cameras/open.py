@@ -7,6 +7,7 @@ from pathlib import Path
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.device import Driver
+from edgemap.runtime.cameras.plugins import load_kind, plugin_kinds
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import CameraError
 
@@ -58,6 +59,10 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Came
         from edgemap.runtime.cameras.recording import RecordingCamera
 
         return RecordingCamera(spec, intrinsics, mount)
+    kinds = plugin_kinds()
+    if kind in kinds:
+        source = load_kind(kinds[kind]).open(rest, intrinsics, mount)
+        return source if isinstance(source, Camera) else _open_live(source, intrinsics, mount)
     path = Path(spec).expanduser()
     if path.is_dir():
         from edgemap.runtime.cameras.pictures import open_folder
@@ -67,9 +72,10 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Came
         from edgemap.runtime.cameras.video import VideoCamera
 
         return VideoCamera(spec, path, intrinsics, mount)
+    understood = UNDERSTOOD + "".join(f", {name}[:ADDRESS]" for name in sorted(kinds))
     if path.suffix or "/" in spec:
-        raise CameraError(f"camera {spec!r}: no such file or folder; understood: {UNDERSTOOD}")
-    raise CameraError(f"camera {spec!r} is not understood; understood: {UNDERSTOOD}")
+        raise CameraError(f"camera {spec!r}: no such file or folder; understood: {understood}")
+    raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
 
 
 def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:

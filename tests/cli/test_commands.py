@@ -245,7 +245,7 @@ def test_doctor_says_what_works_and_what_to_type(edgemap, painted_bundle, pictur
     grid = tmp_path / "grid.jpg"
     result = edgemap("doctor", "--camera", pictures, "--bundle", painted_bundle, "--plot", grid)
     assert result.returncode == 0, result.stdout
-    for topic in ("processor", "libraries", "realsense", "bundle", "camera", "mount"):
+    for topic in ("processor", "libraries", "cameras", "bundle", "camera", "mount"):
         assert topic in result.stdout
     assert cv2.imread(str(grid)) is not None
     (pictures / "camera.yaml").unlink()

@@ -1,4 +1,4 @@
-"""A network camera that stalls, leaves the network and comes back, in real time."""
+"""Network cameras that leave the network and come back, in real time."""
 
 import time
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.live_camera import drain
 from support.mjpeg import MjpegServer
+from support.rtsp import RtspServer, gradients
 
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.fault import CameraState
@@ -13,8 +14,10 @@ from edgemap.runtime.cameras.live import LiveCamera
 from edgemap.runtime.errors import CameraError
 
 
-def test_a_stream_that_goes_away_comes_back():
-    with MjpegServer() as server, open_camera(server.url) as camera:
+@pytest.mark.parametrize("serve", [MjpegServer, lambda: RtspServer(gradients())], ids=["http", "rtsp"])
+def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
+    monkeypatch.setattr("edgemap.runtime.cameras.stream.READ_LIMIT_MS", 500)  # RTSP's three retries take it in full
+    with serve() as server, open_camera(server.url) as camera:
         assert isinstance(camera, LiveCamera)
         assert camera.live
         assert camera.size == (64, 48)
@@ -31,6 +34,15 @@ def test_a_stream_that_goes_away_comes_back():
         assert told[-1].kind.value == "recovered"
         assert camera.state is CameraState.RUNNING
         assert server.connections >= 2
+
+
+def test_rtsp_delivers_the_pictures_that_were_served():
+    pictures = gradients()
+    with RtspServer(pictures) as server, open_camera(server.url) as camera:
+        for frame in drain(camera, 5):
+            apart = [np.abs(frame.image.astype(int) - picture).mean() for picture in pictures]
+            assert min(apart) < 5.0  # JPEG, twice; the next picture is 3.3 away on top
+            assert sorted(apart)[1] > min(apart) + 1.0
 
 
 def test_no_stream_is_one_line_without_the_password():

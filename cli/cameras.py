@@ -1,0 +1,38 @@
+"""`edgemap cameras`: which cameras are here, and what to type for each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from edgemap.cli.options import Json
+
+if TYPE_CHECKING:
+    from edgemap.runtime.cameras.found import FoundCamera
+
+
+def command(json: Json = False) -> None:
+    """List RealSense devices, V4L2 devices and what installed camera kinds find, each with the command to type."""
+    from edgemap.runtime.cameras.found import found_cameras
+
+    cameras, notes = found_cameras()
+    if json:
+        import json as json_module
+        from dataclasses import asdict
+
+        found = [asdict(camera) | {"command": command_line(camera)} for camera in cameras]
+        print(json_module.dumps({"cameras": found, "notes": notes}, indent=1))
+        return
+    for camera in cameras:
+        print(f"{camera.spec:<24} {camera.name}" + (f"; {camera.problem}" if camera.problem else ""))
+        print(f"{'':<24} -> {command_line(camera)}")
+    if not cameras:
+        print("no camera found; without one:  edgemap run  (the demo)")
+    for note in notes:
+        print(f"not looked for: {note}")
+    print("network cameras are not searched for:  --camera rtsp://ADDRESS or http://ADDRESS")
+
+
+def command_line(camera: FoundCamera) -> str:
+    """What to type to drive with it: the words in capitals are to be filled in."""
+    lens = "" if camera.knows_lens else " --intrinsics FX,FY,CX,CY"
+    return f"edgemap run --camera {camera.spec} --mount HEIGHT_M,PITCH_DEG{lens}"

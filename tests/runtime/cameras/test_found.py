@@ -1,0 +1,124 @@
+"""What `edgemap cameras` finds, and cameras that another package brings."""
+
+import json
+import os
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from support.live_camera import drain
+
+from edgemap.runtime.cameras import found, open_camera, plugins
+from edgemap.runtime.errors import CameraError
+
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "edgemap-rpicam"
+
+
+def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
+    """A USB camera's second node carries metadata; a RealSense that librealsense sees is listed once."""
+    capabilities = {"video0": 0x04200001, "video1": 0x04A00000, "video2": 0x04201000, "video10": 0x04200001}
+    for name in capabilities:
+        (tmp_path / name).touch()
+        (tmp_path / "sys" / name).mkdir(parents=True)
+        (tmp_path / "sys" / name / "name").write_text(f"Camera {name}\n")
+    (tmp_path / "sys" / "video10" / "name").write_text("Intel(R) RealSense(TM) Depth Camera\n")
+
+    def capability(handle, request, answer):
+        assert request == 0x80685600
+        name = Path(os.readlink(f"/proc/self/fd/{handle}")).name
+        answer[:] = struct.pack("16s32s32sIII12x", b"uvcvideo", b"", b"", 0, 0x85200001, capabilities[name])
+
+    monkeypatch.setattr("fcntl.ioctl", capability)
+    monkeypatch.setattr(found, "VIDEO_NODES", tmp_path)
+    monkeypatch.setattr(found, "SYSFS", tmp_path / "sys")
+    monkeypatch.setattr(found, "plugin_kinds", dict)
+    monkeypatch.setattr("edgemap.runtime.cameras.realsense.devices", list)
+    cameras, notes = found.found_cameras()
+    assert [(camera.spec, camera.name) for camera in cameras] == [
+        (f"{tmp_path}/video0", "Camera video0"),
+        (f"{tmp_path}/video2", "Camera video2"),
+        (f"{tmp_path}/video10", "Intel(R) RealSense(TM) Depth Camera"),
+    ]
+    assert notes == []
+    monkeypatch.setattr("edgemap.runtime.cameras.realsense.devices", lambda: [("123", "Intel RealSense D435")])
+    cameras, _ = found.found_cameras()
+    assert [camera.spec for camera in cameras] == ["realsense:123", f"{tmp_path}/video0", f"{tmp_path}/video2"]
+
+
+def test_two_packages_with_one_kind_are_refused(monkeypatch):
+    points = [plugins.EntryPoint("lab", "one", plugins.GROUP), plugins.EntryPoint("lab", "other", plugins.GROUP)]
+    monkeypatch.setattr(plugins, "entry_points", lambda group: points)
+    with pytest.raises(CameraError, match="'lab' comes from two packages, one and other"):
+        open_camera("lab:1")
+
+
+def test_a_package_that_does_not_import_is_one_line(monkeypatch):
+    point = plugins.EntryPoint("lab", "no_such_module_here", plugins.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
+    with pytest.raises(CameraError, match="'lab' of no_such_module_here does not load .ModuleNotFoundError"):
+        open_camera("lab")
+
+
+@pytest.fixture(scope="module")
+def raspberry_pi(tmp_path_factory):
+    """The documented example, installed, and programs that answer as a Raspberry Pi's do: PATH and PYTHONPATH."""
+    pytest.importorskip("setuptools")
+    folder = tmp_path_factory.mktemp("pi")
+    source = shutil.copytree(EXAMPLE, folder / "source")  # building leaves files behind
+    install = ["-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index", "-t", folder / "site"]
+    if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
+        pytest.skip("no pip here")
+    subprocess.run([sys.executable, *install, source], check=True, capture_output=True)
+    for number in range(3):
+        picture = np.full((480, 640, 3), 40 * number + 20, np.uint8)
+        cv2.imwrite(str(folder / f"{number}.jpg"), picture)
+    programs = folder / "bin"
+    programs.mkdir()
+    (programs / "rpicam-hello").write_text(
+        "#!/bin/sh\nprintf 'Available cameras\\n-----------------\\n"
+        "0 : imx708 [4608x2592 10-bit RGGB] (/base/axi/pcie@120000/rp1/i2c@88000/imx708@1a)\\n"
+        "    Modes: ...\\n1 : ov5647 [2592x1944 10-bit GBRG] (...)\\n'\n"
+    )
+    (programs / "rpicam-vid").write_text(
+        f'#!/bin/sh\necho "$@" > {folder}/arguments\ntouch {folder}/started.$$\n'
+        f"for i in 1 2 3 4 5; do for n in 0 1 2; do cat {folder}/$n.jpg; sleep 0.05; done; done\n"
+    )
+    for program in programs.iterdir():
+        program.chmod(0o755)
+    return folder
+
+
+def test_the_example_lists_its_cameras(raspberry_pi):
+    environment = os.environ | {"PYTHONPATH": str(raspberry_pi / "site")}
+    environment["PATH"] = f"{raspberry_pi / 'bin'}:{os.environ['PATH']}"
+    command = [sys.executable, "-m", "edgemap.cli", "cameras"]
+    shown = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+    assert "rpicam:1 " in shown
+    assert "edgemap run --camera rpicam:0 --mount HEIGHT_M,PITCH_DEG --intrinsics FX,FY,CX,CY" in shown
+    told = json.loads(subprocess.run([*command, "--json"], env=environment, capture_output=True, check=True).stdout)
+    cameras = [camera for camera in told["cameras"] if camera["kind"] == "rpicam"]
+    assert [(camera["spec"], camera["name"]) for camera in cameras] == [("rpicam:0", "imx708"), ("rpicam:1", "ov5647")]
+
+
+def test_the_example_delivers_and_is_recovered(raspberry_pi, monkeypatch):
+    """In this process: frames arrive whole and in order, and a program that ends is started again."""
+    monkeypatch.setenv("PATH", f"{raspberry_pi / 'bin'}:{os.environ['PATH']}")
+    monkeypatch.syspath_prepend(raspberry_pi / "site")
+    faults = []
+    with open_camera("rpicam:1") as camera:
+        assert camera.live
+        assert camera.size == (640, 480)
+        frames = drain(camera, 25, faults)
+    assert (raspberry_pi / "arguments").read_text().startswith("--camera 1 ")
+    levels = [int(frame.image.mean()) for frame in frames]
+    assert set(levels) <= {20, 60, 100}
+    assert len(set(levels)) == 3
+    assert len(list(raspberry_pi.glob("started.*"))) >= 2
+    assert [fault.kind.value for fault in faults][:2] == ["failed", "recovered"]
+    with pytest.raises(CameraError, match="NUMBER must be a whole number"):
+        open_camera("rpicam:x")
