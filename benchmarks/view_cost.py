@@ -98,7 +98,7 @@ def look(port: int) -> None:
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 
-    with connect(f"ws://127.0.0.1:{port}/socket", max_size=None, proxy=None) as socket:
+    with connect(f"ws://127.0.0.1:{port}/api/stream", max_size=None, proxy=None) as socket:
         got = {"updates": 0, "bytes": 0}
 
         def receive() -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.report.crops import BestCrops
     from edgemap.runtime.sinks.protocol import Sink
     from edgemap.view.pause import Pause
 
@@ -67,7 +68,15 @@ class OpenPage(NoPage):
 
 @contextmanager
 def live_page(
-    wanted: bool, host: str, port: int, source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path
+    wanted: bool,
+    host: str,
+    port: int,
+    source: Camera,
+    bundle: Bundle,
+    floor: FloorCamera,
+    odometry: str,
+    folder: Path,
+    crops: BestCrops,
 ) -> Iterator[NoPage]:
     """The page of a run while the block lasts. Raises MissingExtraError, or ViewError where the address is taken."""
     if not wanted:
@@ -80,7 +89,7 @@ def live_page(
     from edgemap.view.server import PageServer
 
     pause = None if source.live else Pause()
-    page = LivePage(about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state)
+    page = LivePage(about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state, crops)
     server = PageServer(page, host, port)
     try:
         print(f"live page:  {server.url}", flush=True)

@@ -117,6 +117,7 @@ def command(
     from edgemap.runtime.mapper import new_mapper
     from edgemap.runtime.odometry import open_odometry
     from edgemap.runtime.pipeline import Pipeline
+    from edgemap.runtime.report.crops import BestCrops
     from edgemap.runtime.report.sink import ReportFile
     from edgemap.runtime.service import ServiceNotifier
     from edgemap.runtime.sinks.progress import Progress
@@ -146,10 +147,11 @@ def command(
         record |= {"map": str(saved), "start": start} if saved else {}
         options |= {name: getattr(loaded, name) for name in ("engine", "precision") if name in options}
         record |= {"options": options, "config": config_document(tuned)}
-        with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder) as page:
+        crops = BestCrops()
+        with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops) as page:
             latest = _Latest()
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
-            report = ReportFile(folder, None if saved else source.truth, judge)
+            report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
             notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)

@@ -30,25 +30,27 @@ def map_document(objects: list[MapObject]) -> dict:
     document = {
         "format": FORMAT,
         "frame": "map",
-        "objects": [
-            {
-                "id": item.id,
-                "label": item.label,
-                "x_m": round(float(item.position_m[0]), 6),
-                "y_m": round(float(item.position_m[1]), 6),
-                "covariance_m2": [[round(float(v), 9) for v in row] for row in item.covariance_m2],
-                "width_m": round(item.width_m, 4),
-                "height_m": round(item.height_m, 4),
-                "count": item.count,
-                "confidence": round(item.confidence, 6),
-                "first_seen_s": round(item.first_seen_s, 6),
-                "last_seen_s": round(item.last_seen_s, 6),
-                "labels": {label: round(share, 6) for label, share in item.labels.items()},
-            }
-            for item in objects
-        ],
+        "objects": [object_record(item) for item in objects],
     }
     return document | ({"seen_from_m": views} if views else {})
+
+
+def object_record(item: MapObject) -> dict:
+    """One object of the map as `map.json` holds it."""
+    return {
+        "id": item.id,
+        "label": item.label,
+        "x_m": round(float(item.position_m[0]), 6),
+        "y_m": round(float(item.position_m[1]), 6),
+        "covariance_m2": [[round(float(v), 9) for v in row] for row in item.covariance_m2],
+        "width_m": round(item.width_m, 4),
+        "height_m": round(item.height_m, 4),
+        "count": item.count,
+        "confidence": round(item.confidence, 6),
+        "first_seen_s": round(item.first_seen_s, 6),
+        "last_seen_s": round(item.last_seen_s, 6),
+        "labels": {label: round(share, 6) for label, share in item.labels.items()},
+    }
 
 
 def write_atomically(path: Path, text: str | bytes) -> None:

@@ -1,16 +1,18 @@
-"""The page's addresses: its files, the map to download, and the socket."""
+"""The run's addresses: the page's files, the API that the page itself uses, and its stream."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
+from edgemap.view.api import Api
 from edgemap.view.guard import Guard
 from edgemap.view.page import LivePage
 from edgemap.view.updates import Pictures, Vitals
@@ -31,11 +33,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
 
     async def file(request: Request) -> Response:
         content, kind = files[request.url.path]
-        return Response(content, media_type=kind, headers=_headers(request))
-
-    async def download(request: Request) -> Response:
-        headers = _headers(request) | {"Content-Disposition": 'attachment; filename="map.json"'}
-        return Response(page.map_text(), media_type="application/json", headers=headers)
+        return Response(content, media_type=kind)
 
     async def socket(websocket: WebSocket) -> None:
         if len(viewers) >= MOST_VIEWERS:
@@ -50,13 +48,29 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
             viewers.discard(viewer)
 
     routes = [Route(path, file) for path in files]
-    routes += [Route("/map.json", download), WebSocketRoute("/socket", socket)]
-    return Guard(Starlette(routes=routes), token, cookie)
+    routes += [*Api(page, pictures, vitals).routes(), WebSocketRoute("/api/stream", socket)]
+    return Guard(_Sealed(Starlette(routes=routes)), token, cookie)
 
 
-def _headers(request: Request) -> dict[str, str]:
-    """Nothing from elsewhere, nobody's frame, nothing kept."""
-    host = request.headers["host"]  # the guard has seen that it is ours
+class _Sealed:
+    """ASGI middleware: every answer, a failure too, carries `_headers`."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on, with the headers."""
+
+        async def sealed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(_headers(Headers(scope=scope)["host"]))
+            await send(message)
+
+        await self._app(scope, receive, sealed)
+
+
+def _headers(host: str) -> dict[str, str]:
+    """Nothing from elsewhere, nobody's frame, nothing kept. host: the guard has seen that it is ours."""
     policy = f"default-src 'self'; connect-src 'self' ws://{host} wss://{host}; img-src 'self' blob: data:"
     return {
         "Content-Security-Policy": f"{policy}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",

@@ -14,6 +14,7 @@ import numpy as np
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.map_file import map_text, save_map
 from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.report.crops import BestCrops
 from edgemap.runtime.slam import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
@@ -25,10 +26,11 @@ RATE_OVER = 20  # frames over which the frame rate is averaged
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What went wrong, in one line, and the number of the frame at which it began."""
+    """What went wrong, in one line, and the number of the frame at which it began. told_s: `time.monotonic`."""
 
     frame: int
     text: str
+    told_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ class LivePage:
     """A sink that never waits: `write` puts references into a slot and wakes the server's thread if a viewer waits.
 
     about: what the page says of the run (plain JSON values). folder: where `save` writes. pause: None for live cameras.
-    camera_state: running, degraded or lost.
+    camera_state: running, degraded or lost. crops: the objects' best pictures, which the report gathers.
     """
 
     name = "live page"
@@ -55,8 +57,10 @@ class LivePage:
         folder: Path,
         pause: Pause | None = None,
         camera_state: Callable[[], str] = lambda: "running",
+        crops: BestCrops | None = None,
     ) -> None:
         self.about, self.folder, self.pause, self.camera_state = about, folder, pause, camera_state
+        self.crops = crops or BestCrops()
         self.newest: Moment | None = None
         self.revision = 0
         self.epoch = 0  # counts how often everything told before has moved
@@ -69,6 +73,7 @@ class LivePage:
         self._moved_m = 0.0
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
+        self.last_fault: Fault | None = None  # that somebody else than the step told
         self._trail_end: tuple[float, float] | None = None
         self._wake: Callable[[], None] | None = None
 
@@ -90,12 +95,13 @@ class LivePage:
         if fault != self._last_fault:
             self._last_fault = fault
             if fault:
-                self.faults.append(Fault(result.frame.index, fault))
+                self.faults.append(Fault(result.frame.index, fault, now_s))
         self._changed()
 
     def fault(self, text: str) -> None:
         """Show a fault on the page."""
-        self.faults.append(Fault(self.newest.result.frame.index if self.newest else 0, text))
+        self.last_fault = Fault(self.newest.result.frame.index if self.newest else 0, text, time.monotonic())
+        self.faults.append(self.last_fault)
         self._changed()
 
     def close(self) -> None:
@@ -131,6 +137,11 @@ class LivePage:
         arrivals = list(self._arrivals_s)
         span_s = arrivals[-1] - arrivals[0] if len(arrivals) > 1 else 0.0
         return (len(arrivals) - 1) / span_s if span_s > 0 else None
+
+    @property
+    def rate_known(self) -> bool:
+        """Whether `rate_hz` is over enough steps to be judged."""
+        return len(self._arrivals_s) == RATE_OVER
 
     def map_text(self) -> str:
         """The map as the text of `map.json`."""

@@ -34,6 +34,11 @@ class Tail(Generic[T]):
         """All that are kept, oldest first."""
         return list(self._items)
 
+    @property
+    def total(self) -> int:
+        """How many were ever appended."""
+        return self._total
+
     def since(self, number: int, most: int) -> tuple[list[T], int]:
         """At most so many items from `number` on, oldest first, and the number to ask for next."""
         with self._lock:

@@ -9,20 +9,19 @@ import time
 from typing import Any
 
 import cv2
-import msgspec
-import numpy as np
 import psutil
 
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.map_file import map_document
 from edgemap.runtime.slam import StepResult
+from edgemap.view.answers import fault_answer, frame_answer, plain
 from edgemap.view.page import LivePage
+from edgemap.view.status import pose_sigma, status
 
 JPEG_QUALITY = 75
 WIDEST_PX = 960
 MOST_ITEMS = 4000  # of a history in one update; the rest follows in the next ones
-ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers
 
 
 class Pictures:
@@ -92,7 +91,8 @@ class Cursor:
         faults, self._faults = page.faults.since(self._faults, MOST_ITEMS)
         document: dict[str, Any] = {
             "number": number, "state": page.state, "camera_state": page.camera_state(), "moved": moved,
-            "trail": trail, "faults": faults, "vitals": vitals.now(),
+            "status": status(page), "trail": trail, "faults": [fault_answer(fault) for fault in faults],
+            "vitals": vitals.now(),
         }  # fmt: skip
         if self._with_sightings:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MOST_ITEMS)
@@ -103,7 +103,7 @@ class Cursor:
             if moment.result.frame is not self._frame:
                 self._frame = moment.result.frame
                 jpeg = pictures.jpeg(self._frame)
-        head = ENCODER.encode(document)
+        head = plain(document)
         return struct.pack("<I", len(head)) + head + jpeg
 
     def _object_changes(self, objects: list[MapObject]) -> dict[str, Any]:
@@ -116,30 +116,9 @@ class Cursor:
 
 
 def _step(result: StepResult) -> dict[str, Any]:
-    pose, covariance = result.pose_map_base, result.pose_covariance
-    way_m = math.sqrt(max(0.0, float(np.trace(covariance[:2, :2])) / 2.0))
-    turn_rad = math.sqrt(max(0.0, float(covariance[2, 2])))
-    return {
-        "frame": result.frame.index,
-        "stamp_s": result.frame.stamp_s,
+    pose = result.pose_map_base
+    return frame_answer(result) | {
         "pose": [float(pose.x_m), float(pose.y_m), float(pose.yaw_rad)],
-        "pose_sigma": [way_m, turn_rad],
-        "motion_fault": "; ".join(result.observed.faults),
-        "boxes": _boxes(result),
-        "stages_ms": result.stages_ms,
+        "pose_sigma": pose_sigma(result),
+        "pose_covariance": result.pose_covariance.tolist(),
     }
-
-
-def _boxes(result: StepResult) -> list[dict[str, Any]]:
-    placed = {
-        item.sighting.detection: (round(float(item.sighting.distance_m), 3), identity)
-        for item, identity in zip(result.sightings, result.object_ids, strict=True)
-    }
-    found = result.detections
-    boxes = []
-    for index, label in enumerate(found.labels):
-        distance_m, identity = placed.get(index, (None, ""))
-        box = [round(float(v), 1) for v in found.boxes[index]]
-        score = round(float(found.scores[index]), 3)
-        boxes.append({"box": box, "label": label, "score": score, "distance_m": distance_m, "object": identity})
-    return boxes

@@ -10,7 +10,6 @@ from typing import Literal
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from edgemap.geometry.errors import EdgemapError
 from edgemap.view.page import LivePage
 from edgemap.view.updates import Cursor, Pictures, Vitals
 
@@ -22,7 +21,7 @@ SIGN_OF_LIFE_S = 1.0  # an update at least this often, so that the page sees a s
 class Ask(msgspec.Struct):
     """What a page says. shown: an update was drawn. stream: whether it wants any (off while hidden)."""
 
-    do: Literal["shown", "stream", "sightings", "pause", "save"]
+    do: Literal["shown", "stream", "sightings"]
     on: bool = True
 
 
@@ -98,28 +97,16 @@ class Viewer:
                 return
             except RecursionError:  # a field that nobody knows, nested too deeply to be skipped
                 continue
-            await self._answer(ask)
+            self._answer(ask)
             self._make_room()
 
-    async def _answer(self, ask: Ask) -> None:
+    def _answer(self, ask: Ask) -> None:
         if ask.do == "shown":
             self._in_flight = max(0, self._in_flight - 1)
         elif ask.do == "stream":
             self._streams = ask.on
-        elif ask.do == "sightings":
+        else:
             self._cursor.want_sightings(ask.on)
-        elif ask.do == "pause":
-            self._page.set_paused(ask.on)
-        elif ask.do == "save":
-            await self._save()
-
-    async def _save(self) -> None:
-        try:
-            path = await asyncio.to_thread(self._page.save)
-            told = {"type": "notice", "text": f"saved {path}"}
-        except EdgemapError as error:
-            told = {"type": "notice", "text": str(error)}
-        await self._socket.send_text(msgspec.json.encode(told).decode())
 
     def _make_room(self) -> None:
         if self._streams and self._in_flight < IN_FLIGHT:

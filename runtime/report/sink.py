@@ -27,18 +27,24 @@ class ReportFile:
     """Writes `report.html` into a run folder. Put it AFTER the folder's own sink: the page tells what that has saved.
 
     truth: the drive's own poses from its start, None where unknown. judge: given the map and the number of frames,
-    what the truth says of it; None where no truth is known. A report that fails never costs the run: `failure` tells
-    why in one line, and `evaluation_rows` are there all the same.
+    what the truth says of it; None where no truth is known. crops: gathers the pictures, for others to read. A report
+    that fails never costs the run: `failure` tells why in one line, and `evaluation_rows` are there all the same.
     """
 
     name = "report"
 
-    def __init__(self, folder: Path, truth: Trajectory | None = None, judge: Judge | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        truth: Trajectory | None = None,
+        judge: Judge | None = None,
+        crops: BestCrops | None = None,
+    ) -> None:
         self.path = folder / "report.html"
         self.failure = ""
         self.evaluation_rows: list[EvaluationRow] = []
         self._folder, self._truth, self._judge = folder, truth, judge
-        self._crops, self._history = BestCrops(), History()
+        self._crops, self._history = crops or BestCrops(), History()
         self._closed = False
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:

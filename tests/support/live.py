@@ -33,5 +33,5 @@ class RawViewer:
 
 @contextmanager
 def raw_viewer(port, query="", **options):
-    with connect(f"ws://127.0.0.1:{port}/socket{query}", max_size=None, proxy=None, **options) as socket:
+    with connect(f"ws://127.0.0.1:{port}/api/stream{query}", max_size=None, proxy=None, **options) as socket:
         yield RawViewer(socket)

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from support import painted
+from support.http_client import Api
 from support.live import raw_viewer
 
 
@@ -85,13 +86,13 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
 
         viewer.say("stream")
         until(lambda update: update.get("frame", 0) >= 2)
-        viewer.say("pause")
+        Api(port)("POST", "/api/pause", {"paused": True})
         until(lambda update: update["state"] == "paused")
         held, after = until(lambda update: True), until(lambda update: True)  # the frame under way, and a sign of life
         assert after["frame"] == held["frame"]
-        viewer.say("pause", on=False)
+        Api(port)("POST", "/api/pause", {"paused": False})
         last = until(lambda update: update["frame"] >= held["frame"] + 3)["frame"]
-        viewer.say("pause")
+        Api(port)("POST", "/api/pause", {"paused": True})
         until(lambda update: update["state"] == "paused")
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=20)

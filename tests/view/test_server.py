@@ -1,12 +1,12 @@
 """The server as any program meets it: who is let in, what is sent, and what a slow or rude viewer does to others."""
 
 import http.client
-import json
 import socket
 from contextlib import suppress
 from dataclasses import replace
 
 import pytest
+from support.http_client import Api
 from support.live import raw_viewer
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -45,7 +45,7 @@ def test_the_page_names_nothing_from_elsewhere(serve):
         assert "http://" not in text
         assert "https://" not in text
     assert ask(served.port, "/../page.py")[0] == 404
-    assert ask(served.port, "/map.json", "POST")[0] == 405
+    assert ask(served.port, "/api/map", "POST")[0] == 405
 
 
 def test_a_name_that_was_made_to_point_here_is_refused(serve):
@@ -59,11 +59,11 @@ def test_a_name_that_was_made_to_point_here_is_refused(serve):
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1", "http://localhost"])
 def test_another_sites_script_gets_neither_map_nor_socket(serve, origin):
     port = serve().port
-    assert ask(port, "/map.json", Origin=origin)[0] == 403
+    assert ask(port, "/api/map", Origin=origin)[0] == 403
     with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, origin=origin):
         pass
     own = f"http://127.0.0.1:{port}"
-    assert ask(port, "/map.json", Origin=own)[0] == 200
+    assert ask(port, "/api/map", Origin=own)[0] == 200
     with raw_viewer(port, origin=own) as viewer:
         assert viewer.hello["camera"] == "made"
 
@@ -75,13 +75,13 @@ def test_beyond_loopback_nothing_comes_without_the_token(serve):
     assert served.url.endswith(f"/?token={token}")
     wrong = ("", "?token=", "?token=wrong", f"?token={token[:-1]}", f"?token={token}x", "?token=%C3%A4%FF")
     for query in wrong:
-        for path in ("/", "/map.json", "/main.js", "/socket", "/nowhere"):
+        for path in ("/", "/api/map", "/main.js", "/api/stream", "/nowhere"):
             assert ask(port, path + query)[0] == 401, path + query
         with pytest.raises(InvalidStatus, match="403"), raw_viewer(port, query):
             pass
     assert token not in ask(port)[2]
-    assert ask(port, "/map.json", Authorization="Bearer wrong")[0] == 401
-    assert ask(port, "/map.json", Cookie=f"edgemap-{port}=wrong")[0] == 401
+    assert ask(port, "/api/map", Authorization="Bearer wrong")[0] == 401
+    assert ask(port, "/api/map", Cookie=f"edgemap-{port}=wrong")[0] == 401
 
 
 def test_the_token_lets_in_and_leaves_the_address_bar(serve):
@@ -93,8 +93,8 @@ def test_the_token_lets_in_and_leaves_the_address_bar(serve):
     assert "HttpOnly" in cookie
     kept = cookie.split(";")[0]
     assert ask(port, Cookie=kept)[0] == 200
-    assert ask(port, f"/map.json?token={token}")[0] == 200
-    assert ask(port, "/map.json", Authorization=f"Bearer {token}")[0] == 200
+    assert ask(port, f"/api/map?token={token}")[0] == 200
+    assert ask(port, "/api/map", Authorization=f"Bearer {token}")[0] == 200
     with raw_viewer(port, additional_headers={"Cookie": kept}) as viewer:
         assert viewer.hello["type"] == "hello"
     with (
@@ -228,7 +228,14 @@ def test_a_rude_viewer_is_shown_out_and_the_rest_stay(serve):
     served = serve()
     served.step()
     with raw_viewer(served.port) as good:
-        for rude in ("no json", '{"do":"format the disk"}', '{"do":"pause","on":3}', b"\x00\x01", "x" * 10_000):
+        for rude in (
+            "no json",
+            '{"do":"format the disk"}',
+            '{"do":"stream","on":3}',
+            '{"do":"pause"}',
+            b"\x00\x01",
+            "x" * 10_000,
+        ):
             with raw_viewer(served.port) as viewer:
                 viewer.socket.send(rude)
                 with pytest.raises(ConnectionClosed):
@@ -246,7 +253,7 @@ def test_silent_connections_do_not_keep_the_owner_out(serve):
         with suppress(OSError):
             connection.sendall(b"GET / HTTP/1.1\r\nHost: ")
     try:
-        assert ask(served.port, "/map.json", Authorization=f"Bearer {served.token}")[0] == 200
+        assert ask(served.port, "/api/map", Authorization=f"Bearer {served.token}")[0] == 200
         with raw_viewer(served.port, f"?token={served.token}") as viewer:
             assert viewer.hello["type"] == "hello"
             assert ask(served.port)[0] == 401
@@ -306,19 +313,14 @@ def test_closing_frees_the_port_even_with_viewers(serve):
             viewer.drain(10.0)
 
 
-def test_pause_and_save_come_from_the_page(serve, tmp_path):
+def test_a_pause_reaches_every_viewer(serve):
     served = serve()
     served.step(3)
     with raw_viewer(served.port) as viewer:
-        viewer.say("pause")
-        viewer.say("save")
-        told = json.loads(viewer.socket.recv(timeout=10))
-        assert told == {"type": "notice", "text": f"saved {tmp_path / 'map-000002.json'}"}
-        assert served.page.state == "paused"
-        assert (tmp_path / "map-000002.json").read_text() == ask(served.port, "/map.json")[2]
         viewer.say("stream")
-        assert viewer.update()["state"] == "paused"
-        viewer.say("shown")
-        viewer.say("pause", on=False)
-        while viewer.update()["state"] == "paused":
+        assert viewer.update()["state"] == "running"
+        for paused, state in ((True, "paused"), (False, "running")):
+            Api(served.port)("POST", "/api/pause", {"paused": paused})
             viewer.say("shown")
+            while viewer.update()["state"] != state:
+                viewer.say("shown")

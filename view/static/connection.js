@@ -2,8 +2,17 @@
 
 const FIRST_WAIT_MS = 400, LONGEST_WAIT_MS = 5000;
 
+// A request to the API: the answer's JSON. Throws an Error with the robot's own line.
+export async function api(method, path, body) {
+  const request = { method };
+  if (body !== undefined) Object.assign(request, { headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+  const answer = await fetch(`/api/${path}`, request), told = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Error(told.error ?? `the robot answered ${answer.status}`);
+  return told;
+}
+
 export class Connection {
-  // on: {hello(document), update(document, jpeg), notice(text), lost(reason)}. An update is answered with shown().
+  // on: {hello(document), update(document, jpeg), lost(reason)}. An update is answered with shown().
   constructor(on) {
     this.on = on;
     this.held = false;
@@ -19,7 +28,7 @@ export class Connection {
   open() {
     clearTimeout(this.timer);
     this.timer = null;
-    const socket = this.socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
+    const socket = this.socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/stream`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.waitMs = FIRST_WAIT_MS;
@@ -37,9 +46,7 @@ export class Connection {
 
   receive(data) {
     if (typeof data === "string") {
-      const document = JSON.parse(data);
-      if (document.type === "hello") this.on.hello(document);
-      else this.on.notice(document.text);
+      this.on.hello(JSON.parse(data));
       return;
     }
     const length = new DataView(data).getUint32(0, true);

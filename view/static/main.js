@@ -1,5 +1,5 @@
 // Puts the page together: what comes from the robot goes to picture, map and panels; buttons go to the robot.
-import { Connection } from "/connection.js";
+import { api, Connection } from "/connection.js";
 import { FloorMap } from "/map.js";
 import { Panels } from "/panels.js";
 import { Picture } from "/picture.js";
@@ -31,7 +31,6 @@ const connection = new Connection({
     if (news.frame !== undefined) caption(news);
     show(news, jpeg);
   },
-  notice,
   lost(reason) { tellState("lost", reason || "connection lost, trying again"); },
 });
 
@@ -88,15 +87,28 @@ function notice(message) {
   noticeTimer = setTimeout(() => { place.hidden = true; }, 5000);
 }
 
+// What the robot refuses is told in its own words.
+async function ask(method, path, body) {
+  try {
+    return await api(method, path, body);
+  } catch (error) {
+    notice(error.message);
+    return null;
+  }
+}
+
 page.connection = connection;
 
 byId("pause").onclick = () => {
   const on = byId("pause").getAttribute("aria-pressed") !== "true";
-  if (!info.live) return connection.say("pause", on);
+  if (!info.live) return ask("POST", "pause", { paused: on });
   connection.hold(on);
   tellState(on ? "held" : "running");
 };
-byId("save").onclick = () => connection.say("save");
+byId("save").onclick = async () => {
+  const saved = await ask("POST", "save", {});
+  if (saved) notice(`saved ${saved.path}`);
+};
 byId("fit").onclick = () => map.view.setMode("fit");
 byId("follow").onclick = () => map.view.setMode(map.view.mode === "follow" ? "free" : "follow");
 byId("closer").onclick = () => map.view.zoom(1.25);

@@ -1,0 +1,189 @@
+"""The HTTP API as any program uses it, against its own OpenAPI text; and the page's commands in docs/http-api.md."""
+
+import itertools
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from support.http_client import Api
+from support.live import raw_viewer
+
+from edgemap.runtime.map_file import save_map
+from edgemap.view.api import BODY_BYTES, OPENAPI
+from edgemap.view.api import Api as Served
+from edgemap.view.updates import Pictures, Vitals
+
+DOCS = Path(__file__).parents[2] / "docs" / "http-api.md"
+SPEC = yaml.safe_load(OPENAPI.read_text())
+
+
+@pytest.fixture
+def robot(serve):
+    """(served, api): a page of twelve steps."""
+    served = serve()
+    served.step(12)
+    return served, Api(served.port)
+
+
+def conforms(path, method, status, body):
+    """The answer's body is what the OpenAPI text says."""
+    jsonschema = pytest.importorskip("jsonschema")
+    answer = SPEC["paths"][path][method.lower()]["responses"][str(status)]
+    if "$ref" in answer:
+        answer = SPEC["components"]["responses"][answer["$ref"].rsplit("/", 1)[1]]
+    schema = answer["content"]["application/json"]["schema"]
+    jsonschema.Draft202012Validator(schema | {"components": SPEC["components"]}).validate(body)
+
+
+def test_the_openapi_text_names_every_address_and_no_other(robot):
+    served, api = robot
+    routes = {
+        (route.path, method)
+        for route in Served(served.page, Pictures(), Vitals()).routes()
+        for method in route.methods or ()
+        if method != "HEAD"
+    }
+    methods = ("get", "post", "put", "patch", "delete")
+    assert routes == {
+        (path, method.upper()) for path, item in SPEC["paths"].items() for method in item if method in methods
+    }
+    assert api.get("/api/openapi.yaml") == OPENAPI.read_bytes()
+
+
+@pytest.mark.parametrize("path", ["run", "health", "faults", "pose", "frame", "map", "objects", "objects/{id}"])
+def test_every_answer_is_as_the_openapi_text_says(robot, path):
+    served, api = robot
+    served.page.fault("the wheel came off")
+    conforms(f"/api/{path}", "GET", 200, api.get(f"/api/{path}".replace("{id}", "chair-1")))
+
+
+@pytest.mark.parametrize("path", ["pose", "frame", "picture", "objects/chair-1"])
+def test_before_the_first_picture_there_is_nothing_to_tell(serve, path):
+    api = Api(serve().port)
+    status, _, body = api("GET", f"/api/{path}")
+    assert (status, body) == (503, {"error": "no picture yet"})
+    assert api.get("/api/objects") == []
+    assert api.get("/api/health")["status"] == {
+        "level": "ok", "headline": "Waiting for the first picture.", "problems": [],
+    }  # fmt: skip
+
+
+def test_it_tells_what_the_run_knows(robot, tmp_path):
+    """The chair stands at (3, 1), the couch at (4, -1.5); after twelve steps of 5 cm the robot is at (0.55, 0)."""
+    served, api = robot
+    pose = api.get("/api/pose")
+    assert (pose["frame"], pose["x_m"], pose["y_m"]) == (11, pytest.approx(0.55), pytest.approx(0.0))
+    chair, couch = api.get("/api/objects")
+    assert (chair["id"], couch["id"]) == ("chair-1", "couch-1")
+    assert chair["distance_m"] == pytest.approx(np.hypot(2.45, 1.0), abs=0.02)
+    assert couch["distance_m"] == pytest.approx(np.hypot(3.45, 1.5), abs=0.02)
+    assert (chair["in_view"], chair["age_s"]) == (True, 0.0)
+    assert api.get("/api/objects/couch-1") == couch
+    boxes = {box["label"]: box for box in api.get("/api/frame")["boxes"]}
+    assert boxes["chair"]["distance_m"] == pytest.approx(np.hypot(2.45, 1.0), abs=1e-3)
+    assert boxes["person"]["distance_m"] is None
+    save_map(tmp_path / "map.json", served.page.objects)
+    assert api("GET", "/api/map")[1]["content-disposition"] == 'attachment; filename="map.json"'
+    saved = Api(served.port).get("/api/map")
+    assert [item["id"] for item in saved["objects"]] == ["chair-1", "couch-1"]
+
+
+def test_pictures_are_jpegs_of_the_newest_frame_and_of_the_object(robot):
+    served, api = robot
+    served.page.crops.consider(served.page.newest.result)
+    for path, shape in (("/api/picture", (240, 320, 3)), ("/api/objects/chair-1/picture", None)):
+        status, headers, data = api("GET", path)
+        assert (status, headers["content-type"], headers["x-frame"]) == (200, "image/jpeg", "11")
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        assert picture is not None
+        assert shape in (None, picture.shape)
+    status, _, body = api("GET", "/api/objects/chair-9")
+    assert (status, body) == (404, {"error": "no object 'chair-9' on the map"})
+
+
+def test_pause_and_save_act_and_answer(robot, tmp_path):
+    served, api = robot
+    for paused, state in ((True, "paused"), (False, "running")):
+        status, _, body = api("POST", "/api/pause", {"paused": paused})
+        assert (status, body) == (200, {"state": state})
+        assert served.page.pause.paused is paused
+    status, _, body = api("POST", "/api/save", {})
+    assert (status, body) == (200, {"path": str(tmp_path / "map-000011.json")})
+    assert (tmp_path / "map-000011.json").read_text() == served.page.map_text()
+    served.page.close()
+    assert api("POST", "/api/pause", {"paused": True})[0] == 409
+
+
+def test_a_live_camera_cannot_be_paused(serve):
+    status, _, body = Api(serve(live=True).port)("POST", "/api/pause", {"paused": True})
+    assert (status, body) == (409, {"error": "the camera is live: it cannot be paused"})
+
+
+def test_wrong_bodies_are_refused_in_one_line(robot):
+    served, api = robot
+    wrong = [b"", b"no json", b"[]", b'{"paused":3}', b'{"paused":true,"more":1}', b'{"paused":"\xff"}', b"[" * 5000]
+    for body in wrong:
+        status, _, told = api("POST", "/api/pause", body, Content_Type="application/json")
+        assert status == 400, body
+        assert "\n" not in told["error"]
+    too_long = b'{"paused":' + b" " * BODY_BYTES + b"true}"
+    assert api("POST", "/api/pause", too_long, Content_Type="application/json")[0] == 413
+    for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):  # what a form can send
+        assert api("POST", "/api/pause", b'{"paused":true}', Content_Type=kind)[0] == 415
+    assert api("GET", "/api/pause")[0] == 405
+    assert not served.page.pause.paused
+
+
+def test_the_token_guards_every_address_and_another_sites_page_gets_nothing(serve):
+    served = serve(host="0.0.0.0")
+    served.step()
+    for path, method in itertools.product(("/api/objects", "/api/pause", "/api/openapi.yaml"), ("GET", "POST")):
+        assert Api(served.port)(method, path)[0] == 401
+    api = Api(served.port, Authorization=f"Bearer {served.token}")
+    assert api.get("/api/pose")["frame"] == 0
+    status, _, _ = api("POST", "/api/pause", {"paused": True}, Origin="http://evil.example")
+    assert (status, served.page.pause.paused) == (403, False)
+
+
+def test_no_answer_may_be_framed_or_kept(robot):
+    _, api = robot
+    for path in ("/api/objects", "/api/objects/none", "/nowhere"):
+        headers = api("GET", path)[1]
+        assert headers["cache-control"] == "no-store"
+        assert "frame-ancestors 'none'" in headers["content-security-policy"]
+
+
+def shown_commands():
+    return [
+        line
+        for block in re.findall(r"```sh\n(.*?)```", DOCS.read_text(), re.S)
+        for line in block.replace("\\\n", " ").splitlines()
+        if line.startswith("curl")
+    ]
+
+
+def test_the_pages_commands_run_in_order(robot, tmp_path):
+    served, _ = robot
+    served.page.crops.consider(served.page.newest.result)
+    commands = shown_commands()
+    assert len(commands) >= 10
+    for line in commands:
+        line = line.replace("http://127.0.0.1:8090", f"http://127.0.0.1:{served.port}")
+        words = shlex.split(line, comments=True)
+        words[1:1] = ["--fail-with-body", "--noproxy", "*"]
+        result = subprocess.run(words, cwd=tmp_path, capture_output=True, check=False, timeout=30)
+        assert result.returncode == 0, (line, result.stdout, result.stderr)
+
+
+def test_the_stream_is_as_the_page_says(robot):
+    served, _ = robot
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        update = viewer.update()
+    told = re.findall(r"^\| `(\w+)`", DOCS.read_text().split("## Stream")[1], re.M)
+    assert set(told) == set(update) - {"jpeg"} | {"sightings"}

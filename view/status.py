@@ -1,0 +1,104 @@
+"""How the run goes, in words: what a person must know first, worst first."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from edgemap.runtime.slam import StepResult
+from edgemap.view.page import LivePage
+
+SILENT_S = 2.0  # without a step
+SLOW_SHARE = 0.85  # of the camera's rate; below it pictures are dropped or come late
+NEWS_S = 15.0  # a fault that was told stays among the problems this long
+UNSURE_M, UNSURE_RAD = 0.5, math.radians(15.0)  # one sigma of the pose at which the map cannot be trusted
+
+Level = Literal["ok", "degraded", "fault"]
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """level: fault (nothing is mapped) or degraded (the map goes on, worse). what: camera, picture, speed, odometry,
+    pose or report. text: one sentence for people."""
+
+    level: Level
+    what: str
+    text: str
+
+
+def problems(page: LivePage) -> list[Problem]:
+    """What is wrong now, faults first; empty while all is well or the run is held or over."""
+    moment = page.newest
+    if page.state != "running" or moment is None:
+        return []
+    age_s, found = time.monotonic() - moment.arrived_s, []
+    camera = page.camera_state()
+    if camera == "lost":
+        found.append(Problem("fault", "camera", "The camera is lost. The map so far is saved."))
+    elif camera != "running":
+        found.append(Problem("fault", "camera", f"No picture for {age_s:.0f} s. The camera is being restarted."))
+    elif age_s > SILENT_S:
+        found.append(Problem("fault", "camera", f"No picture for {age_s:.0f} s."))
+    found += _of_step(page, moment.result)
+    last = page.last_fault
+    if last is not None and time.monotonic() - last.told_s < NEWS_S:
+        found.append(Problem("degraded", "report", _sentence(last.text)))
+    return sorted(found, key=lambda problem: problem.level != "fault")
+
+
+def status(page: LivePage) -> dict[str, Any]:
+    """level, the problems in order, and one headline that says it all."""
+    found = problems(page)
+    level: Level = found[0].level if found else "ok"
+    return {"level": level, "headline": found[0].text if found else _calm(page), "problems": found}
+
+
+def pose_sigma(result: StepResult) -> tuple[float, float]:
+    """One standard deviation of the pose: m (mean of both axes), rad."""
+    covariance = result.pose_covariance
+    return (
+        math.sqrt(max(0.0, float(np.trace(covariance[:2, :2])) / 2.0)),
+        math.sqrt(max(0.0, float(covariance[2, 2]))),
+    )
+
+
+def step_ms(result: StepResult) -> float:
+    """Time of the whole step."""
+    return float(sum(result.stages_ms.values()))
+
+
+def _of_step(page: LivePage, result: StepResult) -> list[Problem]:
+    found = []
+    if result.health.blind:
+        level: Level = "degraded" if result.health.stale else "fault"
+        found.append(Problem(level, "picture", f"The picture tells nothing new: {result.health.reason}."))
+    if result.motion.fault:
+        found.append(Problem("degraded", "odometry", f"Odometry: {result.motion.fault}."))
+    wanted_hz, rate_hz = page.about.get("rate_hz"), page.rate_hz()
+    if wanted_hz and rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
+        text = f"Overloaded: {rate_hz:.1f} of {wanted_hz:.0f} pictures a second, {step_ms(result):.0f} ms each."
+        found.append(Problem("degraded", "speed", text))
+    away_m, turned_rad = pose_sigma(result)
+    if away_m > UNSURE_M or turned_rad > UNSURE_RAD:
+        text = f"The position is uncertain: ± {away_m:.1f} m, ± {math.degrees(turned_rad):.0f}°."
+        found.append(Problem("degraded", "pose", text))
+    return found
+
+
+def _calm(page: LivePage) -> str:
+    if page.state == "finished":
+        return "The run is over. This is the map it saved."
+    if page.state == "paused":
+        return "Paused."
+    if page.newest is None:
+        return "Waiting for the first picture."
+    rate_hz = page.rate_hz()
+    return "Running" + (f", {rate_hz:.1f} pictures a second." if rate_hz else ".")
+
+
+def _sentence(text: str) -> str:
+    return text + ("" if text.endswith(".") else ".")
