@@ -24,7 +24,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "record": ("record", "a camera's pictures into one MCAP file; Foxglove and ROS 2 open it"),
     "simulate": ("simulate", "render a robot's drive through a furnished home, with its truth"),
     "calibrate intrinsics": ("calibrate_intrinsics", "the lens, from pictures of a chessboard"),
-    "calibrate mount": ("calibrate_mount", "height, pitch and roll, from a chessboard on the floor"),
+    "calibrate mount": (
+        "calibrate_mount",
+        "height, pitch and roll: floor in depth pictures, edges and wheels, or a board",
+    ),
     "calibrate tilt": ("calibrate_tilt", "pitch and roll without a pattern, from the room's own edges"),
     "cameras": ("cameras", "the cameras that are here, and what to type for each"),
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),

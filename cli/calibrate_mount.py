@@ -1,10 +1,10 @@
-"""`edgemap calibrate mount`: height, pitch and roll from a chessboard on the floor."""
+"""`edgemap calibrate mount`: height, pitch and roll, with a chessboard on the floor or without any pattern."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import (
@@ -17,40 +17,175 @@ from edgemap.cli.calibrate_options import (
     views_of,
     write_yaml,
 )
+from edgemap.cli.errors import OptionError
 from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, open_described
+
+if TYPE_CHECKING:
+    from edgemap.geometry.camera.intrinsics import Intrinsics
+    from edgemap.geometry.camera.mount import Mount
+
+PICTURES = 60  # with depth, or with samples of an IMU
+EDGES = 40  # pictures that edges are looked for in
+
+Fit = tuple["Mount", dict[str, Any]]
 
 
 def command(
     camera: CameraSpec,
-    square: Annotated[float, arg(metavar="METRES", help="Side of one square of the board.")],
+    square: Annotated[
+        float | None,
+        arg(metavar="METRES", help="Side of one square of a board on the floor; without it no board is looked for."),
+    ] = None,
     board: BoardText = "9x6",
     thickness: Annotated[float, arg(metavar="METRES", help="Of the board, added to the height.")] = 0.0,
+    height: Annotated[
+        float | None,
+        arg(metavar="METRES", help="Lens above the floor, by ruler, where neither depth nor wheels tell it."),
+    ] = None,
     out: OutYaml = Path("camera.yaml"),
     frames: Pictures = None,
     camera_file: CameraFile = None,
     intrinsics: IntrinsicsText = None,
 ) -> None:
-    """Measure how the camera sits, with a chessboard that lies flat on the floor in front of the robot.
+    """Measure how the camera sits: height, pitch and roll.
 
-    Take 3 or more pictures with the board on different places (or drive the robot round it). The lens must be known.
-    The lever arm (forward_m, left_m) stays as the camera file has it: measure it with a ruler from the turn axis.
+    Without a pattern: from the floor in depth pictures where the source has them (a RealSense, live or recorded; a
+    drive with depth/). Else pitch and roll from the room's edges, or from gravity where no edges are, and the height
+    from wheel odometry that comes with the source, or as given. With --square: from a chessboard that lies on the
+    floor, in 3 or more places. The lens must be known. The lever arm (forward_m, left_m) stays as the camera file has
+    it: measure it with a ruler from the turn axis.
     """
-    from dataclasses import replace
+    at_least(1, frames=frames)
+    check_out(out, camera_file)
+    if square is not None:
+        lens, (mount, record) = _by_board(camera, square, board, thickness, frames, camera_file, intrinsics)
+    else:
+        lens, (mount, record) = _by_room(camera, height, frames, camera_file, intrinsics)
+    write_yaml(out, camera_file, lens, mount, "mount", record)
 
+
+def _by_board(
+    camera: str, square: float, board: str, thickness: float, frames: int | None, camera_file: Path | None,
+    intrinsics: str | None,
+) -> tuple[Intrinsics, Fit]:  # fmt: skip
     from edgemap.runtime.calibration.floor_board import fit_mount
 
-    at_least(1, frames=frames)
     chessboard = read_board(board, square)
-    check_out(out, camera_file)
     with open_described(camera, camera_file) as source:
         lens = known_lens(source, intrinsics)
         fit = fit_mount(views_of(source, chessboard, frames), chessboard, lens, thickness)
-        mount = fit.mount
-        if source.mount is not None:
-            mount = replace(mount, forward_m=source.mount.forward_m, left_m=source.mount.left_m)
-    height_m, pitch_rad, roll_rad = fit.sigma
+        known = source.mount
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
-    print(f"  height {mount.height_m:7.4f} +- {height_m:.4f} m")
+    _tell(fit.mount, *fit.sigma)
+    return lens, (_with_lever_arm(fit.mount, known), fit.record())
+
+
+def _by_room(
+    camera: str, height: float | None, frames: int | None, camera_file: Path | None, intrinsics: str | None
+) -> tuple[Intrinsics, Fit]:
+    from itertools import islice
+
+    from edgemap.geometry.camera.imu import ImuSamples
+    from edgemap.runtime.calibration.board import frames_of
+    from edgemap.runtime.calibration.gravity import gravity
+    from edgemap.runtime.cameras.depth import depth_pictures
+    from edgemap.runtime.loop import stop_on_signals
+
+    with open_described(camera, camera_file) as source, stop_on_signals() as stop:
+        lens, known, wheel = known_lens(source, intrinsics), source.mount, source.wheel
+        up = gravity(ImuSamples.joined([frame.imu for frame in frames_of(source, frames or PICTURES, stop.is_set)]))
+    depth = depth_pictures(camera)
+    if depth is not None:
+        from edgemap.runtime.calibration.floor_depth import fit_floor_depth
+
+        fit = fit_floor_depth(islice(depth[1], frames or PICTURES), depth[0], up)
+        print(
+            f"{fit.pictures} of {fit.looked_at} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
+            f"on it, {1000 * fit.rms_m:.1f} mm off (root mean square)"
+        )
+        _tell(fit.mount, *fit.sigma)
+        _compare_gravity(fit.mount, up)
+        return lens, (_with_lever_arm(fit.mount, known), fit.record())
+    return lens, _by_edges(camera, camera_file, lens, known, height, wheel, up, frames)
+
+
+def _by_edges(
+    camera: str, camera_file: Path | None, lens: Intrinsics, known: Mount | None, height: float | None,
+    wheel: Path | None, up: Any, frames: int | None,
+) -> Fit:  # fmt: skip
+    from dataclasses import replace
+
+    from edgemap.geometry.camera.mount import Mount
+    from edgemap.runtime.calibration.board import frames_of
+    from edgemap.runtime.calibration.gravity import OFFSET_RAD
+    from edgemap.runtime.calibration.level import pitch_roll
+    from edgemap.runtime.calibration.segments import find_segments
+    from edgemap.runtime.calibration.tilt import fit_tilt
+    from edgemap.runtime.calibration.wheel_height import fit_wheel_height
+    from edgemap.runtime.errors import CalibrationError
+    from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.odometry import wheel_trajectory
+
+    if height is None and wheel is None:
+        raise OptionError(f"{camera} has neither depth nor wheels to tell the height: pass --height METRES")
+    with open_described(camera, camera_file) as source, stop_on_signals() as stop:
+        count = min(frames or source.frame_count or 10 * EDGES, source.frame_count or 10 * EDGES)
+        every = max(1, math.ceil(count / EDGES))
+        edges = [
+            find_segments(frame.image, lens)
+            for frame in frames_of(source, count, stop.is_set)
+            if frame.index % every == 0
+        ]
+    try:
+        fit = fit_tilt(edges)
+        angles, sigma, record = (fit.pitch_rad, fit.roll_rad), fit.sigma, fit.record()
+        share = f"{100 * fit.share:.0f} % of all edges' length, {fit.rms_deg:.2f} deg off"
+        print(f"{fit.pictures} pictures, {fit.vertical} vertical and {fit.level} level edges ({share})")
+    except CalibrationError as error:
+        if up is None:
+            raise
+        print(f"no angles from edges ({error}); gravity's are taken, with the accelerometer's offset in them")
+        angles, sigma = pitch_roll(up), (OFFSET_RAD, OFFSET_RAD)
+        record = {"method": "gravity", "sigma_pitch_deg": 2.5, "sigma_roll_deg": 2.5}
+    tilted = _with_lever_arm(Mount(height or 1.0, *angles), known)
+    sigma_m = 0.0
+    if height is None and wheel is not None:
+        with open_described(camera, camera_file) as source:
+            rolled = fit_wheel_height(frames_of(source, frames), wheel_trajectory(wheel), lens, tilted)
+        tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m
+        print(f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m in all")
+        record |= {"height": "wheels and floor", "sigma_height_m": round(sigma_m, 5)}
+    _tell(tilted, sigma_m, *sigma)
+    _compare_gravity(tilted, up)
+    return tilted, record
+
+
+def _with_lever_arm(mount: Mount, known: Mount | None) -> Mount:
+    from dataclasses import replace
+
+    return mount if known is None else replace(mount, forward_m=known.forward_m, left_m=known.left_m)
+
+
+def _tell(mount: Mount, height_m: float, pitch_rad: float, roll_rad: float) -> None:
+    given = f"+- {height_m:.4f} m" if height_m else "m as given"
+    print(f"  height {mount.height_m:7.4f} {given}")
     print(f"  pitch  {math.degrees(mount.pitch_rad):7.3f} +- {math.degrees(pitch_rad):.3f} deg (positive down)")
     print(f"  roll   {math.degrees(mount.roll_rad):7.3f} +- {math.degrees(roll_rad):.3f} deg")
-    write_yaml(out, camera_file, lens, mount, "mount", fit.record())
+
+
+def _compare_gravity(mount: Mount, up: Any) -> None:
+    """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
+    from edgemap.runtime.calibration.gravity import OFFSET_RAD
+    from edgemap.runtime.calibration.level import pitch_roll
+    from edgemap.runtime.errors import CalibrationError
+
+    if up is None:
+        return
+    pitch, roll = (math.degrees(angle) for angle in pitch_roll(up))
+    off = max(abs(pitch - math.degrees(mount.pitch_rad)), abs(roll - math.degrees(mount.roll_rad)))
+    text = f"gravity says pitch {pitch:.2f} and roll {roll:.2f} deg, {off:.2f} deg from this"
+    if off > 2.0 * math.degrees(OFFSET_RAD):
+        raise CalibrationError(
+            f"{text}, at most {2.0 * math.degrees(OFFSET_RAD):g} expected: no level floor was in view"
+        )
+    print(f"  {text} (an accelerometer's offset is up to 4 deg)")

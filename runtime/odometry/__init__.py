@@ -21,7 +21,7 @@ from edgemap.runtime.odometry.resting import RestingOdometry
 from edgemap.runtime.recordings.wheel import is_recording, read_wheel
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
-__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry"]
+__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajectory"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +62,18 @@ def open_odometry(
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
         return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
-    if spec.startswith("wheel:") and is_recording(spec):
-        return RecordedOdometry(read_wheel(spec.removeprefix("wheel:")), spec, rules.wheels)
     if spec.startswith("wheel:"):
-        return RecordedOdometry(Trajectory(*read_wheel_csv(Path(spec.removeprefix("wheel:")))), spec, rules.wheels)
+        return RecordedOdometry(wheel_trajectory(spec.removeprefix("wheel:")), spec, rules.wheels)
     if spec.endswith(".tum"):
         return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
     raise OdometryError(
         f"odometry {spec!r} is not hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
     )
+
+
+def wheel_trajectory(path: str | Path) -> Trajectory:
+    """The wheels' poses in a CSV or a recording. Raises CameraError."""
+    return read_wheel(str(path)) if is_recording(str(path)) else Trajectory(*read_wheel_csv(Path(path)))
 
 
 POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early

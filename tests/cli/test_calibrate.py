@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from support.depth_room import depth_room
 from support.scenes import floor_board, held_board
 
 from edgemap.geometry.camera.floor import FloorCamera
@@ -69,6 +70,41 @@ def test_tilt_of_the_demo_keeps_the_rest(edgemap, tmp_path):
     assert yaml.safe_load(out.read_text())["calibration"]["tilt"]["sigma_pitch_deg"] < 0.3
 
 
+def test_mount_of_the_demo_without_pattern_or_ruler(edgemap, tmp_path):
+    out = tmp_path / "camera.yaml"
+    result = edgemap("calibrate", "mount", "--camera", "demo", "--frames", "150", "-o", out)
+    assert result.returncode == 0, result.stderr
+    assert "windows of wheel travel" in result.stdout
+    demo = read_camera_yaml(Path(__file__).parents[2] / "runtime" / "demo" / "camera.yaml").mount
+    found = read_camera_yaml(out).mount
+    assert demo is not None
+    assert found is not None
+    assert found.height_m == pytest.approx(demo.height_m, rel=0.02)
+    assert np.degrees(found.pitch_rad - demo.pitch_rad) == pytest.approx(0.0, abs=0.3)
+    assert (found.forward_m, found.left_m) == (demo.forward_m, demo.left_m)
+
+
+def test_mount_of_a_drive_with_depth(edgemap, tmp_path):
+    drive = tmp_path / "drive"
+    (drive / "images").mkdir(parents=True)
+    (drive / "depth").mkdir()
+    for i in range(4):
+        cv2.imwrite(str(drive / "images" / f"{i}.png"), np.full((480, 640, 3), 90, np.uint8))
+        millimetres = np.round(1000.0 * depth_room(MOUNT, LENS)).astype(np.uint16)
+        cv2.imwrite(str(drive / "depth" / f"{i}.png"), millimetres)
+    (drive / "poses.tum").write_text("".join(f"{i / 10} 0 0 0 0 0 0 1\n" for i in range(4)))
+    write_camera_yaml(drive / "camera.yaml", LENS)
+    out = tmp_path / "out.yaml"
+    result = edgemap("calibrate", "mount", "--camera", f"drive:{drive}", "-o", out)
+    assert result.returncode == 0, result.stderr
+    assert "4 of 4 depth pictures show a floor" in result.stdout
+    found = read_camera_yaml(out)
+    assert found.mount is not None
+    assert found.mount.height_m == pytest.approx(0.52, abs=0.003)
+    assert np.degrees(found.mount.roll_rad) == pytest.approx(1.5, abs=0.1)
+    assert found.calibration["mount"]["method"] == "floor in depth pictures"
+
+
 def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
     out = tmp_path / "camera.yaml"
     lens = tmp_path / "lens.yaml"
@@ -82,6 +118,8 @@ def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
         (("intrinsics", "--camera", plain, "--board", "nine"), "expected COLSxROWS, like 9x6"),
         (("mount", "--camera", plain, "--square", "0.06", "--camera-file", lens), "0 different views"),
         (("mount", "--camera", plain, "--square", "0.06"), "does not know its lens: calibrate it first"),
+        (("mount", "--camera", plain, "--camera-file", lens), "has neither depth nor wheels to tell the height"),
+        (("mount", "--camera", plain, "--camera-file", lens, "--height", "1"), "0 pictures with straight edges"),
         (("tilt", "--camera", plain, "--camera-file", lens), "does not know its height above the floor"),
         (("tilt", "--camera", plain, "--camera-file", lens, "--height", "1"), "0 pictures with straight edges"),
     ]
