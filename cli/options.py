@@ -28,8 +28,10 @@ CameraSpec = Annotated[
     arg(
         metavar="SPEC",
         help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
-        "an rtsp:// or http(s):// stream; a video file; a folder of pictures; a recording FILE.mcap[#/topic]; sim:SEED (a rendered home); "
-        "KIND:DIR with KIND kitti, tum, c2w, drive, euroc or locobot. `edgemap cameras` lists those that are here.",
+        "an rtsp:// or http(s):// stream; a video file; a folder of pictures; a recording FILE.mcap[#/topic]; "
+        "sim:SEED (a rendered home); "
+        "KIND:DIR with KIND kitti, tum, c2w, drive, euroc or locobot. "
+        "`edgemap cameras` lists those that are here.",
     ),
 ]
 BundleName = Annotated[

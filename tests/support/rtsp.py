@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 PACKET_BYTES = 1400
-SDP = "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=test\r\nt=0 0\r\nm=video 0 RTP/AVP 26\r\na=framerate:20\r\na=control:track0\r\n"
+SDP = "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=test\r\nt=0 0\r\nm=video 0 RTP/AVP 26\r\na=control:track0\r\n"
 
 
 class RtspServer:

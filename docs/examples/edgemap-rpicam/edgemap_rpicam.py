@@ -79,7 +79,7 @@ class RpicamDriver:
         """A camera that is gone ends the program."""
 
 
-def open(address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> RpicamDriver:  # noqa: A001, ARG001
+def open(address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> RpicamDriver:  # noqa: ARG001
     """`rpicam` and `rpicam:NUMBER`: what edgemap calls for such a SPEC."""
     if address and not address.isdecimal():
         raise CameraError(f"camera 'rpicam:{address}': NUMBER must be a whole number, as `edgemap cameras` lists them")

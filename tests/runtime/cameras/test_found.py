@@ -30,7 +30,7 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
 
     def capability(handle, request, answer):
         assert request == 0x80685600
-        name = Path(os.readlink(f"/proc/self/fd/{handle}")).name
+        name = Path(f"/proc/self/fd/{handle}").readlink().name
         answer[:] = struct.pack("16s32s32sIII12x", b"uvcvideo", b"", b"", 0, 0x85200001, capabilities[name])
 
     monkeypatch.setattr("fcntl.ioctl", capability)
@@ -60,7 +60,7 @@ def test_two_packages_with_one_kind_are_refused(monkeypatch):
 def test_a_package_that_does_not_import_is_one_line(monkeypatch):
     point = plugins.EntryPoint("lab", "no_such_module_here", plugins.GROUP)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
-    with pytest.raises(CameraError, match="'lab' of no_such_module_here does not load .ModuleNotFoundError"):
+    with pytest.raises(CameraError, match=r"'lab' of no_such_module_here does not load .ModuleNotFoundError"):
         open_camera("lab")
 
 
