@@ -114,6 +114,7 @@ def _libraries() -> Iterator[Finding]:
         "openvino": (("openvino", "openvino"),),
         "view": (("starlette", "starlette"), ("uvicorn", "uvicorn"), ("websockets", "websockets")),
         "record": (("mcap", "mcap"), ("mcap_ros2", "mcap-ros2-support")),
+        "foxglove": (("foxglove", "foxglove-sdk"), ("mcap_ros2", "mcap-ros2-support")),
         "rerun": (("rerun", "rerun-sdk"),),
     }
     purposes = {
@@ -124,6 +125,7 @@ def _libraries() -> Iterator[Finding]:
         "openvino": "bench --against openvino",
         "view": "run --view",
         "record": "record, run --record, recordings as cameras",
+        "foxglove": "run --foxglove",
         "rerun": "recordings in Rerun",
     }
     for extra, modules in extras.items():

@@ -30,6 +30,7 @@ from edgemap.cli.options import (
     open_described,
     typed_options,
 )
+from edgemap.cli.publishers import Foxglove, open_publishers
 from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ def command(
         arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
     ] = None,
     lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
+    foxglove: Foxglove = None,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     engine: EngineName = "onnxruntime",
@@ -126,9 +128,10 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
+    watched = foxglove is not None
     tuned = load_config(config)[0] if config else Config()
-    with open_described(camera, camera_file, realtime and not view, frames) as source:
-        pace = "camera" if source.live or realtime or view else "files"
+    with open_described(camera, camera_file, (realtime or watched) and not view, frames) as source:
+        pace = "camera" if source.live or realtime or view or watched else "files"
         loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine)
         least = least_score(confidence, loaded)
         mapped = choose_classes(classes, loaded)
@@ -153,11 +156,12 @@ def command(
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
+            publishers = open_publishers(floor, foxglove)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
             notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)
             files = RunFolder(folder, floor, record)
             # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
-            sinks: list[Sink] = [progress, latest, *tape, *page.sinks, files, report]
+            sinks: list[Sink] = [progress, latest, *tape, *publishers, *page.sinks, files, report]
             with stop_on_signals() as stop:
                 try:
                     done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat)

@@ -1,0 +1,48 @@
+"""`edgemap run`'s live outputs to other programs: their options, and the sinks that they open."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from edgemap.cli.arguments import arg, may_be_left_out
+from edgemap.cli.errors import OptionError
+
+if TYPE_CHECKING:
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.sinks.protocol import Sink
+
+Foxglove = Annotated[
+    str | None,
+    may_be_left_out("HOST:PORT", "127.0.0.1:8765"),
+    arg(
+        help="Serve pictures, boxes, poses and the map to Foxglove (extra foxglove); 127.0.0.1:8765 where HOST:PORT is "
+        "left out. Files are then paced by their stamps. There is no password: 0.0.0.0 only in networks you trust."
+    ),
+]
+
+
+def open_publishers(floor: FloorCamera, foxglove: str | None) -> list[Sink]:
+    """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
+    from edgemap.runtime.messages.stream import MessageStream
+
+    sinks: list[Sink] = []
+    if foxglove is not None:
+        from edgemap.runtime.publishers.foxglove import FoxgloveServer
+
+        server = FoxgloveServer(
+            *host_and_port(foxglove, "--foxglove", 8765), MessageStream(floor.intrinsics, floor.mount)
+        )
+        print(f"Foxglove:  {server.url}", flush=True)
+        sinks.append(server)
+    return sinks
+
+
+def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
+    """`HOST`, `HOST:PORT` or `[IPv6]:PORT`. port: where it says none. Raises OptionError."""
+    host, colon, digits = text.rpartition(":")
+    if not colon or text.endswith("]"):
+        host, digits = text, str(port)
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not digits.isdecimal() or int(digits) > 65535:
+        raise OptionError(f"{option} {text!r}: expected HOST or HOST:PORT with a port of 0 to 65535")
+    return host, int(digits)

@@ -1,0 +1,119 @@
+"""`--foxglove`: a WebSocket server that Foxglove connects to, with the messages of the recordings."""
+
+from __future__ import annotations
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.colours import label_colour
+from edgemap.runtime.extras import need
+from edgemap.runtime.messages import topics
+from edgemap.runtime.messages.cdr import encoder
+from edgemap.runtime.messages.definitions import definition
+from edgemap.runtime.messages.stamps import to_ns
+from edgemap.runtime.messages.stream import MessageStream
+from edgemap.runtime.slam import StepResult
+
+ANNOTATIONS = "/detections/annotations"
+SENT = (
+    topics.PICTURES, topics.INFO, topics.TF, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS,
+)  # fmt: skip
+LETTER_PX, LINE_PX = 14.0, 2.0
+
+
+class PublishError(EdgemapError):
+    """A live output that cannot be opened, or that lost its peer."""
+
+
+class FoxgloveServer:
+    """A sink that serves ROS 2 messages (CDR) and image annotations to any number of Foxglove clients.
+
+    A message is built when a client has subscribed to its topic. The server's own threads send it, and drop the oldest
+    for a client that is slow. Clients cannot publish. host: anyone who reaches the address sees the pictures. port: 0
+    for any free one. Raises MissingExtraError, or PublishError where the address cannot be had.
+    """
+
+    def __init__(self, host: str, port: int, stream: MessageStream) -> None:
+        need("foxglove", "--foxglove", ("foxglove", "mcap_ros2"))
+        import foxglove
+        from foxglove.channels import ImageAnnotationsChannel
+
+        self.name = "Foxglove"
+        self._stream = stream
+        self._context = context = foxglove.Context()  # channels and server do not keep it alive
+        foxglove.set_log_level("ERROR")
+        try:
+            self._server = foxglove.start_server(
+                name="edgemap", host=host, port=port, context=context, capabilities=[foxglove.Capability.Time]
+            )
+        except (RuntimeError, OverflowError) as error:
+            raise PublishError(f"--foxglove {host}:{port}: {error}") from None
+        self.url = f"ws://{host}:{self._server.port}"
+        self._channels = {
+            topic: foxglove.Channel(
+                topic,
+                schema=foxglove.Schema(name=kind, encoding="ros2msg", data=definition(kind).encode()),
+                message_encoding="cdr",
+                context=context,
+            )
+            for topic in SENT
+            for kind in (topics.KINDS[topic],)
+        }
+        self._annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Send the step to whoever has subscribed. The server's time is that of the frame."""
+        stamp_ns = to_ns(result.frame.stamp_s)
+        for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
+            channel = self._channels[outgoing.topic]
+            if channel.has_sinks():
+                channel.log(encoder(outgoing.kind)(outgoing.make()), log_time=outgoing.stamp_ns)
+        if self._annotations.has_sinks():
+            self._annotations.log(image_annotations(stamp_ns, result), log_time=stamp_ns)
+        self._server.broadcast_time(stamp_ns)
+
+    def fault(self, text: str) -> None:
+        """Show it among Foxglove's problems."""
+        from foxglove.websocket import StatusLevel
+
+        self._server.publish_status(text, StatusLevel.Warning)
+
+    def close(self) -> None:
+        """Let the clients go; may be called twice."""
+        self._server.stop()
+
+
+def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a type of an extra)
+    """`foxglove.ImageAnnotations`: each box in its label's colour, with label, score and object."""
+    from foxglove import messages
+
+    objects = {
+        placed.sighting.detection: f" {identity}"
+        for placed, identity in zip(result.sightings, result.object_ids, strict=True)
+    }
+    stamp = messages.Timestamp(stamp_ns // 10**9, stamp_ns % 10**9)
+    found, white = result.detections, messages.Color(r=1.0, g=1.0, b=1.0, a=1.0)
+    points, texts = [], []
+    for index, (box, score, label) in enumerate(zip(found.boxes.tolist(), found.scores, found.labels, strict=True)):
+        x0, y0, x1, y1 = box
+        red, green, blue = (value / 255.0 for value in bytes.fromhex(label_colour(label)[1:]))
+        colour = messages.Color(r=red, g=green, b=blue, a=1.0)
+        points.append(
+            messages.PointsAnnotation(
+                timestamp=stamp,
+                type=messages.PointsAnnotationType.LineLoop,
+                points=[messages.Point2(x=x, y=y) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))],
+                outline_color=colour,
+                thickness=LINE_PX,
+            )
+        )
+        texts.append(
+            messages.TextAnnotation(
+                timestamp=stamp,
+                position=messages.Point2(x=x0, y=y0),
+                text=f"{label} {score:.2f}{objects.get(index, '')}",
+                font_size=LETTER_PX,
+                text_color=white,
+                background_color=colour,
+            )
+        )
+    return messages.ImageAnnotations(points=points, texts=texts)

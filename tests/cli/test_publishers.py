@@ -1,0 +1,57 @@
+"""Live outputs as a user starts them: a process, and a client beside it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from edgemap.cli.errors import OptionError
+from edgemap.cli.publishers import host_and_port
+
+
+@pytest.fixture
+def start(tmp_path, painted_bundle):
+    """start("--foxglove", …) -> a run of the demo in a process of its own, which is killed at the end."""
+    processes = []
+
+    def begin(*arguments):
+        command = [sys.executable, "-u", "-m", "edgemap.cli", "run", "--bundle", painted_bundle]
+        command += ["--out", tmp_path / "run", *arguments]
+        processes.append(subprocess.Popen([*map(str, command)], stdout=subprocess.PIPE, text=True))
+        return processes[-1]
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def test_one_command_to_a_live_map_in_foxgloves_protocol(start):
+    pytest.importorskip("foxglove")
+    client = pytest.importorskip("websockets.sync.client")
+    line = start("--foxglove", "127.0.0.1:0").stdout.readline()
+    assert line.startswith("Foxglove:  ws://127.0.0.1:")
+    with client.connect(line.split()[1], subprotocols=["foxglove.sdk.v1"]) as socket:
+        assert json.loads(socket.recv(timeout=20))["name"] == "edgemap"
+        channels = {item["topic"]: item["id"] for item in json.loads(socket.recv(timeout=20))["channels"]}
+        wish = {"op": "subscribe", "subscriptions": [{"id": 1, "channelId": channels["/map/markers"]}]}
+        socket.send(json.dumps(wish))
+        while True:
+            message = socket.recv(timeout=20)
+            if message[0] == 1 and b"chair-1\x00" in message:
+                break
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [("robot", ("robot", 9)), ("robot:80", ("robot", 80)), ("[::1]:80", ("::1", 80)), ("[::1]", ("::1", 9))],
+)
+def test_addresses(text, address):
+    assert host_and_port(text, "--x", 9) == address
+
+
+@pytest.mark.parametrize("text", ["", ":80", "robot:", "robot:http", "robot:65536", "robot:-1"])
+def test_addresses_that_are_none(text):
+    with pytest.raises(OptionError, match=r"--x .* expected HOST or HOST:PORT"):
+        host_and_port(text, "--x", 9)
