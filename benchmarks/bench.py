@@ -49,21 +49,24 @@ def read_frames(camera: Camera, count: int = CHUNK) -> list[Frame]:
     return frames
 
 
-def measure(open_drive: OpenDrive, seconds: float, rate_hz: float | None = None) -> dict[str, Any]:
+def measure(
+    open_drive: OpenDrive, seconds: float, rate_hz: float | None = None, warm_up: int = WARM_UP
+) -> dict[str, Any]:
     """Run the step for so many seconds, paced as a camera of this rate would; None for as fast as it goes.
 
     cpu_ms_per_frame, cpu_percent (of one core): of this whole process, its waiting threads included.
-    other_cpu_percent: of one core, what other programs and the host took meanwhile.
+    at_rest: frames of a robot that stands. other_cpu_percent: of one core, what other programs and the host took
+    meanwhile.
     """
     totals: list[float] = []
     stages: dict[str, list[float]] = {}
     wall_s = cpu_s = other_s = 0.0
-    warm = 0
+    warm = at_rest = 0
     for slam, frames in drive_chunks(open_drive):
-        if warm < WARM_UP:
-            for frame in frames[: WARM_UP - warm]:
+        if warm < warm_up:
+            for frame in frames[: warm_up - warm]:
                 slam.step(frame)
-            frames, warm = frames[WARM_UP - warm :], warm + len(frames)
+            frames, warm = frames[warm_up - warm :], warm + len(frames)
         own, other, start = time.process_time(), _machine_s(), time.perf_counter()
         for index, frame in enumerate(frames):
             if rate_hz is not None:
@@ -71,6 +74,7 @@ def measure(open_drive: OpenDrive, seconds: float, rate_hz: float | None = None)
             before = time.perf_counter()
             result = slam.step(frame)
             slam.objects()
+            at_rest += result.observed.at_rest
             totals.append((time.perf_counter() - before) * 1e3)
             for stage, stage_ms in result.stages_ms.items():
                 stages.setdefault(stage, []).append(stage_ms)
@@ -84,6 +88,7 @@ def measure(open_drive: OpenDrive, seconds: float, rate_hz: float | None = None)
     return {
         "fps": round(len(totals) / wall_s, 2),
         "frames": len(totals),
+        "at_rest": at_rest,
         "latency_ms": percentiles(totals),
         "stages_ms": {stage: percentiles(laps) for stage, laps in stages.items()},
         "cpu_ms_per_frame": round(1e3 * cpu_s / len(totals), 2),

@@ -61,6 +61,16 @@ class SideBySide:
         self.motions = blind
         return next(iter(blind.values()))
 
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """False where one says so, True where all do."""
+        answers = [odometry.still(stamp_s, attitude) for odometry in self.odometries.values()]
+        return False if False in answers else None if None in answers else True
+
+    def rest(self, stamp_s: float) -> Motion:
+        """All of them."""
+        self.motions = {key: odometry.rest(stamp_s) for key, odometry in self.odometries.items()}
+        return next(iter(self.motions.values()))
+
     def reset(self, reason: str) -> None:
         """All of them."""
         for odometry in self.odometries.values():
@@ -121,7 +131,9 @@ def map_drive(
 
 
 def seen_from(observed: FrameObservations, camera: FloorCamera, rule: FloorRule) -> FrameObservations:
-    """The same boxes on the floor as another attitude has it."""
+    """The same boxes on the floor as another attitude has it; none where the picture was not searched."""
+    if not observed.looked:
+        return replace(observed, camera=camera)
     sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s)
     return replace(observed, sightings=sightings, camera=camera)
 

@@ -43,6 +43,9 @@ def command(
         float | None,
         arg(metavar="MINUTES", help="Go on at the first rate for so long: memory and times by the minute."),
     ] = None,
+    at_rest: Annotated[
+        bool, arg(help="Measure a robot that stands as well: the first picture again and again, with a sensor's noise.")
+    ] = False,
     plot: Annotated[Path | None, arg(metavar="DIR", help="Draw stages and processor time into DIR/bench.png.")] = None,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
@@ -60,6 +63,7 @@ def command(
     import psutil
 
     from edgemap.benchmarks import bench
+    from edgemap.benchmarks.at_rest import StandingCamera, measure_at_rest
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.bundle import Bundle, load_bundle
     from edgemap.runtime.cameras import Camera
@@ -80,8 +84,9 @@ def command(
         raise OptionError(f"--soak {soak}: must be a positive number of minutes")
     paced = find_bundle(bundle, threads, precision, camera, pace="camera", engine=engine)
 
-    def open_drive(loaded: Bundle = paced) -> tuple[Camera, SemanticSlam]:
+    def open_drive(loaded: Bundle = paced, standing: bool = False) -> tuple[Camera, SemanticSlam]:
         source = open_described(camera, camera_file)
+        source = StandingCamera(source, rate[0]) if standing else source
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
         pipeline = Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor))
         return source, SemanticSlam(pipeline, new_mapper(Config(), "default", "hybrid"))
@@ -140,6 +145,8 @@ def command(
         document["against"] = {against: ratios | {"precision": their_precision}}
     if soak is not None:
         document["soak"] = bench.soak(open_drive, soak, rate[0])
+    if at_rest:
+        document["at_rest"] = measure_at_rest(lambda: open_drive(standing=True), seconds, rate[0])
     if plot is not None:
         from edgemap.plots.bench import plot_bench
 
@@ -177,6 +184,11 @@ def _tell(document: dict[str, Any]) -> None:
             f"  ours / {name} ({ratios['precision']}): network {ratios['network_ratio']:.2f}, picture to boxes "
             f"{ratios['end_to_end_ratio']:.2f} (processor time {ratios['cpu_ratio']:.2f}), our whole step "
             f"{ratios['full_ratio']:.2f}"
+        )
+    if rest := document.get("at_rest"):
+        print(
+            f"  at rest: {rest['cpu_ms_per_frame']:.1f} ms of processor time a frame, {rest['cpu_percent']:.1f} % of "
+            f"one core, {rest['cpu_percent_with_decoding']:.1f} % with the decoding of a JPEG"
         )
     for minute, row in enumerate(document.get("soak", {}).get("minutes", ()), 1):
         print(f"  minute {minute}: {row['rss_mb']:.0f} MB, step p99 {row['latency_ms']['p99']:.1f} ms")

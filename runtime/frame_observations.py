@@ -18,6 +18,7 @@ class FrameObservations:
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
     frame, None for the level robot's. looked: whether the picture was searched, so that what is missing in it is gone.
+    at_rest: the robot stands still and nothing changed, so the boxes are those of the last picture that was searched.
     """
 
     index: int
@@ -29,6 +30,7 @@ class FrameObservations:
     health: PictureHealth = field(default_factory=PictureHealth)
     camera: FloorCamera | None = None
     looked: bool = True
+    at_rest: bool = False
 
     @property
     def faults(self) -> tuple[str, ...]:

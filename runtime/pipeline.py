@@ -19,6 +19,7 @@ from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.rest import RestMonitor
 from edgemap.runtime.timing import Stopwatch
 
 # A picture that did not change shows what is in view as long as the robot has moved by less since it was new.
@@ -55,8 +56,9 @@ class Pipeline:
         self._preprocess = Preprocessor(bundle.manifest.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
         self._decode = Decoder(bundle.manifest.detector, min_score, one_name=True)
-        self._nothing = Detections.none(bundle.names)
-        self._health = HealthMonitor(health)
+        self._names = bundle.names
+        self._found = Detections.none(bundle.names)  # in the last picture that was searched
+        self._health, self._rest = HealthMonitor(health), RestMonitor()
         self._since_seen = SE2()
         self._watch = Stopwatch()
 
@@ -68,16 +70,20 @@ class Pipeline:
         attitude = self.attitude.step(frame)
         frame, camera = replace(frame, attitude=attitude), self.camera.at(attitude)
         stage("attitude")
+        at_rest = self._rest.judge(frame, health, self.odometry.still(frame.stamp_s, attitude))
+        stage("rest")
+        if at_rest:
+            return self._stand(frame, health, camera)
         motion = self._move_blind(frame, health) if health.blind else None
         if motion is not None and not (health.stale and self._at_rest()):
             stages_ms = self._watch.stages_ms
-            none = self._nothing, []
+            none = Detections.none(self._names), []
             return FrameObservations(frame.index, frame.stamp_s, *none, motion, stages_ms, health, camera, looked=False)
         tensor, placement = self._preprocess(frame.image)
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
         stage("backbone")
-        detections = self._decode(outputs, placement)
+        detections = self._found = self._decode(outputs, placement)
         stage("decode")
         sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s)
         stage("floor")
@@ -87,6 +93,15 @@ class Pipeline:
         stage("odometry")
         stages_ms = self._watch.stages_ms
         return FrameObservations(frame.index, frame.stamp_s, detections, sightings, motion, stages_ms, health, camera)
+
+    def _stand(self, frame: Frame, health: PictureHealth, camera: FloorCamera) -> FrameObservations:
+        """No network runs and nothing is counted again; the first frame that differs is compared with the last one."""
+        motion = self.odometry.rest(frame.stamp_s)
+        self._watch.stage("odometry")
+        return FrameObservations(
+            frame.index, frame.stamp_s, self._found, [], motion, self._watch.stages_ms, health, camera,
+            looked=False, at_rest=True,
+        )  # fmt: skip
 
     def _move_blind(self, frame: Frame, health: PictureHealth) -> Motion:
         """The odometry goes on with what needs no picture."""

@@ -8,7 +8,7 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry.protocol import Motion, blind_motion
+from edgemap.runtime.odometry.protocol import STILL_RAD, Motion, blind_motion, no_motion
 
 UNKNOWN_M = 10.0  # standard deviation of a step's translation
 
@@ -33,6 +33,16 @@ class GyroOdometry:
         if attitude is None or attitude.rotation is None:
             return blind_motion(f"gyro odometry: no samples up to {stamp_s:.3f} s")
         return yaw_motion(attitude.rotation)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """Whether the yaw is no more than the gyro's own noise."""
+        if attitude is None or attitude.rotation is None:
+            return None
+        return abs(attitude.rotation.yaw_rad) < STILL_RAD + attitude.rotation.sigma_rad
+
+    def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
+        """No motion; the next one is told from there anyway."""
+        return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""

@@ -15,7 +15,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
-from edgemap.runtime.odometry.protocol import Motion, Odometry
+from edgemap.runtime.odometry.protocol import Motion, Odometry, no_motion
 
 GYRO = "gyro"  # the source that measures rotation only
 
@@ -91,6 +91,19 @@ class HybridOdometry:
         return self._joined(
             stamp_s, [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
         )
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """Whether every member that knows says so; None where none knows."""
+        known = [member.odometry.still(stamp_s, attitude) for member in self._members]
+        known = [answer for answer in known if answer is not None]
+        return all(known) if known else None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """Every member rests."""
+        for member in self._members:
+            member.odometry.rest(stamp_s)
+        self._coasting.saw(SE2(), stamp_s)
+        return no_motion()
 
     def reset(self, reason: str) -> None:
         """Every member starts again."""

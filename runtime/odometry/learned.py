@@ -16,7 +16,7 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.manifest import Manifest, OdometryHead
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
-from edgemap.runtime.odometry.protocol import Motion, blind_motion
+from edgemap.runtime.odometry.protocol import Motion, blind_motion, no_motion
 from edgemap.runtime.preprocess import cell_grid
 
 LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # between frames; after a longer gap the head starts again
@@ -96,6 +96,16 @@ class LearnedOdometry:
         guess = self._coasting.guess(stamp_s, reason)
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         return guess
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """It lives by pictures."""
+        return None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """The last features are as of this stamp."""
+        self._last_s = stamp_s
+        self._coasting.saw(SE2(), stamp_s)
+        return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""

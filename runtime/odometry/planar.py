@@ -30,7 +30,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.protocol import Motion, no_motion
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -156,6 +156,18 @@ class PlanarOdometry:
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         self._motion, self._trusted = guess.motion, False
         return guess
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """It lives by pictures."""
+        return None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """The last picture and its corners are as of this stamp."""
+        if self._grey is not None:
+            self._floor_s, self._seen_s = self._floor_s + stamp_s - self._seen_s, stamp_s
+        self._motion = SE2()
+        self._coasting.saw(SE2(), stamp_s)
+        return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""

@@ -16,6 +16,8 @@ from edgemap.runtime.network import Tensors
 Array = NDArray[np.float64]
 
 FARTHEST_M = 100.0  # of one step
+STILL_M, STILL_RAD = 0.002, 0.002  # of one step, below which wheels and gyro say still; their noise is less
+REST_M, REST_RAD = 1e-5, 1e-5  # standard deviations of no motion
 ROUNDING = 1e-6  # of a covariance, as a share of its largest entry; networks answer in float32
 
 
@@ -54,6 +56,11 @@ class Motion:
         return self
 
 
+def no_motion() -> Motion:
+    """Of one frame at rest. What was missed shows in the motion up to the first frame after it."""
+    return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])))
+
+
 def blind_motion(fault: str) -> Motion:
     """No measurement: identity, covariance unknown, and the reason."""
     return Motion(fault=fault, blind=True)
@@ -74,6 +81,17 @@ class Odometry(Protocol):
         Wheels and gyro go on; what lives by pictures says blind. reason: why there is none, for the fault. attitude:
         at the stamp, with the gyro's rotation since the previous step, where an IMU tells them.
         """
+        ...
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """Whether the base has stood still from the previous step to a stamp, without a look at the picture.
+
+        None where neither wheels nor gyro say anything.
+        """
+        ...
+
+    def rest(self, stamp_s: float) -> Motion:
+        """`no_motion`: the base stood still since the previous step, and the last picture stands for this stamp too."""
         ...
 
     def reset(self, reason: str) -> None:

@@ -13,7 +13,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry.protocol import Motion, blind_motion
+from edgemap.runtime.odometry.protocol import STILL_M, STILL_RAD, Motion, blind_motion, no_motion
 from edgemap.runtime.trajectory import Trajectory
 
 
@@ -76,6 +76,19 @@ class RecordedOdometry:
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """The recorded motion: it needs no picture."""
         return self._to(stamp_s)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """Whether the recorded motion since the last step is none."""
+        pose, lost = self._pose(stamp_s)
+        if self._last is None or pose is None or lost or self._hole(stamp_s):
+            return None
+        motion = self._last.inverse() @ pose
+        return math.hypot(motion.x_m, motion.y_m) < STILL_M and abs(motion.yaw_rad) < STILL_RAD
+
+    def rest(self, stamp_s: float) -> Motion:
+        """No motion; goes on from the stamp."""
+        self._to(stamp_s)
+        return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the next frame."""

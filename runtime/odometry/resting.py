@@ -32,6 +32,14 @@ class RestingOdometry:
         """The same without a picture."""
         return self._told(self._odometry.step_blind(stamp_s, reason, attitude))
 
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """What the odometry behind says."""
+        return self._odometry.still(stamp_s, attitude)
+
+    def rest(self, stamp_s: float) -> Motion:
+        """The odometry behind rests; what waits goes on waiting."""
+        return self._odometry.rest(stamp_s)
+
     def _told(self, found: Motion) -> Motion:
         motion = self._waiting @ found.motion
         small = math.hypot(motion.x_m, motion.y_m) < LEAST_M and abs(motion.yaw_rad) < LEAST_RAD

@@ -65,7 +65,7 @@ class Slam(SemanticSlam):
     def step(self, frame) -> Any:
         self.seen.append(int(frame.image[0, 0, 0]))
         self._step(frame)
-        return SimpleNamespace(stages_ms={"all": 1.0})
+        return SimpleNamespace(stages_ms={"all": 1.0}, observed=SimpleNamespace(at_rest=False))
 
     def objects(self):
         return []

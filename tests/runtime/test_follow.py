@@ -45,6 +45,12 @@ class Reader:
     def step_blind(self, stamp_s, reason, attitude=None):
         raise AssertionError(reason)
 
+    def still(self, stamp_s, attitude):
+        raise AssertionError(stamp_s)
+
+    def rest(self, stamp_s):
+        raise AssertionError(stamp_s)
+
     def reset(self, reason):
         raise AssertionError(reason)
 

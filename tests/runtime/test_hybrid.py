@@ -9,7 +9,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.gyro import GyroOdometry
 from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.protocol import Motion, no_motion
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
 
@@ -25,6 +25,12 @@ class Scripted:
 
     def step_blind(self, stamp_s, reason, attitude=None):
         return Motion(fault=reason, blind=True)
+
+    def still(self, stamp_s, attitude):
+        return None
+
+    def rest(self, stamp_s):
+        return no_motion()
 
     def reset(self, reason):
         self.resets += 1

@@ -77,6 +77,7 @@ def test_stages_stand_in_the_order_of_the_step(bundle):
     stages = [
         "health",
         "attitude",
+        "rest",
         "preprocess",
         "backbone",
         "decode",

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.odometry.protocol import Motion, no_motion
 from edgemap.runtime.odometry.resting import LEAST_M, LEAST_RAD, RestingOdometry
 
 FRAME = Frame(0, 0.0, np.zeros((2, 2, 3), dtype=np.uint8))
@@ -28,6 +28,12 @@ class Given:
 
     def step_blind(self, stamp_s, reason, attitude=None):
         return Motion(next(self._motions), np.eye(3), reason, blind=True)
+
+    def still(self, stamp_s, attitude):
+        return None
+
+    def rest(self, stamp_s):
+        return no_motion()
 
     def reset(self, reason):
         pass

@@ -1,0 +1,178 @@
+"""A robot that stands is noticed, a robot that moves is not taken for one, and nothing is counted again at rest."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from support import painted
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.health import PictureHealth
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.odometry.gyro import GyroOdometry
+from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.odometry.planar import PlanarOdometry
+from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.rest import RestMonitor
+from edgemap.runtime.slam import SemanticSlam
+from edgemap.runtime.trajectory import Trajectory
+
+SHARED = Path(os.environ.get("EDGEMAP_SHARED", Path(__file__).parents[3] / "shared")) / "data"
+GOOD = PictureHealth()
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """The demo's first six seconds: rendered, a robot that drives."""
+    with open_camera("demo") as camera:
+        return [frame.image for _ in range(60) if (frame := camera.read()) is not None]
+
+
+NOISE = np.random.default_rng(0).normal(0.0, 1.0, 3 * 480 * 640 + 100_000).astype(np.float32)
+
+
+def noisy(image, seed, sigma=3.0):
+    noise = NOISE[997 * seed :][: image.size].reshape(image.shape)
+    return np.clip(image + sigma * noise, 0, 255).astype(np.uint8)
+
+
+def judged(images, still=None, rate_hz=10.0):
+    """At which pictures the robot rests."""
+    monitor = RestMonitor()
+    frames = (Frame(index, index / rate_hz, image) for index, image in enumerate(images))
+    return [monitor.judge(frame, GOOD, still) for frame in frames]
+
+
+def test_a_robot_that_stands_rests_after_two_seconds_or_at_once_where_wheels_say_so_too(pictures):
+    standing = [noisy(pictures[0], seed, 5.0) for seed in range(25)]
+    assert [any(judged(standing, still)[:until]) for still, until in ((None, 20), (True, 3))] == [False, False]
+    assert [all(judged(standing, still)[since:]) for still, since in ((None, 20), (True, 3))] == [True, True]
+    assert not any(judged(standing, still=False))
+
+
+def test_a_robot_that_drives_never_rests(pictures):
+    assert not any(judged(pictures))
+
+
+def test_a_slow_creep_is_seen(pictures):
+    """0.1 px a frame: less than noise from picture to picture."""
+    creep = []
+    for index in range(45):
+        shift = np.array([[1.0, 0.0, 0.1 * index], [0.0, 1.0, 0.0]])
+        creep.append(noisy(cv2.warpAffine(pictures[0], shift, (640, 480), borderMode=cv2.BORDER_REPLICATE), index, 2.0))
+    assert not any(judged(creep))
+
+
+def test_a_person_who_walks_by_wakes_it_and_a_change_of_exposure_does_not(pictures):
+    standing = [noisy(pictures[0], seed) for seed in range(51)]
+    brighter = [noisy(np.clip(pictures[0] * (1 + 0.002 * seed) + 0.2 * seed, 0, 255), seed) for seed in range(30)]
+    assert all(judged(brighter)[20:])
+    for index in range(25, 30):
+        standing[index][150:400, 60 * (index - 25) : 60 * (index - 23)] //= 2
+    found = judged(standing)
+    assert all(found[20:25])
+    assert not any(found[25:50])
+    assert found[50]
+
+
+def test_a_plain_wall_shows_no_rest_to_the_camera_alone():
+    wall = [noisy(np.full((480, 640, 3), 120), seed) for seed in range(40)]
+    assert not any(judged(wall))
+    assert all(judged(wall, still=True)[3:])
+
+
+@pytest.mark.parametrize(("kind", "after"), [("repeated", True), ("covered", False)])
+def test_a_repeated_picture_changes_nothing_and_one_that_shows_nothing_begins_again(pictures, kind, after):
+    monitor = RestMonitor()
+    for index in range(30):
+        monitor.judge(Frame(index, index / 10, noisy(pictures[0], index)), GOOD, None)
+    assert not monitor.judge(Frame(30, 3.0, noisy(pictures[0], 29)), PictureHealth(kind), None)
+    assert monitor.judge(Frame(31, 3.1, noisy(pictures[0], 31)), GOOD, None) is after
+
+
+@pytest.mark.parametrize("folder", ["hololens/image", "lounge/image", "redkitchen", "kitti00"])
+def test_real_cameras_that_move_never_rest(folder):
+    if not (SHARED / folder).is_dir():
+        pytest.skip(f"{SHARED / folder} is not there: set EDGEMAP_SHARED")
+    paths = sorted(path for path in (SHARED / folder).rglob("*") if path.suffix in (".jpg", ".png"))[:90]
+    assert not any(judged(cv2.imread(str(path)) for path in paths))
+
+
+def test_a_real_camera_that_stands_rests():
+    """EuRoC's first seconds: the camera lies still but for a few nudges."""
+    if not (SHARED / "euroc").is_dir():
+        pytest.skip(f"{SHARED / 'euroc'} is not there: set EDGEMAP_SHARED")
+    paths = sorted((SHARED / "euroc" / "image").iterdir())
+    assert sum(judged((cv2.imread(str(path)) for path in paths), still=True)) > 40
+
+
+def rotation(yaw_rad):
+    return replace(Attitude.of_mount(Mount(1.0)), rotation=GyroRotation(np.eye(3), yaw_rad, 0.001))
+
+
+def test_wheels_and_gyro_say_still_or_moving_or_nothing():
+    wheels = RecordedOdometry(Trajectory(np.arange(4.0), (SE2(), SE2(), SE2(0.01), SE2(0.01))), "wheels", edge_s=0.1)
+    assert wheels.still(0.0, None) is None
+    wheels.rest(0.0)
+    assert wheels.still(1.0, None) is True
+    wheels.rest(1.0)
+    assert wheels.still(2.0, None) is False
+    gyro = GyroOdometry()
+    assert [gyro.still(1.0, attitude) for attitude in (None, rotation(0.001), rotation(0.02))] == [None, True, False]
+    hybrid = HybridOdometry([Member(wheels, "wheels"), Member(gyro, "gyro")])
+    assert [hybrid.still(1.0, rotation(yaw_rad)) for yaw_rad in (0.001, 0.02)] == [True, False]
+    assert HybridOdometry([Member(gyro, "gyro")]).still(1.0, None) is None
+
+
+def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_complete(pictures, tmp_path):
+    """Planar sleeps through four seconds; the first picture after them tells the motion since the last one before."""
+    bundle = load_bundle(painted.write_painted(tmp_path / "b", [("chair", 40.0, 30.0, 12.0, 24.0, 0.9)]))
+    with open_camera("demo") as camera:
+        assert camera.intrinsics
+        assert camera.mount
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+    sleepy, awake = (SemanticSlam(Pipeline(bundle, floor, PlanarOdometry(floor)), Mapper()) for _ in range(2))
+    moving = [Frame(index, index / 10, picture) for index, picture in enumerate(pictures[:21])]
+    for frame in moving[:20]:
+        sleepy.step(frame)
+        awake.step(frame)
+    standing = [replace(moving[19], stamp_s=2.0 + index / 10, image=noisy(pictures[19], index)) for index in range(40)]
+    results = [sleepy.step(frame) for frame in standing]
+    resting = [result for result in results if result.observed.at_rest]
+    counted = sum(item.count for item in sleepy.objects())
+    assert len(resting) >= 15
+    assert all("backbone" not in result.stages_ms and not result.sightings for result in resting)
+    assert {result.motion.motion for result in resting} == {SE2()}
+    assert resting[-1].detections.labels == ["chair"]
+    woken = sleepy.step(replace(moving[20], stamp_s=6.0))
+    expected = awake.step(moving[20])
+    assert not woken.observed.at_rest
+    assert sum(item.count for item in sleepy.objects()) == counted + len(woken.sightings)
+    np.testing.assert_allclose(woken.motion.motion.vector(), expected.motion.motion.vector(), atol=0.004)
+
+
+def test_a_learned_odometry_goes_on_as_if_the_last_picture_were_new():
+    """Else ten seconds of rest would be a gap, after which it starts again."""
+    from edgemap.runtime.odometry.learned import LearnedOdometry
+    from edgemap.runtime.store import bundle_folder
+
+    lens = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
+    odometry = LearnedOdometry(load_bundle(bundle_folder("edgemap-nano")), "flow", FloorCamera(lens, Mount(0.6, 0.2)))
+    shape = odometry._network.inputs[odometry._head.feature_input]
+    features = {odometry._head.feature: np.random.default_rng(0).normal(size=shape).astype(np.float32)}
+    frame = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
+    odometry.step(frame, features)
+    for tenth in range(1, 101):
+        odometry.rest(tenth / 10)
+    assert not odometry.step(replace(frame, stamp_s=10.1), features).blind
