@@ -39,7 +39,7 @@ def view_cost(slam: SemanticSlam, ring: Ring, rounds: int, rate_hz: float | None
     """
     from edgemap.view.server import PageServer
 
-    page = LivePage({"colours": {}}, Path(tempfile.gettempdir()))
+    page = LivePage({"marks": {}}, Path(tempfile.gettempdir()))
     server = PageServer(page, "127.0.0.1", 0)
     command = [sys.executable, "-m", "edgemap.benchmarks.view_cost", "--look-at", str(server.port)]
     looker = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
@@ -101,7 +102,7 @@ def live_page(
 def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
     """What the page says of the run, and needs to know of the camera to draw."""
     from edgemap.geometry.objects.map_object import CHI2_95
-    from edgemap.runtime.colours import label_colour
+    from edgemap.runtime.colours import SHAPES, label_mark
 
     lens, seat = floor.intrinsics, floor.mount
     return {
@@ -115,7 +116,8 @@ def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str,
         "picture_px": [lens.width, lens.height],
         "view_rad": 2.0 * math.atan2(lens.width / 2.0, lens.fx),
         "lens_m": [seat.forward_m, seat.left_m],
-        "colours": {name: label_colour(name) for name in bundle.names},
+        "marks": {name: asdict(label_mark(name)) for name in bundle.names},
+        "shapes": SHAPES,
         "chi2_95": CHI2_95,
         "run": f"{time.time_ns():x}",
     }

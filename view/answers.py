@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.map_file import object_record
 from edgemap.runtime.slam import StepResult
@@ -60,13 +61,18 @@ def frame_answer(result: StepResult) -> dict[str, Any]:
     }
 
 
+def map_object_answer(item: MapObject) -> dict[str, Any]:
+    """One object as in map.json, with the radius of a circle that takes as much floor."""
+    return object_record(item) | {"radius_m": round(radius_m(item), 3)}
+
+
 def object_answer(item: MapObject, moment: Moment) -> dict[str, Any]:
-    """One object as in map.json, with its distance from the robot and the time since it was last seen."""
+    """One object with its distance from the robot and the time since it was last seen."""
     pose = moment.result.pose_map_base
     away_m = math.hypot(item.position_m[0] - pose.x_m, item.position_m[1] - pose.y_m)
     age_s = max(0.0, moment.result.frame.stamp_s - item.last_seen_s)
     seen = item.id in moment.result.object_ids
-    return object_record(item) | {"distance_m": round(away_m, 3), "age_s": round(age_s, 3), "in_view": seen}
+    return map_object_answer(item) | {"distance_m": round(away_m, 3), "age_s": round(age_s, 3), "in_view": seen}
 
 
 def objects_answer(moment: Moment | None) -> list[dict[str, Any]]:

@@ -60,7 +60,7 @@ class LivePage:
         crops: BestCrops | None = None,
     ) -> None:
         self.about, self.folder, self.pause, self.camera_state = about, folder, pause, camera_state
-        self.crops = crops or BestCrops()
+        self.crops = BestCrops() if crops is None else crops
         self.newest: Moment | None = None
         self.revision = 0
         self.epoch = 0  # counts how often everything told before has moved

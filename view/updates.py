@@ -13,9 +13,8 @@ import psutil
 
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.map_file import map_document
 from edgemap.runtime.slam import StepResult
-from edgemap.view.answers import fault_answer, frame_answer, plain
+from edgemap.view.answers import fault_answer, frame_answer, map_object_answer, plain
 from edgemap.view.page import LivePage
 from edgemap.view.status import pose_sigma, status
 
@@ -112,7 +111,7 @@ class Cursor:
         changed = [item for key, item in now.items() if self._objects.get(key) is not item]
         gone = [key for key in self._objects if key not in now]
         self._objects = now
-        return {"changed": map_document(changed)["objects"], "gone": gone}
+        return {"changed": [map_object_answer(item) for item in changed], "gone": gone}
 
 
 def _step(result: StepResult) -> dict[str, Any]:

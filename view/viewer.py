@@ -14,7 +14,7 @@ from edgemap.view.page import LivePage
 from edgemap.view.updates import Cursor, Pictures, Vitals
 
 HIGHEST_RATE_HZ = 20.0
-IN_FLIGHT = 2  # updates sent and not yet shown: one on the way while one is drawn
+IN_FLIGHT = 4  # updates sent and not yet shown: a picture every 100 ms over a link that takes 300 ms, there and back
 SIGN_OF_LIFE_S = 1.0  # an update at least this often, so that the page sees a silent camera
 
 

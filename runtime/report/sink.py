@@ -44,7 +44,7 @@ class ReportFile:
         self.failure = ""
         self.evaluation_rows: list[EvaluationRow] = []
         self._folder, self._truth, self._judge = folder, truth, judge
-        self._crops, self._history = crops or BestCrops(), History()
+        self._crops, self._history = BestCrops() if crops is None else crops, History()
         self._closed = False
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:

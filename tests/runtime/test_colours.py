@@ -1,9 +1,27 @@
+"""Marks are told apart by everybody: by shape, or by a colour that every kind of eye keeps apart."""
+
+import json
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from edgemap.runtime.colours import PALETTE, USUAL, label_colour
+from edgemap.runtime.colours import MARKS, PALETTE, SHAPES, USUAL, label_colour, label_mark
+
+# Machado, Oliveira and Fernandes 2009, severity 1, on linear RGB.
+EYES = {
+    "usual": np.eye(3),
+    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+WHITE = XYZ @ np.ones(3)
+APART = 25.0  # CIE 1976 colour difference; 2.3 is just noticeable side by side
+MODELS = Path(__file__).parents[2] / "models"
 
 
 def linear(colour):
@@ -16,24 +34,56 @@ def luminance(colour):
     return float(linear(colour) @ [0.2126, 0.7152, 0.0722])
 
 
+def lab(light):
+    f = np.cbrt(np.maximum(XYZ @ light / WHITE, 0.008856))
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def difference(one, other, eye):
+    seen = [lab(np.clip(np.array(EYES[eye]) @ linear(colour), 0, 1)) for colour in (one, other)]
+    return float(np.linalg.norm(seen[0] - seen[1]))
+
+
 @pytest.mark.parametrize("colour", PALETTE)
-def test_colours_are_seen_on_white_and_on_dark(colour):
-    """WCAG contrast of at least 2 against white paper and against the dark page's ground."""
-    dark = luminance("#14171b")
-    assert 1.05 / (luminance(colour) + 0.05) >= 2.0
-    assert (luminance(colour) + 0.05) / (dark + 0.05) >= 2.5
+@pytest.mark.parametrize("ground", ["#ffffff", "#1b1f25"])
+def test_every_mark_has_3_to_1_contrast_on_both_pages(colour, ground):
+    """WCAG 2.2, 1.4.11: white paper and light cards, dark cards."""
+    low, high = sorted((luminance(colour), luminance(ground)))
+    assert (high + 0.05) / (low + 0.05) >= 3.0
 
 
-def test_usual_labels_have_colours_of_their_own():
-    assert len({label_colour(label) for label in USUAL}) == len(USUAL) == len(PALETTE)
-    assert label_colour("unicorn") == label_colour("unicorn") in PALETTE
+@pytest.mark.parametrize("eye", EYES)
+def test_any_two_marks_differ_by_shape_or_by_a_colour_that_this_eye_tells(eye):
+    assert len(set(MARKS)) == len(MARKS) == 3 * len(SHAPES)
+    for one, other in combinations(MARKS, 2):
+        assert one.shape != other.shape or difference(one.colour, other.colour, eye) >= APART, (one, other)
 
 
-def test_the_commonest_labels_differ_for_deuteranopes():
-    """Vienot 1999: long and middle cones see the same; the first six stay apart in what is left."""
-    to_lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
-    blind = np.array([[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]])
-    seen = [
-        np.clip(np.linalg.solve(to_lms, blind @ to_lms @ linear(colour)), 0, 1) ** (1 / 2.2) for colour in PALETTE[:6]
-    ]
-    assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 0.1
+@pytest.mark.parametrize("bundle", sorted(path.parent.name for path in MODELS.glob("*/bundle.json")))
+def test_all_that_a_bundle_maps_has_a_mark_of_its_own(bundle):
+    classes = json.loads((MODELS / bundle / "bundle.json").read_text())["detector"]["classes"]
+    mapped = [item["name"] for item in classes if item["mapped"]]
+    assert mapped
+    assert len({label_mark(name) for name in mapped}) == len(mapped)
+
+
+@pytest.mark.parametrize("pair", [("couch", "refrigerator"), ("suitcase", "vase"), ("bed", "suitcase")])
+def test_what_looked_alike_has_another_shape(pair):
+    one, other = map(label_mark, pair)
+    assert one.shape != other.shape
+
+
+def test_the_usual_have_marks_of_their_own_and_others_share():
+    assert len({label_mark(label) for label in USUAL}) == len(USUAL) <= len(MARKS)
+    assert len({label_mark(label).shape for label in USUAL[: len(SHAPES)]}) == len(SHAPES)
+    assert label_mark("unicorn") == label_mark("unicorn") in MARKS
+    assert label_colour("unicorn") == label_mark("unicorn").colour
+
+
+def test_shapes_have_about_one_size():
+    """Area by the shoelace formula, next to a circle's pi."""
+    for name, corners in SHAPES.items():
+        if corners:
+            x, y = np.array(corners).T
+            area = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
+            assert 2.4 <= area <= 3.4, name

@@ -1,5 +1,9 @@
+from dataclasses import asdict
+
 import pytest
 from support.steps import Steps
+
+from edgemap.runtime.colours import SHAPES, label_mark
 
 pytest.importorskip("starlette", reason="the live page needs the extra 'view'")
 pytest.importorskip("uvicorn", reason="the live page needs the extra 'view'")
@@ -8,7 +12,7 @@ pytest.importorskip("websockets", reason="the live page needs the extra 'view'")
 ABOUT = {
     "camera": "made", "live": False, "frames": 100, "rate_hz": 10.0, "bundle": "painted", "odometry": "truth",
     "folder": "runs/made", "picture_px": [320, 240], "view_rad": 1.0, "lens_m": [0.1, 0.0], "chi2_95": 5.991,
-    "colours": {"chair": "#0072b2", "couch": "#e69f00", "person": "#d55e00"},
+    "marks": {name: asdict(label_mark(name)) for name in ("chair", "couch", "person")}, "shapes": SHAPES,
 }  # fmt: skip
 
 

@@ -1,8 +1,12 @@
 """The page in a real browser: Debian's chromium without a window. Frames are counted, never seconds."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from support.browser import Browser, find_chromium
 
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.map_file import save_map
 from edgemap.view.viewer import IN_FLIGHT
 
@@ -50,9 +54,11 @@ def test_it_shows_what_the_robot_sees_and_asks_nobody_else(serve, look):
     served.step(5)
     tab = look(served)
     tab.until("edgemap.frame === 4")
+    tab.until("document.querySelectorAll('#objects li').length === 2")
     assert tab.value("[...document.querySelectorAll('#objects li')].map(li => li.dataset.id)") == ["chair-1", "couch-1"]
     assert (
-        tab.value("document.getElementById('caption').textContent") == "frame 5 of 100, 0.4 s3 in view, 2 on the floor"
+        tab.value("document.getElementById('caption').textContent")
+        == "frame 5 of 100, 0.4 s3 in view, 2 on the floor; metres from the robot"
     )
     assert tab.value("document.getElementById('state').textContent") == "running"
     stages = tab.value("[...document.querySelectorAll('#stages th')].map(cell => cell.textContent)")
@@ -79,12 +85,9 @@ def test_on_the_map_forward_is_up_and_left_is_left(serve, look):
     at = {name: tab.value(place(name)) for name in ("chair-1", "couch-1")}
     assert at["chair-1"] == pytest.approx((left - metre, top - 2.8 * metre), abs=0.05 * metre)
     assert at["couch-1"] == pytest.approx((left + 1.5 * metre, top - 3.8 * metre), abs=0.05 * metre)
-    for name, colour in (("chair-1", [0x00, 0x72, 0xB2]), ("couch-1", [0xE6, 0x9F, 0x00])):
+    for name, colour in (("chair-1", [0x00, 0x72, 0xB2]), ("couch-1", [0xC7, 0x77, 0x00])):
         pixel = tab.value(f"({COLOUR})(document.getElementById('map'), {at[name][0]}, {at[name][1]})")
-        opacity = 0.35 + 0.65 * tab.value(f"edgemap.map.objects.get('{name}').confidence")  # doubt fades
-        clear = (1.0 - opacity) * (1.0 - 0.16 * opacity)  # of the dot and of the ellipse below it
-        faded = [value * (1.0 - clear) + 250 * clear for value in colour]
-        assert pixel == pytest.approx([*faded, 255], abs=12)
+        assert pixel == pytest.approx([*colour, 255], abs=12)
 
 
 def test_two_look_and_the_slow_one_holds_up_nobody(serve, look):
@@ -131,7 +134,7 @@ def test_it_comes_back_by_itself_after_the_robot_was_restarted(serve, look):
     tab.click("sightings")
     first.server.close()
     tab.until("edgemap.state === 'lost'")
-    assert "trying again" in tab.value("document.getElementById('state').textContent")
+    assert "Trying again" in tab.value("document.getElementById('headline').textContent")
     second = serve(port=first.port)
     tab.until("edgemap.state === 'running'")
     assert tab.value("edgemap.map.objects.size + edgemap.map.trail.length") == 0  # the old run's map is gone
@@ -190,7 +193,7 @@ def test_sightings_come_and_go_and_faults_appear(serve, look):
         tab.click("sightings")
         tab.until("edgemap.map.sightings.length === 0")
     served.page.write(*served.steps.next("planar odometry: 3 corners on the floor"))
-    tab.until("document.getElementById('faults').textContent === 'frame 6planar odometry: 3 corners on the floor'")
+    tab.until("document.getElementById('faults').textContent === 'frame 7planar odometry: 3 corners on the floor'")
     served.page.close()
     tab.until("edgemap.state === 'finished'")
     assert tab.value("document.getElementById('pause').disabled")
@@ -258,3 +261,103 @@ def test_a_browser_is_let_in_by_the_token_and_keeps_it_to_itself(serve, look, br
     shows(tab, served, 2)
     assert tab.value("location.href") == f"http://127.0.0.1:{port}/"
     assert tab.value("document.cookie") == ""  # scripts cannot read it
+
+
+def test_what_is_wrong_stands_first_in_words(serve, look):
+    """The worst as the headline, the rest below it, above everything else on the page."""
+    served = serve()
+    served.step(3)
+    tab = look(served)
+    headline = "document.getElementById('headline').textContent"
+    tab.until(f"{headline}.startsWith('Running')")
+    assert tab.value("document.getElementById('status').dataset.level") == "ok"
+    served.page.camera_state = lambda: "lost"
+    served.page.write(*served.steps.next("planar odometry: 3 corners on the floor"))
+    tab.until(f"{headline} === 'The camera is lost. The map so far is saved.'")
+    assert tab.value("[...document.querySelectorAll('#problems li')].map(li => li.textContent)") == [
+        "Odometry: planar odometry: 3 corners on the floor."
+    ]
+    assert tab.value("document.getElementById('status').dataset.level") == "fault"
+    assert tab.value("document.getElementById('status').getBoundingClientRect().top") == 0
+    assert tab.value("document.body.firstElementChild.id") == "status"
+
+
+MAP_CLICK = """(([left, top]) => { const map = document.getElementById('map'), box = map.getBoundingClientRect();
+  return [box.left + left, box.top + top]; })"""
+
+
+def tap(tab, left, top):
+    for kind in ("mousePressed", "mouseReleased"):
+        tab.call("Input.dispatchMouseEvent", type=kind, x=left, y=top, button="left", clickCount=1)
+
+
+def test_an_object_is_picked_on_the_map_and_in_the_list(serve, look):
+    served = serve()
+    served.step(12)
+    served.page.crops.consider(served.page.newest.result)
+    tab = look(served)
+    tab.until("edgemap.frame === 11 && document.querySelectorAll('#objects li').length === 2 && !edgemap.map.asked")
+    tap(tab, *tab.value(f"{MAP_CLICK}(edgemap.map.view.toScreen(4, -1.5))"))
+    tab.until("document.querySelector('#detail h2')?.textContent === 'couch-1'")
+    detail = tab.value("document.getElementById('detail').innerText")
+    for text in ("From the robot", "3.7", "Confidence", "12 times, in view", "couch", "100 %"):
+        assert text in detail, detail
+    tab.until("document.querySelector('#detail img').naturalWidth > 0")  # its picture
+    assert tab.value("edgemap.map.view.mode") == "fit"  # it was in sight
+    tab.value("document.querySelector('#objects button').click()")
+    tab.until("document.querySelector('#detail h2').textContent === 'chair-1'")
+    assert tab.value("document.querySelector('#objects button').getAttribute('aria-pressed')") == "true"
+    tap(tab, *tab.value(f"{MAP_CLICK}(edgemap.map.view.toScreen(1, 2))"))  # the bare floor
+    tab.until("document.getElementById('detail').hidden")
+
+
+def test_the_list_is_by_distance_from_the_robot(serve, look):
+    served = serve()
+    served.step(12)
+    tab = look(served)
+    texts = "li.querySelector('.who').textContent + li.querySelector('.far').textContent"
+    rows = f"[...document.querySelectorAll('#objects li')].map(li => {texts})"
+    tab.until(f"{rows}.join() === 'chair-12.6 m,couch-13.8 m'")
+    result, objects = served.steps.next()
+    moved = replace(result, update=replace(result.update, pose_map_base=SE2(4.0, -1.0, 0.0)))
+    served.page.write(moved, objects)
+    tab.until(f"{rows}.join() === 'couch-10.5 m,chair-12.2 m'")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844), (844, 390), (720, 450)])
+def test_fit_shows_all_of_a_large_map(serve, look, width, height):
+    """Ellipses and the far ends of a map 300 m long are inside; below the buttons, above the scale."""
+    served = serve()
+    served.step(12)
+    result, objects = served.steps.next()
+    far = [
+        replace(objects[0], id=f"chair-{n}", position_m=np.array(at))
+        for n, at in enumerate([(300.0, 20.0), (-5.0, -80.0)], 5)
+    ]
+    served.page.write(result, [*objects, *far])
+    tab = look(served, width=width, height=height)
+    tab.until("edgemap.map.objects.size === 4")
+    tab.until(
+        "(({now, goal}) => Math.abs(goal.x - now.x) + Math.abs(goal.y - now.y) < .1 && now.scale < 5)(edgemap.map.view)"
+    )
+    size = tab.value("(map => [map.clientWidth, map.clientHeight])(document.getElementById('map'))")
+    for at in ((300.0, 20.0), (-5.0, -80.0), (0.0, 0.0)):
+        left, top = tab.value(f"edgemap.map.view.toScreen({at[0]}, {at[1]})")
+        assert 20 <= left <= size[0] - 20, at
+        assert 50 <= top <= size[1] - 30, at
+    assert tab.value("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize(("width", "height"), [(844, 390), (720, 450)])
+def test_sideways_and_at_200_percent_picture_and_map_are_seen_at_once(serve, look, width, height):
+    """720x450 is a window of 1440x900 at 200 %."""
+    served = serve()
+    served.step(5)
+    tab = look(served, width=width, height=height)
+    tab.until("edgemap.frame === 4 && !edgemap.map.asked")
+    for name in ("document.querySelector('.picture')", "document.querySelector('.map')"):
+        box = tab.value(f"(b => [b.top, b.bottom, b.width, b.height])({name}.getBoundingClientRect())")
+        assert box[0] >= 0
+        assert box[1] <= height
+        assert min(box[2:]) >= 200, (name, box)
+    assert tab.value("document.documentElement.scrollWidth") <= width

@@ -167,8 +167,8 @@ def test_after_a_relocation_all_is_sent_anew(serve):
         assert {item["id"] for item in second["changed"]} == {"chair-1", "couch-1"}
 
 
-def test_a_viewer_that_shows_nothing_is_sent_two_and_stops_nobody(serve):
-    """Frames are counted: the fast viewer sees all twenty, the slow one gets two, and then the newest."""
+def test_a_viewer_that_shows_nothing_is_sent_a_few_and_stops_nobody(serve):
+    """Frames are counted: the fast viewer sees all twenty, the slow one gets a few, and then the newest."""
     served = serve()
     with raw_viewer(served.port) as slow, raw_viewer(served.port) as fast:
         slow.say("stream")
@@ -188,6 +188,20 @@ def test_a_viewer_that_shows_nothing_is_sent_two_and_stops_nobody(serve):
         caught_up = slow.update()
         assert (caught_up["frame"], caught_up["number"]) == (19, IN_FLIGHT)
         assert served.page.newest.result.frame.index == 19
+
+
+def test_an_answer_that_is_three_pictures_late_costs_no_picture(serve):
+    """As over a link of 300 ms, there and back, at 10 Hz."""
+    served, late = serve(), 3
+    with raw_viewer(served.port) as viewer:
+        viewer.say("stream")
+        viewer.update()  # before the first picture
+        for frame in range(20):
+            served.step()
+            update = viewer.update()
+            assert (update["frame"], update["jpeg"] != b"") == (frame, True)
+            if frame >= late - 1:
+                viewer.say("shown")
 
 
 def test_nothing_is_sent_or_encoded_while_nobody_looks(serve):

@@ -1,15 +1,18 @@
 // Puts the page together: what comes from the robot goes to picture, map and panels; buttons go to the robot.
 import { api, Connection } from "/connection.js";
 import { FloorMap } from "/map.js";
+import { byId, setText } from "/dom.js";
+import { learnMarks } from "/marks.js";
+import { Objects } from "/objects.js";
 import { Panels } from "/panels.js";
 import { Picture } from "/picture.js";
 
-const byId = (id) => document.getElementById(id);
 const press = (id, on) => byId(id).setAttribute("aria-pressed", on);
 
 const picture = new Picture(byId("picture"));
-const map = new FloorMap(byId("map"), (mode) => { press("fit", mode === "fit"); press("follow", mode === "follow"); });
-const panels = new Panels(choose);
+const map = new FloorMap(byId("map"), (mode) => { press("fit", mode === "fit"); press("follow", mode === "follow"); }, choose);
+const objects = new Objects(choose);
+const panels = new Panels();
 // For the console and the tests: pictures drawn, updates received, the last state told.
 const page = window.edgemap = { drawn: 0, updates: 0, state: "connecting", frame: -1, map };
 let info = null, lastDrawn = -1;
@@ -18,7 +21,9 @@ const connection = new Connection({
   hello(about) {
     info = about;
     lastDrawn = -1;
-    for (const part of [picture, map, panels]) { part.about(about); part.clear(); }
+    learnMarks(about);
+    for (const part of [picture, map, panels]) part.about(about);
+    for (const part of [picture, map, panels, objects]) part.clear();
     byId("about").textContent = [about.camera, about.bundle, `${about.odometry} odometry`].join("  ·  ");
     byId("pause").title = about.live ? "Hold this page; the robot goes on" : "Hold the run";
     document.title = `${about.camera} – edgemap`;
@@ -26,12 +31,16 @@ const connection = new Connection({
   update(news, jpeg) {
     page.updates += 1;
     map.update(news);
-    panels.update(news, map.objects, map.seen);
+    panels.update(news);
+    objects.update(news, map.objects, map.seen);
     tellState(connection.held ? "held" : news.state);
     if (news.frame !== undefined) caption(news);
     show(news, jpeg);
   },
-  lost(reason) { tellState("lost", reason || "connection lost, trying again"); },
+  lost(reason) {
+    tellState("lost", "not connected");
+    panels.status({ level: "wait", headline: reason || "The connection to the robot is lost. Trying again.", problems: [] });
+  },
 });
 
 // A picture appears together with its own boxes; the robot hears of it only then, and sends the next.
@@ -52,7 +61,7 @@ async function show(news, jpeg) {
 function tellState(state, text = { held: "page held" }[state] ?? state) {
   page.state = state;
   byId("state").dataset.state = state;
-  if (byId("state").textContent !== text) byId("state").textContent = text;
+  setText(byId("state"), text);
   const held = state === "paused" || state === "held";
   press("pause", held);
   byId("pause").textContent = held ? "Resume" : "Pause";
@@ -62,7 +71,7 @@ function tellState(state, text = { held: "page held" }[state] ?? state) {
 
 function caption({ frame, stamp_s, boxes }) {
   const of = info.frames ? ` of ${info.frames}` : "", onFloor = boxes.filter((box) => box.distance_m !== null).length;
-  byId("caption").replaceChildren(text(`frame ${frame + 1}${of}, ${stamp_s.toFixed(1)} s`), text(`${boxes.length} in view, ${onFloor} on the floor`));
+  byId("caption").replaceChildren(text(`frame ${frame + 1}${of}, ${stamp_s.toFixed(1)} s`), text(`${boxes.length} in view, ${onFloor} on the floor; metres from the robot`));
 }
 
 function text(content) {
@@ -71,11 +80,10 @@ function text(content) {
   return span;
 }
 
+// Somebody picks an object on the map or in the list, or lets go of it. The map moves only to show one that is out of sight.
 function choose(id) {
-  const { x_m, y_m } = map.objects.get(id);
-  map.chosen = id;
-  map.view.setMode("free");
-  map.view.look(x_m, y_m);
+  map.choose(id);
+  objects.pick(id);
 }
 
 let noticeTimer = null;

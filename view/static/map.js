@@ -1,30 +1,40 @@
 // The map from above: grid, way, robot, objects with their 95 % ellipses, and every sighting when asked for.
+import { markOf, tracePath } from "/marks.js";
+import { classDoubt, DOUBT, nameOf } from "/objects.js";
 import { Viewport } from "/viewport.js";
 
+const PICK_PX = 22, TOOLS_PX = 50, LONGEST_AXIS_M = 10;
+
 export class FloorMap {
-  constructor(canvas, modeChanged) {
+  // chosen(id or null): somebody picks an object.
+  constructor(canvas, modeChanged, chosen) {
     this.canvas = canvas;
-    this.view = new Viewport(canvas, () => this.redraw(), modeChanged);
+    this.pickedBy = chosen;
+    this.view = new Viewport(canvas, () => this.redraw(), modeChanged, (left, top) => this.tap(left, top));
     this.clear();
     new ResizeObserver(() => this.redraw()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.style = null; this.redraw(); });
   }
 
   clear() {
+    this.chosen = null;
+    this.forget();
+  }
+
+  forget() {
     this.objects = new Map();
     this.trail = [];
     this.sightings = [];
     this.seen = new Set();
     this.pose = this.from = null;
-    this.chosen = null;
-    this.info = this.info ?? { colours: {}, chi2_95: 0, view_rad: 1, lens_m: [0, 0] };
+    this.info = this.info ?? { chi2_95: 0, view_rad: 1, lens_m: [0, 0] };
     this.redraw();
   }
 
   about(info) { this.info = info; }
 
   update(news) {
-    if (news.moved) this.clear(); // all of it comes anew, in another frame
+    if (news.moved) this.forget(); // all of it comes anew, in another frame
     for (const item of news.changed ?? []) this.objects.set(item.id, item);
     for (const id of news.gone ?? []) this.objects.delete(id);
     this.trail.push(...news.trail);
@@ -32,6 +42,7 @@ export class FloorMap {
     if (news.pose) {
       this.from = this.shownPose() ?? news.pose;
       this.pose = news.pose;
+      this.poseCovariance = news.pose_covariance;
       this.poseAt = performance.now();
       this.glideMs = Math.min(150, 1000 / (news.rate_hz || 10));
       this.seen = new Set(news.boxes.map((box) => box.object));
@@ -47,14 +58,32 @@ export class FloorMap {
     return [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * turn];
   }
 
+  choose(id) {
+    this.chosen = id;
+    const item = this.objects.get(id);
+    if (item && !this.view.shows(item.x_m, item.y_m)) {
+      this.view.setMode("free");
+      this.view.look(item.x_m, item.y_m);
+    }
+    this.redraw();
+  }
+
+  // The nearest object under a finger is picked; the floor lets go of it.
+  tap(left, top) {
+    const far = ({ x_m, y_m }) => { const [x, y] = this.view.toScreen(x_m, y_m); return Math.hypot(x - left, y - top); };
+    const nearest = [...this.objects.values()].sort((a, b) => far(a) - far(b))[0];
+    this.pickedBy(nearest && far(nearest) <= PICK_PX ? nearest.id : null);
+  }
+
   redraw() {
     if (!this.asked) this.asked = requestAnimationFrame((now) => this.draw(now));
   }
 
   extent() {
     const [x, y] = this.pose ?? [.75, 0], xs = [x - .75, x + .75], ys = [y];
-    for (const { x_m, y_m, covariance_m2: [[xx], [, yy]] } of this.objects.values()) {
-      const [ahead, aside] = [xx, yy].map((variance) => Math.min(1, Math.sqrt(this.info.chi2_95 * variance)));
+    for (const { x_m, y_m, radius_m, covariance_m2: [[xx], [, yy]] } of this.objects.values()) {
+      const reach = (variance) => Math.max(radius_m, Math.min(LONGEST_AXIS_M, Math.sqrt(this.info.chi2_95 * variance)));
+      const [ahead, aside] = [reach(xx), reach(yy)];
       xs.push(x_m - ahead, x_m + ahead);
       ys.push(y_m - aside, y_m + aside);
     }
@@ -83,6 +112,7 @@ export class FloorMap {
     const step = this.grid(pen, width, height);
     this.way(pen, robot);
     this.points(pen);
+    for (const item of this.objects.values()) this.footprint(pen, item);
     if (robot) this.robot(pen, robot);
     this.things(pen, robot);
     this.scaleBar(pen, height, step);
@@ -127,7 +157,7 @@ export class FloorMap {
   points(pen) {
     pen.globalAlpha = .5;
     for (const [label, , x, y] of this.sightings) {
-      pen.fillStyle = this.info.colours[label];
+      pen.fillStyle = markOf(label).colour;
       pen.beginPath();
       pen.arc(...this.view.toScreen(x, y), 2, 0, 2 * Math.PI);
       pen.fill();
@@ -146,6 +176,7 @@ export class FloorMap {
     pen.closePath();
     pen.fillStyle = this.style.sight;
     pen.fill();
+    if (this.poseCovariance) this.ellipse(pen, this.poseCovariance, [left, top], this.style.ink, [2, 3]);
     pen.save();
     pen.translate(left, top);
     pen.rotate(-yaw);
@@ -164,7 +195,7 @@ export class FloorMap {
     const placed = robot ? [around(this.view.toScreen(robot[0], robot[1]), 12)] : [];
     const items = [...this.objects.values()];
     for (const item of items) {
-      const at = this.view.toScreen(item.x_m, item.y_m), colour = this.info.colours[item.label], seen = this.seen.has(item.id);
+      const at = this.view.toScreen(item.x_m, item.y_m), colour = markOf(item.label).colour, seen = this.seen.has(item.id);
       if (seen && robot) {
         pen.beginPath();
         pen.moveTo(...this.view.toScreen(robot[0], robot[1]));
@@ -173,49 +204,66 @@ export class FloorMap {
         pen.stroke();
         pen.globalAlpha = 1;
       }
-      const sure = .35 + .65 * item.confidence; // what the map begins to doubt fades
-      this.ellipse(pen, item, at, colour, sure);
-      pen.beginPath();
-      pen.arc(...at, seen ? 5.5 : 4, 0, 2 * Math.PI);
-      Object.assign(pen, { fillStyle: colour, strokeStyle: this.style.card, lineWidth: 1.5, globalAlpha: sure });
-      pen.fill();
+      const doubtful = item.confidence < DOUBT;
+      this.ellipse(pen, item.covariance_m2, at, colour, doubtful ? [5, 4] : []);
+      if (item.id === this.chosen) this.ring(pen, at);
+      tracePath(pen, item.label, at, seen ? 7 : 5.5);
+      Object.assign(pen, { strokeStyle: this.style.card, lineWidth: 3 });
       pen.stroke();
-      pen.globalAlpha = 1;
-      placed.push(around(at, 5));
+      Object.assign(pen, { fillStyle: doubtful ? this.style.card : colour, strokeStyle: colour, lineWidth: 2 });
+      pen.fill();
+      if (doubtful) pen.stroke();
+      placed.push(around(at, 7));
     }
     for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
   }
 
-  // 95 % ellipse of a 2x2 covariance; on the canvas across is -y and down is -x.
-  ellipse(pen, { covariance_m2: [[xx, xy], [, yy]] }, at, colour, sure) {
+  // How much floor it takes: a disc, as nobody knows which way it faces.
+  footprint(pen, { x_m, y_m, radius_m, label }) {
+    pen.beginPath();
+    pen.arc(...this.view.toScreen(x_m, y_m), radius_m * this.view.now.scale, 0, 2 * Math.PI);
+    Object.assign(pen, { fillStyle: markOf(label).colour, globalAlpha: .17 });
+    pen.fill();
+    pen.globalAlpha = 1;
+  }
+
+  ring(pen, at) {
+    pen.beginPath();
+    pen.arc(...at, 13, 0, 2 * Math.PI);
+    Object.assign(pen, { lineWidth: 2.5, strokeStyle: this.style.ink });
+    pen.stroke();
+  }
+
+  // 95 % ellipse of a covariance over x and y; on the canvas across is -y and down is -x.
+  ellipse(pen, [[xx, xy], [, yy]], at, colour, dash) {
     const mean = (xx + yy) / 2, spread = Math.hypot((xx - yy) / 2, xy), angle = Math.atan2(2 * xy, yy - xx) / 2;
     const axes = [mean + spread, Math.max(0, mean - spread)].map((v) => Math.sqrt(this.info.chi2_95 * v) * this.view.now.scale);
     pen.beginPath();
     pen.ellipse(...at, ...axes, angle, 0, 2 * Math.PI);
-    Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: 1.25, globalAlpha: .16 * sure });
-    pen.fill();
-    pen.globalAlpha = .9 * sure;
+    Object.assign(pen, { strokeStyle: colour, lineWidth: 1.25 });
+    pen.setLineDash(dash);
     pen.stroke();
-    pen.globalAlpha = 1;
+    pen.setLineDash([]);
   }
 
   // Beside its dot, where no other name is; left out where there is no room.
   name(pen, item, placed) {
     const [left, top] = this.view.toScreen(item.x_m, item.y_m), chosen = item.id === this.chosen;
+    const text = nameOf(item) + (classDoubt(item) ? " ?" : "");
     pen.font = `${chosen ? 650 : 500} 12.5px system-ui, sans-serif`;
-    const width = pen.measureText(item.id).width, places = [[9, 0], [-9 - width, 0], [-width / 2, -15], [-width / 2, 15]];
+    const width = pen.measureText(text).width, places = [[12, 0], [-12 - width, 0], [-width / 2, -18], [-width / 2, 18]];
     const rect = ([dx, dy]) => [left + dx, top + dy - 7, left + dx + width, top + dy + 7];
     const free = places.find((place) => this.inside(rect(place)) && placed.every((other) => apart(rect(place), other))) ?? (chosen ? places[0] : null);
     if (!free) return;
     placed.push(rect(free));
     pen.textBaseline = "middle";
     Object.assign(pen, { lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: this.style.ink });
-    pen.strokeText(item.id, left + free[0], top + free[1]);
-    pen.fillText(item.id, left + free[0], top + free[1]);
+    pen.strokeText(text, left + free[0], top + free[1]);
+    pen.fillText(text, left + free[0], top + free[1]);
   }
 
   inside([left, top, right, bottom]) {
-    return left >= 4 && top >= 4 && right <= this.canvas.clientWidth - 4 && bottom <= this.canvas.clientHeight - 4;
+    return left >= 4 && top >= TOOLS_PX && right <= this.canvas.clientWidth - 4 && bottom <= this.canvas.clientHeight - 4;
   }
 
   scaleBar(pen, height, step) {

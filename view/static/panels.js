@@ -1,23 +1,14 @@
-// Figures, latency by stage, objects and faults: text and small bars.
+// The status in words at the top, figures, latency by stage and the faults.
+import { byId, element, setText } from "/dom.js";
 
 const SMOOTH = .15, SILENT_S = 2;
-const byName = new Intl.Collator("en", { numeric: true });
-const byId = (id) => document.getElementById(id);
-
-function element(name, text = "", className = "") {
-  const made = document.createElement(name);
-  made.textContent = text;
-  made.className = className;
-  return made;
-}
 
 export class Panels {
-  constructor(choose) {
-    this.choose = choose;
-    this.figures = Object.fromEntries([["rate", "Frames"], ["step", "Step"], ["cpu", "Processor"], ["memory", "Memory"]]
+  constructor() {
+    this.figures = Object.fromEntries([["rate", "Pictures"], ["step", "Step"], ["cpu", "Processor"], ["memory", "Memory"]]
       .map(([key, name]) => [key, this.figure(name)]));
     this.camera = this.figure("Camera", "health");
-    this.odometry = this.figure("Odometry", "health");
+    this.odometry = this.figure("Position", "health");
     this.clear();
   }
 
@@ -30,21 +21,31 @@ export class Panels {
 
   clear() {
     this.laps = new Map();
-    this.chips = new Map();
-    for (const id of ["stages", "objects", "faults"]) byId(id).replaceChildren();
+    for (const id of ["stages", "faults"]) byId(id).replaceChildren();
     byId("faults").append(element("li", "none", "muted"));
-    byId("count").textContent = "";
-    this.faultless = true;
+    this.faultCount = 0;
+    byId("faults-link").hidden = true;
   }
 
   about(info) { this.info = info; }
 
-  update(news, objects, seen) {
+  update(news) {
     this.faults(news.faults);
+    this.status(news.status);
     if (news.frame === undefined) return;
     this.stages(news.stages_ms);
     this.health(news);
-    this.things(objects, seen, news.pose);
+  }
+
+  // What a person must know first. level: ok, degraded, fault, wait.
+  status({ level, headline, problems }) {
+    byId("status").dataset.level = level;
+    setText(byId("headline"), headline);
+    const rest = problems.slice(1).map(({ text }) => text), list = byId("problems"), key = rest.join("\n");
+    list.hidden = !rest.length;
+    if (list.dataset.told === key) return;
+    list.dataset.told = key;
+    list.replaceChildren(...rest.map((text) => element("li", text)));
   }
 
   stages(stages_ms) {
@@ -63,7 +64,7 @@ export class Panels {
     const longest = Math.max(...[...this.laps.values()].map((row) => row.ms));
     for (const row of this.laps.values()) {
       row.bar.style.width = `${(100 * row.ms / longest).toFixed(1)}%`;
-      row.text.textContent = `${row.ms.toFixed(row.ms < 10 ? 2 : 1)} ms`;
+      setText(row.text, `${row.ms.toFixed(row.ms < 10 ? 2 : 1)} ms`);
     }
   }
 
@@ -78,57 +79,31 @@ export class Panels {
     mark(this.camera, silent ? "bad" : still ? "still" : "", silent ? `${away ? `${camera_state}, ` : ""}silent for ${age_s.toFixed(0)} s` : still ? state : "delivering", this.info.camera);
     const at = `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${(pose[2] * 180 / Math.PI).toFixed(0)}°`.replaceAll("-", "−");
     const sure = `± ${pose_sigma[0].toFixed(2)} m, ± ${(pose_sigma[1] * 180 / Math.PI).toFixed(1)}°`;
-    mark(this.odometry, motion_fault ? "bad" : still ? "still" : "", motion_fault || at, `${this.info.odometry}, ${sure}`);
-  }
-
-  things(objects, seen, pose) {
-    byId("count").textContent = objects.size ? `${objects.size}` : "none yet";
-    for (const [id, chip] of this.chips) if (!objects.has(id)) { chip.item.remove(); this.chips.delete(id); }
-    for (const [id, thing] of objects) {
-      const chip = this.chips.get(id) ?? this.chip(id, thing);
-      const away_m = Math.hypot(thing.x_m - pose[0], thing.y_m - pose[1]).toFixed(1);
-      const text = `${id}  ${away_m} m`;
-      if (chip.name.textContent !== text) chip.name.textContent = text;
-      chip.button.dataset.seen = seen.has(id);
-      chip.button.title = `x ${thing.x_m.toFixed(2)} m, y ${thing.y_m.toFixed(2)} m, seen ${thing.count} times, confidence ${thing.confidence.toFixed(2)}`;
-    }
-  }
-
-  chip(id, thing) {
-    const item = element("li"), button = element("button"), dot = element("span", "", "dot"), name = element("span");
-    dot.style.background = this.info.colours[thing.label];
-    button.type = "button";
-    button.append(dot, name);
-    button.onclick = () => this.choose(id);
-    item.append(button);
-    item.dataset.id = id;
-    const after = [...byId("objects").children].find((other) => byName.compare(other.dataset.id, id) > 0);
-    byId("objects").insertBefore(item, after ?? null);
-    const chip = { item, button, name };
-    this.chips.set(id, chip);
-    return chip;
+    mark(this.odometry, motion_fault ? "bad" : still ? "still" : "", motion_fault || at, `${sure}, ${this.info.odometry} odometry`);
   }
 
   faults(faults) {
     if (!faults.length) return;
-    const list = byId("faults");
-    if (this.faultless) list.replaceChildren();
-    this.faultless = false;
+    const list = byId("faults"), link = byId("faults-link");
+    if (!this.faultCount) list.replaceChildren();
+    this.faultCount += faults.length;
     for (const { frame, text } of faults) {
       const item = element("li");
-      item.append(element("b", `frame ${frame}`), text);
+      item.append(element("b", `frame ${frame + 1}`), text);
       list.prepend(item);
     }
     while (list.children.length > 100) list.lastChild.remove();
+    link.hidden = false;
+    setText(link, this.faultCount === 1 ? "1 fault so far" : `${this.faultCount} faults so far`);
   }
 }
 
 function put({ value, more }, text, unit, detail) {
   value.replaceChildren(text, element("span", ` ${unit}`, "unit"));
-  more.textContent = detail;
+  setText(more, detail);
 }
 
 function mark({ value, more }, kind, text, detail) {
-  value.replaceChildren(element("span", "", `mark ${kind}`), text);
-  more.textContent = detail;
+  value.replaceChildren(element("span", "", `lamp ${kind}`), text);
+  setText(more, detail);
 }

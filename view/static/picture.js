@@ -1,6 +1,8 @@
 // The camera's picture, and the boxes over it, drawn from data at the screen's own sharpness.
 
-const OTHER = "#b4bcc6", PLATE = "rgba(16, 19, 23, .8)";
+import { markOf, tracePath } from "/marks.js";
+
+const OTHER = "#b4bcc6", PLATE = "rgba(16, 19, 23, .84)";
 
 export class Picture {
   constructor(stack) {
@@ -9,13 +11,11 @@ export class Picture {
     this.waiting = stack.querySelector(".waiting");
     this.last = [];
     this.size = [4, 3];
-    this.colours = {};
     new ResizeObserver(() => this.drawBoxes()).observe(stack);
   }
 
-  about({ picture_px, colours }) {
+  about({ picture_px }) {
     this.size = picture_px;
-    this.colours = colours;
     this.stack.style.aspectRatio = `${picture_px[0]} / ${picture_px[1]}`;
   }
 
@@ -57,15 +57,15 @@ export class Picture {
     pen.strokeStyle = "rgba(16, 19, 23, .45)";
     pen.strokeRect(x0, y0, x1 - x0, y1 - y0);
     pen.lineWidth = distance_m === null ? 1 : 2;
-    pen.strokeStyle = distance_m === null ? OTHER : this.colours[label];
+    pen.strokeStyle = distance_m === null ? OTHER : markOf(label).colour;
     pen.strokeRect(x0, y0, x1 - x0, y1 - y0);
   }
 
   // Above its box, or further down where another plate is already.
   plate(pen, { box, label, distance_m }, scale, taken) {
-    const onFloor = distance_m !== null, text = onFloor ? `${label}  ${distance_m.toFixed(2)} m` : label;
+    const onFloor = distance_m !== null, text = onFloor ? `${label}  ${distance_m.toFixed(1)} m` : label;
     pen.font = `${onFloor ? 600 : 400} 12px system-ui, sans-serif`;
-    const width = pen.measureText(text).width + (onFloor ? 17 : 10), height = 19;
+    const width = pen.measureText(text).width + (onFloor ? 28 : 10), height = 20;
     const x = Math.max(0, Math.min(box[0] * scale, this.size[0] * scale - width));
     let y = Math.max(0, box[1] * scale - height);
     while (taken.some(([left, top, right]) => x < right && left < x + width && Math.abs(y - top) < height)) y += 2;
@@ -73,11 +73,13 @@ export class Picture {
     pen.fillStyle = PLATE;
     pen.fillRect(x, y, width, height);
     if (onFloor) {
-      pen.fillStyle = this.colours[label];
-      pen.fillRect(x, y, 5, height);
+      tracePath(pen, label, [x + 11.5, y + height / 2], 5);
+      Object.assign(pen, { fillStyle: markOf(label).colour, strokeStyle: "#fff", lineWidth: 2.5 });
+      pen.stroke();
+      pen.fill();
     }
     pen.fillStyle = onFloor ? "#fff" : "#d3d9e0";
     pen.textBaseline = "middle";
-    pen.fillText(text, x + (onFloor ? 11 : 5), y + height / 2 + .5);
+    pen.fillText(text, x + (onFloor ? 22 : 5), y + height / 2 + .5);
   }
 }

@@ -1,19 +1,22 @@
 // Which part of the floor the map shows: panned by one finger or mouse, zoomed by two, by the wheel, or by keys.
 // The map's x (forward) is up and its y (left) is to the left.
 
-const CLOSEST = 400, FARTHEST = 4, EASE_MS = 180; // px per metre
+const CLOSEST = 400, FARTHEST = .05, EASE_MS = 180, TAP_PX = 6; // px per metre
+const SIDES_PX = 60, ABOVE_PX = 62, BELOW_PX = 46; // of the map: room for names, buttons and the scale
 
 export class Viewport {
   // mode: "fit" shows all, "follow" keeps the robot in the middle, "free" stays. changed(): something to draw.
-  constructor(canvas, changed, modeChanged) {
-    Object.assign(this, { canvas, changed, modeChanged });
+  // tapped(left, top): a finger or mouse came and went in one place.
+  constructor(canvas, changed, modeChanged, tapped) {
+    Object.assign(this, { canvas, changed, modeChanged, tapped });
     this.mode = "fit";
     this.now = { x: 1.5, y: 0, scale: 80 };
     this.goal = { ...this.now };
     this.pointers = new Map();
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
+    canvas.addEventListener("pointerup", (event) => this.up(event));
+    canvas.addEventListener("pointercancel", (event) => { this.pointers.delete(event.pointerId); this.tap = null; });
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
@@ -34,11 +37,17 @@ export class Viewport {
     this.changed();
   }
 
-  // Show a box of the floor {x0, y0, x1, y1} in metres, with room for labels.
+  // Show a box of the floor {x0, y0, x1, y1} in metres, all of it below the buttons and above the scale.
   fit({ x0, y0, x1, y1 }) {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    const scale = Math.min((width - 90) / Math.max(y1 - y0, 1), (height - 110) / Math.max(x1 - x0, 1), 160);
-    this.goal = { x: (x0 + x1) / 2, y: (y0 + y1) / 2, scale: clamp(scale) };
+    const { clientWidth, clientHeight } = this.canvas;
+    const width = Math.max(clientWidth - 2 * SIDES_PX, 40), height = Math.max(clientHeight - ABOVE_PX - BELOW_PX, 40);
+    const scale = clamp(Math.min(width / Math.max(y1 - y0, 1), height / Math.max(x1 - x0, 1), 160));
+    this.goal = { x: (x0 + x1) / 2 + (ABOVE_PX - BELOW_PX) / 2 / scale, y: (y0 + y1) / 2, scale };
+  }
+
+  shows(x, y) {
+    const [left, top] = this.toScreen(x, y);
+    return left >= 0 && top >= ABOVE_PX / 2 && left <= this.canvas.clientWidth && top <= this.canvas.clientHeight;
   }
 
   look(x, y) { Object.assign(this.goal, { x, y }); }
@@ -77,11 +86,20 @@ export class Viewport {
   down(event) {
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.tap = this.pointers.size === 1 ? [event.offsetX, event.offsetY] : null;
+  }
+
+  up(event) {
+    this.pointers.delete(event.pointerId);
+    if (this.tap) this.tapped(...this.tap);
+    this.tap = null;
   }
 
   move(event) {
     const before = this.pointers.get(event.pointerId), after = [event.offsetX, event.offsetY];
     if (!before) return;
+    if (this.tap && Math.hypot(after[0] - this.tap[0], after[1] - this.tap[1]) <= TAP_PX) return;
+    this.tap = null;
     const other = [...this.pointers].find(([id]) => id !== event.pointerId)?.[1];
     this.pointers.set(event.pointerId, after);
     const hands = other ? 2 : 1; // each of two fingers moves the middle by half

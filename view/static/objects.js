@@ -1,0 +1,161 @@
+// The list of objects, nearest first, and the card of the one that is picked.
+import { ago, byId, element, metres, setText } from "/dom.js";
+import { markPicture } from "/marks.js";
+
+export const DOUBT = .5, CLASS_DOUBT = .8;
+const REDRAW_MS = 250;
+
+// What an object is called, and whether its class is in doubt.
+export function nameOf(item) { return item.name || item.id; }
+export function classDoubt(item) { return Math.max(0, ...Object.values(item.labels)) < CLASS_DOUBT; }
+
+export class Objects {
+  // choose(id or null): somebody picks an object.
+  constructor(choose) {
+    this.choose = choose;
+    this.rows = new Map();
+    this.clear();
+  }
+
+  clear() {
+    this.items = new Map();
+    this.seen = new Set();
+    this.pose = null;
+    this.chosen = null;
+    this.drawnAt = -Infinity;
+    for (const { item } of this.rows.values()) item.remove();
+    this.rows.clear();
+    setText(byId("count"), "");
+    this.showDetail();
+  }
+
+  update({ pose, stamp_s }, items, seen) {
+    if (!pose) return;
+    Object.assign(this, { pose, stamp_s, items, seen });
+    if (performance.now() - this.drawnAt < REDRAW_MS) {
+      this.late ??= setTimeout(() => this.redraw(), REDRAW_MS);
+    } else this.redraw();
+  }
+
+  pick(id) {
+    this.chosen = this.items.has(id) ? id : null;
+    for (const [key, { press }] of this.rows) press.setAttribute("aria-pressed", key === this.chosen);
+    this.showDetail();
+    this.rows.get(this.chosen)?.item.scrollIntoView({ block: "nearest" });
+  }
+
+  away({ x_m, y_m }) { return Math.hypot(x_m - this.pose[0], y_m - this.pose[1]); }
+
+  redraw() {
+    clearTimeout(this.late);
+    this.late = null;
+    this.drawnAt = performance.now();
+    if (!this.pose) return;
+    setText(byId("count"), this.items.size ? `${this.items.size}` : "none yet");
+    for (const [id, { item }] of this.rows) if (!this.items.has(id)) { item.remove(); this.rows.delete(id); }
+    const sorted = [...this.items.values()].sort((a, b) => this.away(a) - this.away(b)), list = byId("objects");
+    sorted.forEach((item, place) => {
+      const row = this.rows.get(item.id) ?? this.row(item);
+      if (list.children[place] !== row.item) list.insertBefore(row.item, list.children[place] ?? null);
+      this.fill(row, item);
+    });
+    this.legend([...new Set(sorted.map(({ label }) => label))].sort());
+    if (this.chosen && !this.items.has(this.chosen)) this.choose(null);
+    else this.fillDetail();
+  }
+
+  row({ id }) {
+    const item = element("li"), press = element("button"), mark = element("span", "", "mark"), name = element("span", "", "who");
+    const far = element("span", "", "far"), more = element("span", "", "more");
+    press.type = "button";
+    press.onclick = () => this.choose(this.chosen === id ? null : id);
+    press.setAttribute("aria-pressed", id === this.chosen);
+    press.append(mark, name, far, more);
+    item.append(press);
+    item.dataset.id = id;
+    const row = { item, press, mark, name, far, more };
+    this.rows.set(id, row);
+    return row;
+  }
+
+  fill({ press, mark, name, far, more }, item) {
+    const hollow = item.confidence < DOUBT, drawn = `${item.label}${hollow}`, shares = Object.entries(item.labels);
+    if (mark.dataset.drawn !== drawn) {
+      mark.replaceChildren(markPicture(item.label, hollow));
+      mark.dataset.drawn = drawn;
+    }
+    setText(name, nameOf(item));
+    setText(far, metres(this.away(item)));
+    const seen = this.seen.has(item.id) ? "in view" : ago(Math.max(0, this.stamp_s - item.last_seen_s));
+    const doubt = classDoubt(item) ? shares.slice(0, 2).map(([label, share]) => `${label} ${percent(share)}`).join(" or ") : "";
+    setText(more, [doubt, hollow ? `confidence ${percent(item.confidence)}` : "", seen].filter(Boolean).join(", "));
+    press.dataset.seen = this.seen.has(item.id);
+  }
+
+  legend(labels) {
+    const list = byId("legend-labels"), drawn = labels.join("\n");
+    if (list.dataset.drawn === drawn) return;
+    list.dataset.drawn = drawn;
+    list.replaceChildren(...labels.map((label) => {
+      const line = element("li");
+      line.append(markPicture(label), label);
+      return line;
+    }));
+  }
+
+  showDetail() {
+    const place = byId("detail"), item = this.items.get(this.chosen);
+    place.hidden = !item;
+    if (!item) {
+      place.replaceChildren();
+      return;
+    }
+    const picture = new Image(), head = element("div", "", "head"), words = element("div", "", "words"), close = element("button", "×", "close");
+    const name = element("h2", nameOf(item)), kind = element("p", "", "muted"), facts = element("dl", "", "facts"), labels = element("div", "", "labels");
+    picture.alt = `${item.id} in the camera's picture`;
+    picture.onerror = () => { picture.hidden = true; };
+    picture.src = `/api/objects/${encodeURIComponent(item.id)}/picture?at=${item.count}`;
+    close.type = "button";
+    close.setAttribute("aria-label", "Close");
+    close.onclick = () => this.choose(null);
+    words.append(name, kind);
+    head.append(picture, words, close);
+    place.replaceChildren(head, facts, labels);
+    this.detail = { kind, facts, labels };
+    this.fillDetail();
+  }
+
+  fillDetail() {
+    const item = this.items.get(this.chosen);
+    if (!item || !this.detail) return;
+    const { kind, facts, labels } = this.detail, [[xx], [, yy]] = item.covariance_m2;
+    setText(kind, item.name ? `${item.id}, ${item.label}` : item.label);
+    const told = {
+      "From the robot": `${this.away(item).toFixed(2)} m`,
+      "Position": `x ${item.x_m.toFixed(2)}, y ${item.y_m.toFixed(2)} m`.replaceAll("-", "−"),
+      "Uncertainty": `± ${Math.sqrt((xx + yy) / 2).toFixed(2)} m`,
+      "Size": `${item.width_m.toFixed(2)} × ${item.height_m.toFixed(2)} m`,
+      "Confidence": percent(item.confidence),
+      "Seen": `${item.count} times, ${this.seen.has(item.id) ? "in view" : `last ${ago(Math.max(0, this.stamp_s - item.last_seen_s))}`}`,
+    };
+    if (facts.children.length !== Object.keys(told).length) {
+      facts.replaceChildren(...Object.keys(told).map((key) => {
+        const pair = element("div");
+        pair.append(element("dt", key), element("dd"));
+        return pair;
+      }));
+    }
+    Object.values(told).forEach((text, place) => setText(facts.children[place].lastChild, text));
+    const shares = Object.entries(item.labels).filter(([, share]) => share >= .005).slice(0, 4), drawn = JSON.stringify(shares);
+    if (labels.dataset.drawn === drawn) return;
+    labels.dataset.drawn = drawn;
+    labels.replaceChildren(element("h3", classDoubt(item) ? "Its class is in doubt" : "Class"), ...shares.map(([label, share]) => {
+      const line = element("p", "", "share"), bar = element("span", "", "bar");
+      bar.style.width = `${100 * share}%`;
+      line.append(element("span", label), bar, element("span", percent(share)));
+      return line;
+    }));
+  }
+}
+
+function percent(share) { return `${(100 * share).toFixed(0)} %`; }
