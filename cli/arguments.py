@@ -30,4 +30,4 @@ def may_be_left_out(metavar: str, value: str) -> Any:
 
 
 def _default(value: str) -> str:
-    return "" if value in ("None", "True", "False") else f"(default: {value})"
+    return "" if value in ("", "None", "True", "False") else f"(default: {value})"

@@ -115,6 +115,7 @@ def _libraries() -> Iterator[Finding]:
         "view": (("starlette", "starlette"), ("uvicorn", "uvicorn"), ("websockets", "websockets")),
         "record": (("mcap", "mcap"), ("mcap_ros2", "mcap-ros2-support")),
         "foxglove": (("foxglove", "foxglove-sdk"), ("mcap_ros2", "mcap-ros2-support")),
+        "mqtt": (("paho", "paho-mqtt"),),
         "rerun": (("rerun", "rerun-sdk"),),
     }
     purposes = {
@@ -126,6 +127,7 @@ def _libraries() -> Iterator[Finding]:
         "view": "run --view",
         "record": "record, run --record, recordings as cameras",
         "foxglove": "run --foxglove",
+        "mqtt": "run --mqtt",
         "rerun": "recordings in Rerun",
     }
     for extra, modules in extras.items():

@@ -278,7 +278,19 @@ def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) ->
 
 # Not inputs of the step, or with another name on the command line than in the code.
 _OUTSIDE = frozenset(
-    {"config", "out", "realtime", "view", "view_host", "view_port", "recording", "lossless", "foxglove"}
+    {
+        "config",
+        "out",
+        "realtime",
+        "view",
+        "view_host",
+        "view_port",
+        "recording",
+        "lossless",
+        "foxglove",
+        "mqtt",
+        "mqtt_name",
+    }
 )
 _FLAGS = {"saved": "map", "loop_closure": "loop-closure"}
 

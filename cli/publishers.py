@@ -19,9 +19,21 @@ Foxglove = Annotated[
         "left out. Files are then paced by their stamps. There is no password: 0.0.0.0 only in networks you trust."
     ),
 ]
+MqttBroker = Annotated[
+    str | None,
+    arg(
+        metavar="HOST[:PORT]",
+        help="Tell an MQTT broker (extra mqtt) the robot's state and which objects appear, move and vanish; Home "
+        "Assistant finds the robot by itself. User and password: EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
+    ),
+]
+MqttName = Annotated[
+    str | None,
+    arg(metavar="NAME", help="The robot's name on the broker: topics edgemap/NAME/…; by default the machine's."),
+]
 
 
-def open_publishers(floor: FloorCamera, foxglove: str | None) -> list[Sink]:
+def open_publishers(floor: FloorCamera, foxglove: str | None, mqtt: str | None, mqtt_name: str | None) -> list[Sink]:
     """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
     from edgemap.runtime.messages.stream import MessageStream
 
@@ -34,6 +46,16 @@ def open_publishers(floor: FloorCamera, foxglove: str | None) -> list[Sink]:
         )
         print(f"Foxglove:  {server.url}", flush=True)
         sinks.append(server)
+    if mqtt is not None:
+        import os
+        import socket
+
+        from edgemap import __version__
+        from edgemap.runtime.publishers.mqtt import MqttPublisher
+
+        user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
+        host, port = host_and_port(mqtt, "--mqtt", 1883)
+        sinks.append(MqttPublisher(host, port, mqtt_name or socket.gethostname(), user, password, __version__))
     return sinks
 
 

@@ -30,7 +30,7 @@ from edgemap.cli.options import (
     open_described,
     typed_options,
 )
-from edgemap.cli.publishers import Foxglove, open_publishers
+from edgemap.cli.publishers import Foxglove, MqttBroker, MqttName, open_publishers
 from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
@@ -88,6 +88,8 @@ def command(
     ] = None,
     lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     foxglove: Foxglove = None,
+    mqtt: MqttBroker = None,
+    mqtt_name: MqttName = None,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     engine: EngineName = "onnxruntime",
@@ -156,7 +158,7 @@ def command(
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
-            publishers = open_publishers(floor, foxglove)
+            publishers = open_publishers(floor, foxglove, mqtt, mqtt_name)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
             notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)
             files = RunFolder(folder, floor, record)

@@ -33,5 +33,9 @@ class RecordingError(EdgemapError):
     """A recording that cannot be written, or that would write over a file that is there."""
 
 
+class PublishError(EdgemapError):
+    """A live output that cannot be opened, or that has lost its peer."""
+
+
 class CalibrationError(EdgemapError):
     """Pictures from which a lens or a mount cannot be told well enough."""

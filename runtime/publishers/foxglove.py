@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.colours import label_colour
+from edgemap.runtime.errors import PublishError
 from edgemap.runtime.extras import need
 from edgemap.runtime.messages import topics
 from edgemap.runtime.messages.cdr import encoder
@@ -18,10 +18,6 @@ SENT = (
     topics.PICTURES, topics.INFO, topics.TF, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS,
 )  # fmt: skip
 LETTER_PX, LINE_PX = 14.0, 2.0
-
-
-class PublishError(EdgemapError):
-    """A live output that cannot be opened, or that lost its peer."""
 
 
 class FoxgloveServer:

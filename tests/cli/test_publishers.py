@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from support.broker import MISSING, Broker
 
 from edgemap.cli.errors import OptionError
 from edgemap.cli.publishers import host_and_port
@@ -41,6 +42,25 @@ def test_one_command_to_a_live_map_in_foxgloves_protocol(start):
             message = socket.recv(timeout=20)
             if message[0] == 1 and b"chair-1\x00" in message:
                 break
+
+
+@pytest.mark.skipif(bool(MISSING), reason=f"not here: {', '.join(MISSING)}")
+def test_a_run_tells_a_broker_what_appears(start, tmp_path):
+    pytest.importorskip("paho.mqtt")
+    broker = Broker(tmp_path)
+    listener = broker.listen("edgemap/vacuum/#")
+    try:
+        start("--mqtt", f"127.0.0.1:{broker.port}", "--mqtt-name", "vacuum")
+        told = {}
+        while "edgemap/vacuum/events" not in told:
+            topic, payload = listener.stdout.readline().rstrip("\n").split("\t")
+            told[topic] = payload
+        assert told["edgemap/vacuum/status"] == "online"
+        assert json.loads(told["edgemap/vacuum/events"])["event_type"] == "appeared"
+    finally:
+        listener.kill()
+        listener.communicate()
+        broker.stop()
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 from support.recordings import LENS, MOUNT
 from support.steps import Steps
 
+from edgemap.runtime.errors import PublishError
 from edgemap.runtime.messages import stream
 from edgemap.runtime.messages.stream import MessageStream
 
@@ -18,7 +19,7 @@ pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
 typesys = pytest.importorskip("rosbags.typesys")
 
-from edgemap.runtime.publishers.foxglove import FoxgloveServer, PublishError  # noqa: E402
+from edgemap.runtime.publishers.foxglove import FoxgloveServer  # noqa: E402
 
 
 class Client:

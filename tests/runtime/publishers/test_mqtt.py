@@ -1,0 +1,151 @@
+"""What a real broker (mosquitto) and its own client see of a run."""
+
+import json
+import subprocess
+import sys
+import time
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.broker import MISSING, Broker
+from support.steps import Steps
+
+from edgemap.runtime.errors import PublishError
+
+pytest.importorskip("paho.mqtt")
+pytestmark = pytest.mark.skipif(
+    bool(MISSING), reason=f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
+)
+
+from edgemap.runtime.publishers.mqtt import MqttPublisher, topic_level  # noqa: E402
+
+
+@pytest.fixture
+def broker(tmp_path):
+    server = Broker(tmp_path)
+    yield server
+    server.stop()
+
+
+def two_objects():
+    """A step and the two objects on the map after it."""
+    steps = Steps()
+    return next((result, objects) for result, objects in iter(steps.next, None) if len(objects) == 2)
+
+
+def publisher(broker, robot="robo"):
+    return closing(MqttPublisher("127.0.0.1", broker.port, robot, version="1.2.3"))
+
+
+def test_a_newcomer_is_told_state_objects_and_the_device(broker):
+    steps = Steps()
+    with publisher(broker) as sink:
+        sink.fault("wheels: silent for 1.2 s")
+        steps.into(sink, 11)
+        _, objects = steps.next()
+        time.sleep(0.1)
+        told = broker.retained()
+    assert told["edgemap/robo/status"] == "online"
+    state = json.loads(told["edgemap/robo/state"])
+    assert (state["objects"], state["frames"], state["fault"]) == (2, 11, "wheels: silent for 1.2 s")
+    assert state["x_m"] == pytest.approx(0.5)
+    for item in objects:
+        record = json.loads(told[f"edgemap/robo/objects/{item.id}"])
+        assert (record["id"], record["label"]) == (item.id, item.label)
+        assert [record["x_m"], record["y_m"]] == pytest.approx(item.position_m.tolist(), abs=0.25)
+    device = json.loads(told["homeassistant/device/edgemap-robo/config"])
+    assert device["dev"] == {"ids": ["edgemap-robo"], "name": "robo", "mf": "edgemap", "sw": "1.2.3"}
+    assert device["availability_topic"] == "edgemap/robo/status"
+    topics = {component["state_topic"] for component in device["cmps"].values()}
+    assert topics == {"edgemap/robo/state", "edgemap/robo/events"}
+    assert len({component["unique_id"] for component in device["cmps"].values()}) == len(device["cmps"]) == 5
+    assert broker.retained("edgemap/robo/status") == {"edgemap/robo/status": "offline"}  # closed by now
+    assert f"edgemap/robo/objects/{objects[0].id}" in broker.retained()  # the map stays known
+
+
+def test_objects_appear_move_and_vanish(broker):
+    result, objects = two_objects()
+    chair, couch = sorted(objects, key=lambda item: item.label)
+    moved = replace(chair, position_m=chair.position_m + [0.3, 0.0])
+    listener = broker.listen("edgemap/robo/events")
+    with publisher(broker) as sink:
+        sink.write(result, [chair, couch])
+        sink.write(result, [replace(chair, position_m=chair.position_m + [0.2, 0.0]), couch])  # noise, not told
+        sink.write(result, [moved, couch])
+        result = replace(result, update=replace(result.update, merged={couch.id: moved.id}))
+        sink.write(result, [moved])
+        sink.write(result, [])
+        events = [json.loads(listener.stdout.readline().split("\t")[1]) for _ in range(5)]
+        assert not [topic for topic in broker.retained() if "/objects/" in topic]
+    listener.kill()
+    listener.communicate()
+    assert [(event.pop("event_type"), event.pop("id"), event.get("into")) for event in events] == [
+        ("appeared", chair.id, None),
+        ("appeared", couch.id, None),
+        ("moved", chair.id, None),
+        ("vanished", couch.id, chair.id),
+        ("vanished", chair.id, None),
+    ]
+    assert events[2]["moved_m"] == 0.3
+    np.testing.assert_allclose([events[2]["x_m"], events[2]["y_m"]], moved.position_m, atol=1e-6)
+
+
+def test_a_broker_that_goes_away_is_a_failure_and_gets_everything_when_it_is_back(broker):
+    steps = Steps()
+    with publisher(broker) as sink:
+        steps.into(sink, 3)
+        broker.stop()
+        time.sleep(0.2)
+        with pytest.raises(PublishError, match=rf"^no broker at 127\.0\.0\.1:{broker.port} \("):
+            steps.into(sink)
+        broker.start()
+        until_s = time.monotonic() + 20
+        while time.monotonic() < until_s:
+            try:
+                steps.into(sink)
+                break
+            except PublishError:
+                time.sleep(0.1)
+        time.sleep(0.2)
+        told = broker.retained()
+    assert told["edgemap/robo/status"] == "online"
+    assert len([topic for topic in told if "/objects/" in topic]) == 2
+    assert "homeassistant/device/edgemap-robo/config" in told
+
+
+def test_no_broker_at_all_does_not_keep_a_run_from_starting(broker):
+    broker.stop()
+    with publisher(broker) as sink, pytest.raises(PublishError, match=r"no broker at .* \(cannot be reached\)"):
+        Steps().into(sink)
+
+
+def test_objects_of_an_earlier_run_leave_the_broker(broker):
+    result, objects = two_objects()
+    with publisher(broker) as sink:
+        sink.write(result, [replace(objects[0], id="chair-7"), objects[1]])
+    with publisher(broker) as sink:
+        sink.write(result, objects)
+        time.sleep(0.3)
+        told = {topic for topic in broker.retained() if "/objects/" in topic}
+    assert told == {f"edgemap/robo/objects/{item.id}" for item in objects}
+
+
+def test_a_killed_robot_is_offline(broker):
+    program = (
+        "import os, signal; from edgemap.runtime.publishers.mqtt import MqttPublisher; from support.steps import Steps;"
+        f"sink = MqttPublisher('127.0.0.1', {broker.port}, 'robo'); Steps().into(sink, 2);"
+        "import time; time.sleep(0.3); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    listener = broker.listen("edgemap/robo/status")
+    environment = {"PYTHONPATH": ":".join(path for path in sys.path if path)}
+    subprocess.run([sys.executable, "-c", program], check=False, env=environment, timeout=60)
+    assert [listener.stdout.readline().strip().split("\t")[1] for _ in range(2)] == ["online", "offline"]
+    listener.kill()
+    listener.communicate()
+
+
+def test_names_are_one_level_of_a_topic():
+    assert topic_level("potted plant-1") == "potted plant-1"
+    assert topic_level("a/b+#$c\n") == "a_b___c_"

@@ -1,0 +1,62 @@
+"""A real MQTT broker (mosquitto) on this machine, and its own client to read what is published."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import time
+from typing import Any
+
+PATH = "/usr/sbin:/usr/bin:/usr/local/bin"  # Debian keeps the broker where only root's shell looks
+MISSING = [name for name in ("mosquitto", "mosquitto_pub", "mosquitto_sub") if shutil.which(name, path=PATH) is None]
+
+
+class Broker:
+    """mosquitto on a port of its own, until `stop`; `start` takes the same port. Retained messages go with it."""
+
+    def __init__(self, folder):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self._config = folder / "mosquitto.conf"
+        self._config.write_text(f"listener {self.port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
+        self._process = None
+        self.start()
+
+    def start(self):
+        program = shutil.which("mosquitto", path=PATH)
+        assert program is not None
+        self._process = subprocess.Popen([program, "-c", str(self._config)], stderr=subprocess.DEVNULL)
+        until_s = time.monotonic() + 10
+        while time.monotonic() < until_s:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", self.port)) == 0:
+                    return
+            time.sleep(0.02)
+        raise RuntimeError("mosquitto does not start")
+
+    def stop(self):
+        if self._process is not None:
+            self._process.terminate()
+            self._process.wait()
+            self._process = None
+
+    def retained(self, topic="#"):
+        """Topic to payload of what a newcomer is told."""
+        lines = self._read("-t", topic, "--retained-only", "-W", "1").splitlines()
+        return dict(line.split("\t", 1) for line in lines)
+
+    def listen(self, topic) -> Any:
+        """A process that prints one `topic<TAB>payload` line a message, once it is subscribed."""
+        address = ["-h", "127.0.0.1", "-p", str(self.port)]
+        subprocess.run(["mosquitto_pub", *address, "-t", "ready", "-m", "yes", "-r"], check=True)
+        command = ["mosquitto_sub", *address, "-t", "ready", "-t", topic, "-F", "%t\t%p"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\tyes\n"
+        return process
+
+    def _read(self, *options):
+        command = ["mosquitto_sub", "-h", "127.0.0.1", "-p", str(self.port), "-F", "%t\t%p", *options]
+        return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False).stdout
