@@ -35,9 +35,10 @@ VIEW_PORT ?= 8090
 view: setup
 	$(BIN)/edgemap run --view --view-host $(VIEW_HOST) --view-port $(VIEW_PORT)
 
-# The live page's tests drive a real browser, MQTT's a real broker; without one they are skipped and say so.
+# The live page's tests drive a real browser, MQTT's a real broker, those of ROS 2 a program built against Fast DDS; without
+# one they are skipped and say so.
 test: setup
-	@scripts/system-packages chromium mosquitto mosquitto-clients
+	@scripts/system-packages chromium mosquitto mosquitto-clients g++ libfastrtps-dev libfastcdr-dev
 	$(BIN)/python -m pytest
 
 lint: setup

@@ -116,6 +116,7 @@ def _libraries() -> Iterator[Finding]:
         "record": (("mcap", "mcap"), ("mcap_ros2", "mcap-ros2-support")),
         "foxglove": (("foxglove", "foxglove-sdk"), ("mcap_ros2", "mcap-ros2-support")),
         "mqtt": (("paho", "paho-mqtt"),),
+        "ros2": (("cyclonedds", "cyclonedds"),),
         "rerun": (("rerun", "rerun-sdk"),),
     }
     purposes = {
@@ -128,6 +129,7 @@ def _libraries() -> Iterator[Finding]:
         "record": "record, run --record, recordings as cameras",
         "foxglove": "run --foxglove",
         "mqtt": "run --mqtt",
+        "ros2": "run --ros2, cameras and sensors on ROS 2 topics",
         "rerun": "recordings in Rerun",
     }
     for extra, modules in extras.items():

@@ -290,6 +290,12 @@ _OUTSIDE = frozenset(
         "foxglove",
         "mqtt",
         "mqtt_name",
+        "ros2",
+        "ros2_pictures",
+        "ros2_best_effort",
+        "ros2_namespace",
+        "ros2_frames",
+        "odom_tf",
     }
 )
 _FLAGS = {"saved": "map", "loop_closure": "loop-closure"}

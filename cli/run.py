@@ -31,6 +31,16 @@ from edgemap.cli.options import (
     typed_options,
 )
 from edgemap.cli.publishers import Foxglove, MqttBroker, MqttName, open_publishers
+from edgemap.cli.ros2 import (
+    FRAMES,
+    OdomTf,
+    Ros2,
+    Ros2BestEffort,
+    Ros2Frames,
+    Ros2Namespace,
+    Ros2Pictures,
+    ros2_sinks,
+)
 from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
@@ -90,6 +100,12 @@ def command(
     foxglove: Foxglove = None,
     mqtt: MqttBroker = None,
     mqtt_name: MqttName = None,
+    ros2: Ros2 = False,
+    ros2_pictures: Ros2Pictures = False,
+    ros2_best_effort: Ros2BestEffort = False,
+    ros2_namespace: Ros2Namespace = "edgemap",
+    ros2_frames: Ros2Frames = FRAMES,
+    odom_tf: OdomTf = True,
     threads: Threads = None,
     precision: PrecisionName = "float32",
     engine: EngineName = "onnxruntime",
@@ -130,7 +146,7 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
-    watched = foxglove is not None
+    watched = foxglove is not None or ros2
     tuned = load_config(config)[0] if config else Config()
     with open_described(camera, camera_file, (realtime or watched) and not view, frames) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
@@ -160,10 +176,14 @@ def command(
             progress = Progress(frames or source.frame_count)
             publishers = open_publishers(floor, foxglove, mqtt, mqtt_name)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
+            live = ros2_sinks(
+                ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,
+                best_effort=ros2_best_effort, odom_tf=odom_tf,
+            )  # fmt: skip
             notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)
             files = RunFolder(folder, floor, record)
             # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
-            sinks: list[Sink] = [progress, latest, *tape, *publishers, *page.sinks, files, report]
+            sinks: list[Sink] = [progress, latest, *tape, *publishers, *live, *page.sinks, files, report]
             with stop_on_signals() as stop:
                 try:
                     done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat)

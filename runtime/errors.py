@@ -37,5 +37,9 @@ class PublishError(EdgemapError):
     """A live output that cannot be opened, or that has lost its peer."""
 
 
+class Ros2Error(EdgemapError):
+    """ROS 2 that cannot be spoken: a name, a setting of discovery, or DDS itself."""
+
+
 class CalibrationError(EdgemapError):
     """Pictures from which a lens or a mount cannot be told well enough."""

@@ -71,12 +71,13 @@ def mount_transform(stamp_ns: int, mount: Mount, ids: FrameIds = IDS) -> Message
     return _transform(stamp_ns, ids.base, ids.optical, mount.position_base_m().tolist(), (x, y, z, w))
 
 
-def pose_transforms(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> tuple[Message, Message]:
+def pose_transforms(
+    stamp_ns: int, pose_map_base: SE2, pose_odom_base: SE2, ids: FrameIds = IDS
+) -> tuple[Message, Message]:
     """`geometry_msgs/TransformStamped` map -> odom, and odom -> base_link, of one step."""
-    pose_map_odom = result.pose_map_base @ result.pose_odom_base.inverse()
     return (
-        planar_transform(stamp_ns, ids.map, ids.odom, pose_map_odom),
-        planar_transform(stamp_ns, ids.odom, ids.base, result.pose_odom_base),
+        planar_transform(stamp_ns, ids.map, ids.odom, pose_map_base @ pose_odom_base.inverse()),
+        planar_transform(stamp_ns, ids.odom, ids.base, pose_odom_base),
     )
 
 

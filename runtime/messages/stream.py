@@ -10,6 +10,7 @@ import cv2
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import RecordingError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages import build, topics
@@ -39,12 +40,20 @@ class Outgoing:
 
 @dataclass(slots=True)
 class MessageStream:
-    """The messages of a run in the order in which they are sent. lossless: pictures as PNG instead of JPEG."""
+    """The messages of a run in the order in which they are sent. lossless: pictures as PNG instead of JPEG.
+
+    static_mount: the mount once on /tf_static, not with every picture on /tf (a recording, which may be played in
+    part). robot_odom: where the robot publishes odom -> base itself, its pose there at a stamp of the stream, s; only
+    map -> odom is sent then, and nothing where it gives None.
+    """
 
     intrinsics: Intrinsics | None = None
     mount: Mount | None = None
     frames: FrameIds = field(default_factory=FrameIds)
     lossless: bool = False
+    static_mount: bool = False
+    robot_odom: Callable[[float], SE2 | None] | None = None
+    _pictures: int = 0
     _steps: int = 0
     _last_stamp_s: float | None = None
 
@@ -54,8 +63,10 @@ class MessageStream:
         ids, lens, mount = self.frames, self.intrinsics, self.mount
         if lens is not None:
             yield Outgoing(topics.INFO, stamp_ns, lambda: build.camera_info(stamp_ns, lens, ids))
-        if mount is not None:
-            yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, mount, ids)))
+        self._pictures += 1
+        if mount is not None and (not self.static_mount or self._pictures == 1):
+            topic = topics.TF_STATIC if self.static_mount else topics.TF
+            yield Outgoing(topic, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, mount, ids)))
         encoding = "png" if self.lossless else "jpeg"
         yield Outgoing(
             topics.PICTURES,
@@ -70,7 +81,11 @@ class MessageStream:
         dt_s = 0.0 if before_s is None else result.frame.stamp_s - before_s
         yield Outgoing(topics.POSE, stamp_ns, lambda: build.pose(stamp_ns, result, ids))
         yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))
-        yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*build.pose_transforms(stamp_ns, result, ids)))
+        pose_odom_base = self.robot_odom(result.frame.stamp_s) if self.robot_odom else result.pose_odom_base
+        if pose_odom_base is not None:
+            own = self.robot_odom is None
+            transforms = build.pose_transforms(stamp_ns, result.pose_map_base, pose_odom_base, ids)
+            yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*(transforms if own else transforms[:1])))
         yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(stamp_ns, result, ids))
         self._steps += 1
         if self._steps % MAP_EVERY == 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
-WHEEL, TRUTH, TF = "/wheel/odometry", "/ground_truth/odometry", "/tf"
+WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
 OBJECTS, MARKERS = "/map/objects", "/map/markers"
 
@@ -14,6 +14,7 @@ KINDS = {
     WHEEL: "nav_msgs/msg/Odometry",
     TRUTH: "nav_msgs/msg/Odometry",
     TF: "tf2_msgs/msg/TFMessage",
+    TF_STATIC: "tf2_msgs/msg/TFMessage",
     POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     ODOMETRY: "nav_msgs/msg/Odometry",
     BOXES: "vision_msgs/msg/Detection2DArray",

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from support.recordings import FACTS, LENS, MOUNT, noise
+from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
@@ -35,13 +36,6 @@ from edgemap.runtime.trajectory import Trajectory
 highlevel: Any = pytest.importorskip("rosbags.highlevel")
 typesys: Any = pytest.importorskip("rosbags.typesys")
 
-CHAIR = MapObject(
-    "chair-1", "chair", np.array([2.0, -1.0]), np.array([[0.04, 0.01], [0.01, 0.02]]), 0.5, 0.9, 7, 0.97, 1.0, 2.0
-)
-POSES = [SE2(0.1 * i, 0.02 * i, 0.05 * i) for i in range(12)]
-OFF = SE2(0.4, -0.3, 0.2)  # what loop closure took back
-COVARIANCE = np.array([[0.01, 0.001, 0.0], [0.001, 0.02, 0.002], [0.0, 0.002, 0.03]])
-
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
@@ -50,17 +44,8 @@ def recording(tmp_path_factory) -> Path:
     frames = noise(12)
     wheel = Trajectory(np.array([frame.stamp_s for frame in frames]), tuple(POSES))
     recorder = Recorder(path, FACTS, wheel=wheel)
-    detections = Detections(np.array([[20.0, 10.0, 30.0, 40.0]]), np.array([0.9]), np.array([1]), ("person", "chair"))
-    for frame, pose in zip(frames, POSES, strict=True):
-        seen = sightings_of(detections, FloorCamera(LENS, MOUNT), FloorRule(), frame.index, frame.stamp_s)
-        placed = [sighting.placed(pose, COVARIANCE) for sighting in seen]
-        assert len(placed) == 1
-        motion = Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
-        observed = FrameObservations(frame.index, frame.stamp_s, detections, seen, motion)
-        by_odometry = {"pose_odom_base": OFF @ pose, "odom_covariance": 2.0 * COVARIANCE}
-        update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {}, **by_odometry)
-        result = StepResult(frame, observed, update)
-        recorder.results(recorder.picture(frame), result, [CHAIR])
+    for result in results(frames, POSES):
+        recorder.results(recorder.picture(result.frame), result, [CHAIR])
     recorder.close()
     return path
 

@@ -1,0 +1,60 @@
+"""`edgemap run --ros2`: what the flags say of publishing, and the sink that does it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from edgemap.cli.arguments import arg
+from edgemap.cli.errors import OptionError
+
+if TYPE_CHECKING:
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.ros2.sink import Ros2Sink
+
+Ros2 = Annotated[
+    bool,
+    arg(
+        help="Publish results live as ROS 2 topics (docs/ros2.md). Files are then paced by their stamps, as --realtime "
+        "does. ROS_DOMAIN_ID and the other variables of ROS 2 say who may find them: programs on this machine where "
+        "none is set."
+    ),
+]
+Ros2Pictures = Annotated[bool, arg(help="With --ros2: publish the pictures too (JPEG).")]
+Ros2BestEffort = Annotated[
+    bool, arg(help="With --ros2: boxes and pictures best effort, for lossy radio; reliable otherwise.")
+]
+Ros2Namespace = Annotated[str, arg(metavar="NAME", help="With --ros2: before every topic but tf.")]
+Ros2Frames = Annotated[
+    str, arg(metavar="MAP,ODOM,BASE,CAMERA", help="With --ros2: names of the frames; the base is on the floor.")
+]
+OdomTf = Annotated[
+    bool,
+    arg(help="With --ros2: --no-odom-tf where the robot itself publishes odom -> base; map -> odom builds on that."),
+]
+FRAMES = "map,odom,base_link,camera_optical_frame"
+
+
+def ros2_sinks(
+    wanted: bool,
+    source: Camera,
+    floor: FloorCamera,
+    *,
+    namespace: str,
+    frames: str,
+    pictures: bool,
+    best_effort: bool,
+    odom_tf: bool,
+) -> list[Ros2Sink]:
+    """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
+    if not wanted:
+        return []
+    from edgemap.runtime.messages.build import FrameIds
+    from edgemap.runtime.ros2.node import shared_node
+    from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+
+    names = [name.strip() for name in frames.split(",")]
+    if len(names) != 4 or not all(names) or len(set(names)) != 4:
+        raise OptionError(f"--ros2-frames {frames}: four different names, as in {FRAMES}")
+    options = Ros2Options(namespace, FrameIds(*names), pictures, best_effort, odom_tf)
+    return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"))]

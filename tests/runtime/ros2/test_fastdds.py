@@ -1,0 +1,188 @@
+"""Programs built against Fast DDS, as ROS 2's default is, read what edgemap publishes and publish what it reads.
+
+Debian's Fast DDS stands for ROS 2: names, types and QoS as rmw_fastrtps has them, CDR by Fast CDR (fastdds_peer.cpp).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import time
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from support.recordings import LENS, MOUNT
+from support.results import CHAIR, COVARIANCE, OFF, POSES, results
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frame import Frame
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
+from edgemap.runtime.ros2.discovery import Discovery
+from edgemap.runtime.ros2.node import Node, Reliability
+from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+
+SOURCE = Path(__file__).with_name("fastdds_peer.cpp")
+DOMAIN = 1 + os.getpid() % 100  # runs beside this one have their own
+
+
+@pytest.fixture(scope="session")
+def program(request) -> Path:
+    """The peer, compiled once for each version of its source."""
+    if shutil.which("g++") is None:
+        pytest.skip("no g++")
+    if not Path("/usr/include/fastdds").is_dir():
+        pytest.skip("no Fast DDS (apt-get install libfastrtps-dev libfastcdr-dev)")
+    folder = request.config.cache.mkdir("fastdds_peer")
+    built = folder / f"{zlib.crc32(SOURCE.read_bytes()):08x}"
+    if not built.exists():
+        fresh = folder / f"{built.name}.{os.getpid()}"
+        subprocess.run(["g++", "-std=c++17", "-o", fresh, SOURCE, "-lfastrtps", "-lfastcdr"], check=True)
+        fresh.rename(built)
+    return built
+
+
+@pytest.fixture(scope="module")
+def node() -> Node:
+    return Node(DOMAIN, Discovery(DOMAIN).cyclone_config())
+
+
+class Peer:
+    """The program at work: `subscribe` or `publish` with topics as it takes them."""
+
+    def __init__(self, program: Path, what: str, *topics: str, seconds: float = 15.0) -> None:
+        environment = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}
+        command = [program, what, str(seconds), *topics]
+        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def heard(self) -> dict[str, list[dict]]:
+        """All messages by topic, once the program has ended by itself."""
+        lines, _ = self._process.communicate(timeout=20.0)
+        assert self._process.returncode == 0, f"some are missing: {lines}"
+        found: dict[str, list[dict]] = {}
+        for line in lines.splitlines():
+            message = json.loads(line)
+            found.setdefault(message["topic"], []).append(message)
+        return found
+
+    def __enter__(self) -> Peer:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+def fnv1a(data: bytes) -> str:
+    value = 1469598103934665603
+    for byte in data:
+        value = ((value ^ byte) * 1099511628211) & 0xFFFFFFFFFFFFFFFF
+    return f"{value:016x}"
+
+
+def test_fast_dds_reads_what_a_run_publishes(program, node):
+    """Fields of tf, odometry, a picture of 300 kB, and a map that a late reader gets, through the sink of `--ros2`."""
+    picture = np.random.default_rng(3).integers(0, 256, (540, 720, 3), dtype=np.uint8)
+    frames = [Frame(i, 1.7e9 + i / 10, picture) for i in range(12)]
+    steps = list(results(frames, POSES))
+    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("robot1", pictures=True), ros_time=True)
+    wanted = (
+        "rt/tf,TFMessage,reliable,3",
+        "rt/robot1/odometry,Odometry,reliable,3",
+        "rt/robot1/camera/image/compressed,CompressedImage,reliable,2",
+    )
+    sent = 0
+    with Peer(program, "subscribe", *wanted) as peer:
+        while peer.running:
+            sink.write(steps[sent % 12], [CHAIR])
+            sent += 1
+            time.sleep(0.05)
+        heard = peer.heard()
+    with Peer(
+        program, "subscribe", "rt/robot1/map/objects,Detection3DArray,latched,1", "rt/tf_static,TFMessage,latched,1"
+    ) as late:
+        heard |= late.heard()
+
+    for message in heard["rt/robot1/odometry"]:
+        index = round((message["stamp_ns"] / 1e9 - 1.7e9) * 10)
+        expected = OFF @ POSES[index]
+        assert (message["frame"], message["child"]) == ("odom", "base_link")
+        assert message["at"] == [expected.x_m, expected.y_m, 0.0]
+        assert 2.0 * math.atan2(message["q"][2], message["q"][3]) == pytest.approx(expected.yaw_rad)
+        assert message["covariance"][0] == 2.0 * COVARIANCE[0, 0]
+        assert message["covariance"][35] == 2.0 * COVARIANCE[2, 2]
+        assert message["linear"] == pytest.approx([1.0 if index else 0.0, 0.0, 0.0], abs=1e-5)
+    for message in heard["rt/tf"]:
+        links = {(step["frame"], step["child"]): step for step in message["transforms"]}
+        index = round((message["transforms"][0]["stamp_ns"] / 1e9 - 1.7e9) * 10)
+        chain = SE2()
+        for link in (("map", "odom"), ("odom", "base_link")):
+            (x_m, y_m, _), (_, _, sine, cosine) = links[link]["at"], links[link]["q"]
+            chain = chain @ SE2(x_m, y_m, 2.0 * math.atan2(sine, cosine))
+        assert chain.vector() == pytest.approx(POSES[index].vector(), abs=1e-9)
+    good, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    assert good
+    assert len(encoded) > 300_000
+    for message in heard["rt/robot1/camera/image/compressed"]:
+        assert (message["format"], message["frame"]) == ("jpeg", "camera_optical_frame")
+        assert (message["bytes"], message["fnv1a"]) == (len(encoded), fnv1a(encoded.tobytes()))
+    (chair,) = heard["rt/robot1/map/objects"][0]["objects"]
+    assert (chair["id"], chair["label"], chair["score"]) == ("chair-1", "chair", 0.97)
+    assert chair["at"] == [2.0, -1.0, 0.45]
+    assert (chair["size"], chair["covariance"][:2]) == ([0.5, 0.5, 0.9], [0.04, 0.01])
+    (mount,) = heard["rt/tf_static"][0]["transforms"]
+    assert (mount["frame"], mount["child"]) == ("base_link", "camera_optical_frame")
+    assert mount["at"] == pytest.approx(MOUNT.position_base_m().tolist())
+
+
+def test_edgemap_reads_what_fast_dds_publishes(program, node, tmp_path):
+    """Fields of odometry, inertial samples, tf and a picture of 300 kB that a late reader gets."""
+    picture = np.random.default_rng(4).integers(0, 256, (540, 720, 3), dtype=np.uint8)
+    good, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    assert good
+    (tmp_path / "a.jpg").write_bytes(encoded.tobytes())
+    topics = {
+        "odom": ("nav_msgs/msg/Odometry", "Odometry", 5),
+        "imu": ("sensor_msgs/msg/Imu", "Imu", 5),
+        "tf": ("tf2_msgs/msg/TFMessage", "TFMessage", 5),
+        "picture": ("sensor_msgs/msg/CompressedImage", "CompressedImage", 1),
+    }
+    wanted = [
+        f"rt/in/{name},{kind},{'latched' if name == 'picture' else 'reliable'},{count},{tmp_path / 'a.jpg'}"
+        for name, (_, kind, count) in topics.items()
+    ]
+    with Peer(program, "publish", *wanted):
+        assert node.kind_of("/in/picture", 10.0) == "sensor_msgs/msg/CompressedImage"
+        time.sleep(0.3)  # the picture is out by now
+        heard: dict[str, list] = {name: [] for name in topics}
+        readers = {
+            name: node.subscription(
+                f"/in/{name}", kind, Reliability.LATCHED if name == "picture" else Reliability.RELIABLE
+            )
+            for name, (kind, _, _) in topics.items()
+        }
+        until_s = time.monotonic() + 12.0
+        while time.monotonic() < until_s and any(len(heard[name]) < topics[name][2] for name in topics):
+            for name, reader in readers.items():
+                if reader.wait(0.02):
+                    heard[name] += reader.take()
+    assert {name: len(messages) for name, messages in heard.items()} == {name: spec[2] for name, spec in topics.items()}
+    odometry, sample, link = heard["odom"][4], heard["imu"][4], heard["tf"][4].transforms[0]
+    assert (odometry.header.stamp.sec, odometry.header.stamp.nanosec) == (100, 200_000_000)
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert (odometry.pose.pose.position.x, odometry.pose.pose.position.y) == (0.04, -0.02)
+    assert odometry.pose.pose.orientation.w == pytest.approx(math.cos(0.05))
+    assert (sample.header.frame_id, sample.angular_velocity.z, sample.linear_acceleration.z) == ("imu_link", 0.4, 9.81)
+    assert (link.header.frame_id, link.child_frame_id, link.transform.translation.x) == ("odom", "base_link", 0.4)
+    assert bytes(heard["picture"][0].data) == encoded.tobytes()

@@ -1,0 +1,95 @@
+"""What `--ros2` publishes, through Cyclone DDS within one process."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from typing import Any
+
+import pytest
+from support.recordings import LENS, MOUNT, noise
+from support.results import CHAIR, POSES, results
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.se2 import SE2
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
+from edgemap.runtime.messages import build
+from edgemap.runtime.messages.build import FrameIds
+from edgemap.runtime.ros2.discovery import Discovery
+from edgemap.runtime.ros2.node import Node, Reliability
+from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+
+DOMAIN = 1 + os.getpid() % 100
+TF = ("/tf", "tf2_msgs/msg/TFMessage")
+
+
+@pytest.fixture(scope="module")
+def node() -> Node:
+    return Node(DOMAIN, Discovery(DOMAIN, "OFF").cyclone_config())
+
+
+def sink_of(node: Node, *arguments, **options) -> Ros2Sink:
+    return Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options(*arguments, **options), ros_time=True)
+
+
+def taken(reader: Any, count: int) -> list:
+    found: list = []
+    until_s = time.monotonic() + 5.0
+    while len(found) < count and time.monotonic() < until_s:
+        if reader.wait(0.1):
+            found += reader.take()
+    assert len(found) == count
+    return found
+
+
+def links(message: Any) -> dict:
+    return {(step.header.frame_id, step.child_frame_id): step.transform for step in message.transforms}
+
+
+def test_what_nobody_reads_is_not_built(node, monkeypatch):
+    """Boxes and poses cost nothing without a reader; maps are kept for later ones, one in ten steps."""
+    built: list[str] = []
+    monkeypatch.setattr(build, "detections_2d", lambda *_: built.append("boxes"))
+    monkeypatch.setattr(build, "step_odometry", lambda *_: built.append("odometry"))
+    monkeypatch.setattr("edgemap.runtime.messages.stream.encoded", lambda *_: built.append("picture"))
+    monkeypatch.setattr("edgemap.runtime.messages.stream.markers", lambda *_: built.append("map") or {"markers": []})
+    sink = sink_of(node, "nobody", pictures=True)
+    for result in results(noise(12), POSES):
+        sink.write(result, [CHAIR])
+    assert built == ["map", "map"]
+
+
+def test_namespace_and_frames_are_options(node):
+    frames = FrameIds("world", "odom_vision", "base_footprint", "lens")
+    sink = sink_of(node, "/fleet/robot7/", frames=frames)
+    tf, pose = (
+        node.subscription(*TF),
+        node.subscription("/fleet/robot7/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+    )
+    (result,) = results(noise(1), POSES[:1])
+    sink.write(result, [CHAIR])
+    assert set(links(taken(tf, 1)[0])) == {("world", "odom_vision"), ("odom_vision", "base_footprint")}
+    assert taken(pose, 1)[0].header.frame_id == "world"
+    static = node.subscription("/tf_static", TF[1], Reliability.LATCHED)  # comes late
+    assert set(links(taken(static, 1)[0])) == {("base_footprint", "lens")}
+
+
+def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent(node):
+    """map -> odom (ours) times odom -> base_link (the robot's, between its own stamps) is our pose in the map."""
+    sink, reader, robot = sink_of(node, odom_tf=False), node.subscription(*TF), node.publisher(*TF)
+    frames = noise(2)
+    first, second = results(frames, POSES[:2])
+    sink.write(first, [])  # the robot has said nothing yet
+    for index, x_m in enumerate((7.0, 7.3, 7.6)):
+        stamp_ns = round((frames[0].stamp_s + 0.02 * index) * 1e9)
+        robot.write(build.tf(build.planar_transform(stamp_ns, "odom", "base_link", SE2(x_m, 0.0, 0.5))))
+    sink.write(second, [])  # at 33 ms
+    sent = [message for message in taken(reader, 4) if ("map", "odom") in links(message)]
+    assert [set(links(message)) for message in sent] == [{("map", "odom")}]
+    (step,) = sent[0].transforms
+    at, q = step.transform.translation, step.transform.rotation
+    ours = SE2(at.x, at.y, 2.0 * math.atan2(q.z, q.w))
+    pose = ours @ SE2(7.0 + 0.3 * (frames[1].stamp_s - frames[0].stamp_s) / 0.02, 0.0, 0.5)
+    assert pose.vector() == pytest.approx(POSES[1].vector(), abs=1e-6)

@@ -1,0 +1,42 @@
+"""Results of steps as sinks get them, made by hand: one box at the feet of a chair, and that chair on the map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from support.recordings import LENS, MOUNT
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.frame_observations import FrameObservations
+from edgemap.runtime.mapper import MapUpdate
+from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.pose_journal import PoseJournal
+from edgemap.runtime.slam import StepResult
+
+CHAIR = MapObject(
+    "chair-1", "chair", np.array([2.0, -1.0]), np.array([[0.04, 0.01], [0.01, 0.02]]), 0.5, 0.9, 7, 0.97, 1.0, 2.0
+)
+POSES = [SE2(0.1 * i, 0.02 * i, 0.05 * i) for i in range(12)]
+OFF = SE2(0.4, -0.3, 0.2)  # what loop closure took back
+COVARIANCE = np.array([[0.01, 0.001, 0.0], [0.001, 0.02, 0.002], [0.0, 0.002, 0.03]])
+
+
+def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
+    """One for each frame. By odometry alone the robot is at `OFF @ pose`, with twice the covariance."""
+    detections = Detections(np.array([[20.0, 10.0, 30.0, 40.0]]), np.array([0.9]), np.array([1]), ("person", "chair"))
+    for frame, pose in zip(frames, poses, strict=True):
+        seen = sightings_of(detections, FloorCamera(LENS, MOUNT), FloorRule(), frame.index, frame.stamp_s)
+        placed = [sighting.placed(pose, COVARIANCE) for sighting in seen]
+        assert len(placed) == 1
+        observed = FrameObservations(
+            frame.index, frame.stamp_s, detections, seen, Motion(SE2(0.1, 0.0, 0.05), np.eye(3))
+        )
+        by_odometry = {"pose_odom_base": OFF @ pose, "odom_covariance": 2.0 * COVARIANCE}
+        update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {}, **by_odometry)
+        yield StepResult(frame, observed, update)
