@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from typing import NoReturn
 
 # Command words to (module, one line). Each module has a function `command` whose signature is its arguments.
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -92,8 +93,17 @@ def _command(words: str, rest: list[str]) -> None:
             rest = config_arguments(rest)
         parse_and_call(command, words, rest)
     except EdgemapError as error:
-        print(f"edgemap {words}: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        _end(f"edgemap {words}: {error}", error.exit_code)
     except BrokenPipeError:  # `edgemap ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except OSError as error:  # a path that the system refuses: too long, not allowed
+        where = f"{error.filename}: " if error.filename else ""
+        _end(f"edgemap {words}: {where}{error.strerror or error}", 1)
+
+
+def _end(message: str, exit_code: int) -> NoReturn:
+    from edgemap.runtime.reading import printable
+
+    print(printable(message), file=sys.stderr)
+    sys.exit(exit_code)

@@ -158,7 +158,7 @@ def _way(folder: Path) -> Trajectory | None:
 
     path = folder / "trajectory.tum"
     try:
-        return parse_tum(whole_lines(path), str(path))
+        return parse_tum(b"".join(whole_lines(path)), str(path))
     except (MapError, OdometryError) as error:
         print(f"(the trajectory is not drawn: {error})", file=sys.stderr)
         return None

@@ -32,6 +32,7 @@ def command(
     transfer goes on where it stopped.
     """
     from edgemap.runtime.download import is_url
+    from edgemap.runtime.reading import user_path
     from edgemap.runtime.store import install_folder, install_url
 
     if is_url(source):
@@ -42,8 +43,8 @@ def command(
                 file=sys.stderr,
             )
         folder = install_url(source)
-    elif not known(source) and Path(source).expanduser().exists():
-        folder = install_folder(Path(source).expanduser())
+    elif not known(source) and user_path(source).exists():
+        folder = install_folder(user_path(source))
     else:
         folder = pull_known(source, given)
     print(f"ready: {folder}")

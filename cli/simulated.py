@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from edgemap.simulation.live import SimCamera
 
 PREFIX = "sim:"
+SEED_DIGITS = 18
 
 
 def open_simulated(
@@ -38,7 +39,7 @@ def simulated(spec: str, frames: int | None = None) -> SimCamera:
     from edgemap.cli.extras import need_simulation
 
     seed = spec.removeprefix(PREFIX)
-    if not seed.isdecimal():
+    if not seed.isdecimal() or len(seed) > SEED_DIGITS:
         raise OptionError(f"camera {spec!r}: expected sim:SEED with a whole number, 0 or more")
     need_simulation(spec)
     from edgemap.simulation.live import open_sim

@@ -10,6 +10,7 @@ from edgemap.export.sources import KnownModel, Web
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.download import DownloadError, download, is_url
 from edgemap.runtime.manifest import sha256_file
+from edgemap.runtime.reading import user_path
 from edgemap.runtime.store import downloads_folder
 
 
@@ -20,7 +21,7 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):
-        return _take(model, Path(given).expanduser(), target), (f"{Path(given).name} sha256 {_sum(target)}",)
+        return _take(model, user_path(given), target), (f"{Path(given).name} sha256 {_sum(target)}",)
     if given is None and target.is_file() and sha256_file(target) in model.sums:
         return target, (f"{model.file} from the cache, sha256 {_sum(target)}",)
     failures = []

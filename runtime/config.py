@@ -18,7 +18,7 @@ from edgemap.runtime.attitude.inertial import AttitudeRule
 from edgemap.runtime.health import HealthRule
 from edgemap.runtime.odometry import OdometryRules
 from edgemap.runtime.plain_yaml import read_yaml
-from edgemap.runtime.reading import decode_json, read_bytes
+from edgemap.runtime.reading import decode_json, one_line, read_bytes, user_path
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
@@ -78,12 +78,12 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
 def _merged(default: Any, given: Any, where: str) -> Any:
     """A dataclass with the values that a document gives, checked field by field."""
     if not isinstance(given, dict):
-        raise ConfigError(f"{where} is {given!r}, not a mapping")
+        raise ConfigError(f"{where} is {_shown(given)}, not a mapping")
     known = {item.name for item in fields(default)}
     derived = DERIVED.get(where.rpartition(".")[2], ())
     changed: dict[str, Any] = {}
     for name, value in given.items():
-        here = f"{where}.{name}"
+        here = f"{where}.{one_line(name, 40)}"
         if name not in known or name in derived:
             raise ConfigError(f"{here} is unknown (known: {', '.join(sorted(known - set(derived)))})")
         before = getattr(default, name)
@@ -96,10 +96,14 @@ def _number(before: Any, value: Any, where: str) -> Any:
     try:
         number = msgspec.convert(value, type(before), strict=True)
     except msgspec.ValidationError:
-        raise ConfigError(f"{where} is {value!r}, not a {type(before).__name__}") from None
+        raise ConfigError(f"{where} is {_shown(value)}, not a {type(before).__name__}") from None
     if isinstance(number, float) and not abs(number) < 1e12:
-        raise ConfigError(f"{where} is {value!r}, not a finite number")
+        raise ConfigError(f"{where} is {_shown(value)}, not a finite number")
     return number
+
+
+def _shown(value: Any) -> str:
+    return f"a {type(value).__name__}" if isinstance(value, dict | list) else one_line(repr(value), 60)
 
 
 def config_arguments(argv: list[str]) -> list[str]:
@@ -109,7 +113,7 @@ def config_arguments(argv: list[str]) -> list[str]:
         return argv
     path = argv[at].partition("=")[2] or argv[at + 1]
     words: list[str] = []
-    for name, value in load_config(Path(path))[1].items():
+    for name, value in load_config(user_path(path))[1].items():
         flag = str(name).replace("_", "-")
         if isinstance(value, bool):
             words.append(f"--{flag}" if value else f"--no-{flag}")

@@ -6,7 +6,7 @@ import errno
 import json
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -18,7 +18,7 @@ from edgemap.runtime.errors import DiskError
 from edgemap.runtime.reading import Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
 
 FORMAT = "edgemap.map/1"
-MAP_BYTES = 64 << 20
+MAP_BYTES = 32 << 20
 ROUNDING_M2 = 1e-9  # of the file's covariances
 Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
 
@@ -108,7 +108,7 @@ def save_map(path: Path, objects: list[MapObject]) -> None:
 
 
 class _Head(msgspec.Struct):
-    format: Any = None
+    format: str = ""
 
 
 class _Object(msgspec.Struct, kw_only=True):

@@ -11,7 +11,7 @@ from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.reading import one_line, read_text
 
-YAML_BYTES = 256 << 10
+YAML_BYTES = 128 << 10
 DEPTH_LIMIT = 20
 DIGIT_LIMIT = 400
 TAGS = {f"tag:yaml.org,2002:{name}" for name in ("null", "bool", "int", "float", "str", "seq", "map")}
@@ -38,7 +38,7 @@ class _Loader(yaml.SafeLoader):
 
 def read_yaml(path: Path, error: type[EdgemapError]) -> Any:
     """A file's one document: None, bool, int, float, str, list and dict with text keys. Raises `error`, one line."""
-    text = read_text(path, YAML_BYTES, error)
+    text = read_text(path, YAML_BYTES, error).removeprefix("%YAML:1.0")  # OpenCV's own first line, which is no YAML
     loader: _Loader | None = None
     try:
         loader = _Loader(text)

@@ -19,7 +19,9 @@ from edgemap.geometry.errors import EdgemapError
 T = TypeVar("T")
 
 MESSAGE_LENGTH = 200
+LINE_LENGTH = 1000  # of what is printed
 SHOWN = 60  # of a value
+TREE_BYTES = 1 << 20  # of a document that is read again to show what was wrong in it: any values, each some 100 bytes
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
 
 # Numbers and names as files may hold them. NaN and infinity satisfy no bound, so none of them ever comes in.
@@ -40,6 +42,22 @@ def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     words = "".join(letter if letter.isprintable() else " " for letter in str(text))
     words = " ".join(words.split())
     return words if len(words) <= length else words[: length - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """A message for a terminal, its lines kept: what would not print, such as control characters of a file's name, is
+    left out, and the middle of what is too long."""
+    lines = (one_line(line, len(line)) for line in text.split("\n"))
+    half = LINE_LENGTH // 2
+    return "\n".join(line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}" for line in lines)
+
+
+def user_path(text: str | Path) -> Path:
+    """A path as a user types it: `~` is the home folder; one of nobody known stays as it is."""
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        return Path(text)
 
 
 def read_bytes(path: Path, limit_bytes: int, error: type[EdgemapError]) -> bytes:
@@ -73,7 +91,7 @@ def decode_json(data: bytes | str, kind: type[T], where: object, error: type[Edg
         return msgspec.json.decode(data, type=kind)
     except msgspec.ValidationError as why:
         try:
-            tree = msgspec.json.decode(data)
+            tree = msgspec.json.decode(data) if len(data) <= TREE_BYTES else None
         except (msgspec.MsgspecError, RecursionError):
             tree = None
         raise error(f"{where}: {_told(why, tree)}") from None

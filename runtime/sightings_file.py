@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
 from edgemap.geometry.errors import MapError
-from edgemap.runtime.reading import Coordinate, Name, decode_json, read_bytes, read_text
+from edgemap.runtime.reading import Coordinate, Name, decode_json, read_bytes
 
-SIGHTINGS_BYTES = 512 << 20
+SIGHTINGS_BYTES = 256 << 20
+SIGHTINGS_LIMIT = 1_000_000
 RUN_BYTES = 64 << 20
 
 
@@ -36,14 +38,19 @@ def read_sightings(folder: Path) -> list[SeenRecord]:
     except MapError:
         merged = {}
     found = []
-    for number, line in enumerate(whole_lines(path).splitlines(), start=1):
+    for number, line in enumerate(whole_lines(path), start=1):
+        if number > SIGHTINGS_LIMIT:
+            raise MapError(f"{path}: more than {SIGHTINGS_LIMIT:,} sightings")
         record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
         record.object = merged.get(record.object, record.object)
         found.append(record)
     return found
 
 
-def whole_lines(path: Path) -> str:
+def whole_lines(path: Path) -> Iterator[bytes]:
     """A file's whole lines: what a power cut left of the last one does not count. Raises MapError."""
-    text = read_text(path, SIGHTINGS_BYTES, MapError)
-    return text[: text.rfind("\n") + 1]
+    data = read_bytes(path, SIGHTINGS_BYTES, MapError)
+    begin = 0
+    while (end := data.find(b"\n", begin)) >= 0:
+        yield data[begin : end + 1]
+        begin = end + 1

@@ -17,6 +17,7 @@ import platformdirs
 from edgemap.runtime.download import download
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.manifest import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
+from edgemap.runtime.reading import user_path
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
@@ -36,7 +37,7 @@ def bundle_folder(name: str) -> Path:
 
     A name is looked up in the cache, where users put theirs, then among the bundles that come with the package.
     """
-    path = Path(name).expanduser()
+    path = user_path(name)
     if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
         return path
     cached, shipped = cache_folder() / "bundles" / name, _shipped_folder() / name

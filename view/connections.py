@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from uvicorn.protocols.http.auto import AutoHTTPProtocol
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 WAITING_LIMIT = 32
 
-_Base: Any = AutoHTTPProtocol
+_Base: Any = H11Protocol  # uvicorn's other one, taken where httptools is installed, bounds no headers
 
 
 class WaitingLimited(_Base):

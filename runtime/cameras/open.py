@@ -10,6 +10,7 @@ from edgemap.runtime.cameras.device import Driver
 from edgemap.runtime.cameras.plugins import load_kind, plugin_kinds
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import user_path
 
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
@@ -63,7 +64,7 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Came
     if kind in kinds:
         source = load_kind(kinds[kind]).open(rest, intrinsics, mount)
         return source if isinstance(source, Camera) else _open_live(source, intrinsics, mount)
-    path = Path(spec).expanduser()
+    path = user_path(spec)
     if path.is_dir():
         from edgemap.runtime.cameras.pictures import open_folder
 
@@ -90,7 +91,7 @@ def _open_realsense(rest: str, name: str, intrinsics: Intrinsics | None, mount: 
     from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording
 
     if rest.endswith((".db3", ".bag")) or "/" in rest:
-        return RealSenseRecording(Path(rest).expanduser(), name, intrinsics, mount)
+        return RealSenseRecording(user_path(rest), name, intrinsics, mount)
     driver = RealSenseDriver(name, rest or None)
     return ImuCamera(_open_live(driver, intrinsics, mount), driver.imu)
 

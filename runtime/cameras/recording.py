@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import STAMPS
+from edgemap.runtime.number_rows import ROW_LIMIT
+from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import lens_of, mount_of
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
@@ -36,7 +39,7 @@ class RecordingCamera(CameraBase):
     def __init__(self, spec: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
         super().__init__(spec, intrinsics, mount)
         file, _, topic = spec.partition("#")
-        path = Path(file).expanduser()
+        path = user_path(file)
         if not path.is_file():
             raise CameraError(f"{path}: no such file")
         self._path, self._open = path, True
@@ -153,7 +156,7 @@ def _exact_stamps(recording: McapReading) -> dict[int, float]:
     """Stamps that are finer than a nanosecond, by their nearest one."""
     if RECORD not in recording.metadata or STAMPS not in recording.topics:
         return {}
-    stamps = {log_ns: float(decode().data) for log_ns, decode in recording.messages(STAMPS)}
+    stamps = {log_ns: float(decode().data) for log_ns, decode in islice(recording.messages(STAMPS), ROW_LIMIT)}
     if wrong := [ns for ns, stamp_s in stamps.items() if not abs(stamp_s - to_s(ns)) < STAMP_TOLERANCE_S]:
         raise CameraError(f"{recording.path}: {STAMPS} says {stamps[wrong[0]]} s at {to_s(wrong[0]):.9f} s")
     return stamps

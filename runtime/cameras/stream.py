@@ -28,7 +28,10 @@ class StreamDriver:
     """Opens the address. Its password, where it has one, stays out of every message."""
 
     def __init__(self, url: str) -> None:
-        host = urlsplit(url)
+        try:
+            host = urlsplit(url)
+        except ValueError as error:  # `rtsp://[`
+            raise CameraError(f"{url}: not an address ({error})") from None
         self.name = url.replace(f"{host.username}:{host.password}@", "") if host.password else url
         self._url = url
 

@@ -14,7 +14,6 @@ from typing import Annotated, TypeVar
 
 import msgspec
 import numpy as np
-import yaml
 from msgspec import Meta
 from numpy.typing import NDArray
 
@@ -29,7 +28,8 @@ from edgemap.runtime.drives.planarise import camera_attitudes, planarise_camera
 from edgemap.runtime.drives.pose_files import check_increasing, poses_of, trajectory
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.number_rows import Column, NumberTable, columns
-from edgemap.runtime.reading import Coordinate, Side, convert, one_line, read_text
+from edgemap.runtime.plain_yaml import read_yaml
+from edgemap.runtime.reading import Coordinate, Side, convert
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -41,7 +41,6 @@ BODY = NumberTable(
     ",",
 )
 CAMERA = NumberTable((STAMP_NS, *columns("x y z"), *columns("qx qy qz qw", -1.01, 1.01)))
-YAML_BYTES = 65536
 
 
 class _Pose(msgspec.Struct):
@@ -104,14 +103,16 @@ def read_euroc(folder: Path) -> Drive:
     samples = ImuSamples(stamps, rows[:, 1:4], rows[:, 4:7]).rotated(camera.T_BS.rotation.T @ imu_body)
     truth_stamps, poses = _poses(layout, start_ns, camera.T_BS.rotation)
     taken = np.array([(_stamp_ns(path) - start_ns) * 1e-9 for path in images])
+    check_increasing(layout.pictures, taken)
     known = (taken >= truth_stamps[0] - 0.01) & (taken <= truth_stamps[-1] + 0.01)
     if not known.any():
         first, last = truth_stamps[0], truth_stamps[-1]
         raise CameraError(f"{layout.truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
     setup = read_setup(folder, world_up="z", intrinsics=_lens(layout.camera, camera))
+    rate_hz = float(1.0 / np.median(np.diff(taken))) if len(taken) > 1 else setup.rate_hz
     return Drive(
         "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
-        setup.intrinsics, setup.mount, float(1.0 / np.median(np.diff(taken))),
+        setup.intrinsics, setup.mount, rate_hz,
         trajectory(layout.truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
         attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
         notes={"pictures_without_truth": int((~known).sum())},
@@ -131,11 +132,7 @@ def _poses(layout: _Layout, start_ns: float, camera_body: Array) -> tuple[Array,
 
 
 def _sensor(path: Path, kind: type[T]) -> T:
-    try:
-        tree = yaml.safe_load(read_text(path, YAML_BYTES, CameraError).replace("%YAML:1.0", ""))
-    except yaml.YAMLError as error:
-        raise CameraError(f"{path}: not YAML ({one_line(error)})") from None
-    return convert(tree, kind, path, CameraError, strict=False)
+    return convert(read_yaml(path, CameraError), kind, path, CameraError, strict=False)
 
 
 def _lens(path: Path, camera: _Camera) -> Intrinsics:

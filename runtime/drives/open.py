@@ -18,6 +18,7 @@ from edgemap.runtime.drives.truth_json import read_objects
 from edgemap.runtime.drives.tum import read_tum_drive
 from edgemap.runtime.drives.yolo import read_yolo
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.reading import user_path
 
 READERS: dict[str, Callable[[Path], Drive]] = {
     "kitti": read_kitti,
@@ -39,7 +40,7 @@ def open_drive(spec: str) -> Drive:
     kind, colon, folder = spec.partition(":")
     if not colon or not folder or kind not in READERS:
         raise CameraError(f"data {spec!r} is not KIND:DIR with KIND one of {', '.join(READERS)}")
-    drive = READERS[kind](Path(folder).expanduser())
+    drive = READERS[kind](user_path(folder))
     objects = drive.folder / "objects.json"
     if drive.objects or not objects.is_file():
         return drive

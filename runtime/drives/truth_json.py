@@ -13,7 +13,7 @@ from edgemap.runtime.drives.drive import LabelledBoxes
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import Coordinate, Name, Share, Size, decode_json, read_bytes
 
-TRUTH_BYTES = 64 << 20
+TRUTH_BYTES = 32 << 20
 Id = Annotated[int, Meta(ge=-(2**53), le=2**53)] | Name
 
 

@@ -18,7 +18,7 @@ from edgemap.runtime.trajectory import QUATERNION_TOLERANCE
 
 FLOOR_FRAME = "base_footprint"  # REP-120: base_link may stand anywhere above the floor, this one stands on it
 FARTHEST_M = 1000.0
-TF_MESSAGES = 200  # looked through for the mount
+TF_MESSAGES, TF_FRAMES = 200, 10_000  # looked through for the mount
 
 
 def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
@@ -63,7 +63,7 @@ def mount_of(recording: McapReading, frame_id: str) -> Mount | None:
             for transform in decode().transforms:
                 child, parent = transform.child_frame_id.lstrip("/"), transform.header.frame_id.lstrip("/")
                 parents.setdefault(child, (parent, transform.transform))
-            if number >= TF_MESSAGES:
+            if number >= TF_MESSAGES or len(parents) >= TF_FRAMES:
                 break
     rotation, place = np.eye(3), np.zeros(3)
     frame = frame_id.lstrip("/")
@@ -97,7 +97,7 @@ def _mount(rotation_base_optical: Any, place_m: Any) -> Mount | None:
     ahead, right, down = rotation_base_optical[:, 2], rotation_base_optical[:, 0], rotation_base_optical[:, 1]
     if abs(ahead[1]) > math.sin(math.radians(2.0)) or ahead[0] <= 0:
         return None
-    pitch_rad, roll_rad = math.asin(-ahead[2]), math.atan2(-right[2], -down[2])
+    pitch_rad, roll_rad = math.asin(np.clip(-ahead[2], -1.0, 1.0)), math.atan2(-right[2], -down[2])
     try:
         return Mount(float(place_m[2]), pitch_rad, roll_rad, float(place_m[0]), float(place_m[1]))
     except GeometryError:

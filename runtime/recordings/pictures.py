@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
+from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, SIDE_LIMIT
 from edgemap.runtime.drives.pictures import decode_picture
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import one_line
@@ -41,6 +41,8 @@ def raw_picture(message: Any, name: str) -> NDArray[np.uint8]:
     height, width, step = int(message.height), int(message.width), int(message.step)
     if (
         height * width > PIXEL_LIMIT
+        or max(height, width) > SIDE_LIMIT
+        or (channels == 2 and width % 2)  # two pixels share their colour
         or not height
         or not width
         or step < width * channels

@@ -7,23 +7,27 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.messages.cdr import decoder
 from edgemap.runtime.messages.definitions import FIELDS
 from edgemap.runtime.reading import one_line
 from edgemap.runtime.recordings.chunks import (
-    RECORD_LIMIT_BYTES,
-    BoundedStream,
-    attachment,
+    MAGIC,
+    Definitions,
+    Summary,
     messages_by_time,
+    read_summary,
+    records,
     unpacked,
 )
 from edgemap.runtime.recordings.extra import need_mcap
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
 
-MAGIC = b"\x89MCAP0\r\n"
 OWN_FILES = (WHEEL_FILE, TRUTH_FILE)
+PICTURES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
+MESSAGE_BYTES = 256 << 10  # of other kinds, whose many small values take many times their size
 
 
 @dataclass(slots=True)
@@ -55,7 +59,7 @@ class McapReading:
             end = stream.read(len(MAGIC))
         except OSError as error:
             raise CameraError(f"{path}: cannot be read ({error.strerror})") from None
-        self._file, self._stream = stream, BoundedStream(stream)
+        self._stream, self._size = stream, size
         if start != MAGIC:
             self.close()
             raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
@@ -63,7 +67,7 @@ class McapReading:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
-        self._summary: Any = None
+        self._summary: Summary | None = None
         try:
             self._summary = self._guarded_call(self._indexed) if self.whole else None
             if self._summary is None:
@@ -79,6 +83,11 @@ class McapReading:
         """
         for schema, channel, message in self._guarded(self._raw(topic)):
             decoder = self._guarded_call(self._decoder, topic, schema, channel)
+            if len(message.data) > MESSAGE_BYTES and _short(schema.name) not in PICTURES:
+                raise CameraError(
+                    f"{self.path}: {topic} has a message of {len(message.data):,} bytes, "
+                    f"at most {MESSAGE_BYTES:,} are read"
+                )
 
             def decode(decoder: Any = decoder, data: bytes = message.data) -> Any:
                 return self._guarded_call(decoder, data)
@@ -96,7 +105,7 @@ class McapReading:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._stream.close()
 
     def _raw(self, topic: str) -> Iterator[tuple[Any, Any, Any]]:
         if self._summary is None:
@@ -104,30 +113,24 @@ class McapReading:
                 if channel.topic == topic:
                     yield schema, channel, message
             return
-        schemas, channels = self._summary.schemas, self._summary.channels
+        schemas, channels = self._summary.definitions.schemas, self._summary.definitions.channels
         wanted = {number: channel for number, channel in channels.items() if channel.topic == topic}
-        for message in messages_by_time(self._stream, self._summary.chunk_indexes, wanted):
+        for message in messages_by_time(self._stream, self._summary.chunks, wanted):
             channel = wanted[message.channel_id]
             yield schemas.get(channel.schema_id), channel, message
 
-    def _indexed(self) -> Any:
-        """mcap's summary where the file has an index of its chunks, topics and counts; else None."""
-        from mcap.reader import SeekingReader
-
-        self._stream.seek(0)
-        stream: Any = self._stream
-        reader = SeekingReader(stream, record_size_limit=RECORD_LIMIT_BYTES)
-        summary = reader.get_summary()
-        if summary is None or not summary.chunk_indexes or summary.statistics is None:
+    def _indexed(self) -> Summary | None:
+        """The summary where the file has an index of its chunks, topics and counts; else None."""
+        summary = read_summary(self._stream, self._size)
+        if summary is None or not summary.chunks or summary.statistics is None:
             return None
-        for channel in summary.channels.values():
-            topic = self._topic(channel, summary.schemas.get(channel.schema_id))
+        for channel in summary.definitions.channels.values():
+            topic = self._topic(channel, summary.definitions.schemas.get(channel.schema_id))
             topic.count += summary.statistics.channel_message_counts.get(channel.id, 0)
-        if any(index.name == RECORD for index in summary.metadata_indexes):
-            self.metadata = {found.name: found.metadata for found in reader.iter_metadata() if found.name == RECORD}
-        for index in summary.attachment_indexes:
-            if index.name in OWN_FILES:
-                self.attachments[index.name] = attachment(self._stream, index)
+        for index in (*summary.metadata, *summary.attachments):
+            if index.name in (RECORD, *OWN_FILES):
+                self._stream.seek(index.offset)
+                self._keep(next(records(self._stream), None))
         return summary
 
     def _scan(self) -> None:
@@ -142,31 +145,31 @@ class McapReading:
 
     def _sequential(self) -> Iterator[tuple[Any, Any, Any]]:
         """Messages in the file's own order; metadata and attachments on the way are kept."""
-        from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
-        from mcap.stream_reader import StreamReader
+        from mcap.records import Chunk, Message
 
-        schemas: dict[int, Any] = {}
-        channels: dict[int, Any] = {}
-        self._stream.seek(0)
-        stream: Any = self._stream
-        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT_BYTES)
-        records = (
+        known = Definitions()
+        self._stream.seek(len(MAGIC))
+        all_records = (
             inner
-            for record in reader.records
+            for record in records(self._stream, crc32(MAGIC))
             for inner in (unpacked(record) if isinstance(record, Chunk) else [record])
         )
-        for record in records if self.whole else self._up_to_the_cut(records):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                yield schemas.get(channel.schema_id), channel, record
-            elif isinstance(record, Metadata) and record.name == RECORD:
-                self.metadata[record.name] = record.metadata
-            elif isinstance(record, Attachment) and record.name in OWN_FILES:
-                self.attachments[record.name] = record.data
+        for record in all_records if self.whole else self._up_to_the_cut(all_records):
+            if isinstance(record, Message):
+                channel = known.channels[record.channel_id]
+                yield known.schemas.get(channel.schema_id), channel, record
+            else:
+                known.add(record)
+                self._keep(record)
+
+    def _keep(self, record: Any) -> None:
+        """Remember metadata and attachments of edgemap's own."""
+        from mcap.records import Attachment, Metadata
+
+        if isinstance(record, Metadata) and record.name == RECORD:
+            self.metadata[record.name] = record.metadata
+        elif isinstance(record, Attachment) and record.name in OWN_FILES:
+            self.attachments[record.name] = record.data
 
     def _up_to_the_cut(self, records: Iterator[Any]) -> Iterator[Any]:
         try:
@@ -192,7 +195,15 @@ def _damage() -> tuple[type[Exception], ...]:
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    bytes_of_no_message = (struct.error, ValueError, LookupError, RuntimeError, OverflowError, NotImplementedError)
+    bytes_of_no_message = (
+        struct.error,
+        ValueError,
+        LookupError,
+        RuntimeError,
+        OverflowError,
+        NotImplementedError,
+        EOFError,
+    )
     return (McapError, ZstdError, *bytes_of_no_message, OSError)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from edgemap.runtime.errors import CameraError, OdometryError
 from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import ODOMETRY, TRUTH
 from edgemap.runtime.number_rows import ROW_LIMIT
+from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.runtime.recordings.reader import McapReading
 from edgemap.runtime.trajectory import QUATERNION_TOLERANCE, Trajectory
@@ -33,7 +33,7 @@ def read_wheel(spec: str) -> Trajectory:
     Poses of the base as the wheels integrate them, at the headers' stamps. Raises CameraError.
     """
     file, _, topic = spec.partition("#")
-    recording = McapReading(Path(file).expanduser())
+    recording = McapReading(user_path(file))
     try:
         if not topic and WHEEL_FILE in recording.attachments:
             return read_trajectory_file(recording.attachments[WHEEL_FILE], f"{file}: {WHEEL_FILE}")

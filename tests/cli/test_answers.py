@@ -76,3 +76,41 @@ def test_map_show_without_matplotlib_lists_the_objects_and_names_the_extra(tmp_p
     (line,) = result.stderr.splitlines()
     assert line.startswith("edgemap map show: drawing needs matplotlib: pip install ")
     assert line.endswith("[plot]'")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "--camera", "a" * 5000), "File name too long"),
+        (("run", "--bundle", "a" * 5000), "File name too long"),
+        (("run", "--config", "a" * 5000), "File name too long"),
+        (("map", "show", "a" * 5000), "File name too long"),
+        (("pull", "a" * 5000), "File name too long"),
+        (("run", "--camera", "drive:~nobody-here/x"), "no such folder"),
+        (("run", "--camera", "~nobody-here/x"), "no such file or folder"),
+        (("pull", "~nobody-here"), "neither a bundle's folder nor URL"),
+        (("run", "--camera", "rtsp://["), "not an address"),
+        (("run", "--camera", "sim:" + "9" * 5000), "expected sim:SEED"),
+        (("map", "show", "a\x1b[2Jb"), "a [2Jb: cannot be read"),
+    ],
+)
+def test_paths_that_the_system_refuses_are_one_line(capsys, arguments, words):
+    code, line = answer(capsys, *arguments)
+    assert code == 1
+    assert words in line
+    assert line.isprintable()
+
+
+def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tmp_path):
+    for config in (
+        {"config": {"a\n\x1b[31m": 1}},
+        {"config": ["a" * 100_000]},
+        {"config": {"floor": {"max_distance_m": ["b" * 100_000]}}},
+        {"config": {"floor": {"max_distance_m": "c" * 100_000}}},
+    ):
+        path = tmp_path / "run.json"
+        path.write_text(json.dumps(config))
+        code, line = answer(capsys, "run", "--config", path)
+        assert code == 1
+        assert line.isprintable()
+        assert len(line) < 600

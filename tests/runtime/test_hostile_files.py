@@ -83,7 +83,8 @@ def test_maps_that_are_none(tmp_path):
     good = json.dumps(OBJECT)
     for text, words in (
         ('{"format": "edgemap.map/1", "objects": ' + "[" * 100_000 + "]" * 100_000 + "}", "map.json"),
-        ('{"format": ' + "[" * 100_000, "nested too deeply"),
+        ('{"x": ' + "[" * 100_000, "nested too deeply"),
+        ('{"format": [[]]}', "not an edgemap.map/1 document"),
         (f'{{"format": "edgemap.map/1", "objects": [{good}, {good}]}}', "two objects have the id 'chair-1'"),
         (f'{{"format": "edgemap.map/1", "objects": [{good.replace("1.0", "1e999")}]}}', "out of range"),
         ("[]", "not an edgemap.map/1 document"),

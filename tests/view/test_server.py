@@ -8,10 +8,13 @@ from dataclasses import replace
 import pytest
 from support.http_client import Api
 from support.live import raw_viewer
+from uvicorn.protocols.http.h11_impl import H11Protocol
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from edgemap.geometry.se2 import SE2
+from edgemap.view.connections import WaitingLimited
 from edgemap.view.errors import ViewError
+from edgemap.view.guard import _cookie
 from edgemap.view.server import PageServer
 from edgemap.view.viewer import IN_FLIGHT
 
@@ -50,13 +53,24 @@ def test_the_page_names_nothing_from_elsewhere(serve):
 
 def test_a_name_that_was_made_to_point_here_is_refused(serve):
     port = serve().port
-    for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", f"localhost.evil:{port}"):
+    foreign = ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", f"localhost.evil:{port}")
+    # What comes back in the page's own headers is a name and a port, nothing else.
+    dressed = (
+        f"x@127.0.0.1:{port}",
+        f"127.0.0.1:{port}/;script-src *",
+        "127.0.0.1 evil.example",
+        "localhost:80x",
+        "[]",
+    )
+    for host in (*foreign, *dressed):
         assert ask(port, Host=host)[0] == 400, host
     for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}", "localhost:9000"):  # 9000: a tunnel's port
         assert ask(port, Host=host)[0] == 200, host
 
 
-@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1", "http://localhost"])
+@pytest.mark.parametrize(
+    "origin", ["https://evil.example", "null", "http://127.0.0.1:1", "http://localhost", "http://[", "//", "x"]
+)
 def test_another_sites_script_gets_neither_map_nor_socket(serve, origin):
     port = serve().port
     assert ask(port, "/api/map", Origin=origin)[0] == 403
@@ -102,6 +116,24 @@ def test_the_token_lets_in_and_leaves_the_address_bar(serve):
         raw_viewer(port, origin="http://evil.example", additional_headers={"Cookie": kept}),
     ):
         pass
+
+
+def test_a_long_cookie_of_quoted_backslashes_costs_nothing(serve):
+    """http.cookies takes four seconds of processor for it, and the run waits meanwhile."""
+    assert _cookie({"cookie": 'x=1; edgemap="' + "\\" * 60_000}, "edgemap") == '"' + "\\" * 60_000
+    served = serve(host="0.0.0.0")
+    assert ask(served.port, Cookie=f'edgemap-{served.port}="' + "\\" * 60_000 + '"')[0] == 401
+
+
+def test_headers_are_bounded_whatever_parser_is_installed(serve):
+    assert issubclass(WaitingLimited, H11Protocol)
+    with socket.create_connection(("127.0.0.1", serve().port), timeout=10) as rude:
+        rude.sendall(b"GET / HTTP/1.1\r\n")
+        with suppress(ConnectionError):
+            for _ in range(2000):
+                rude.sendall(b"X-Long: " + b"a" * 1000 + b"\r\n")
+        with suppress(ConnectionError):
+            assert rude.recv(100).startswith(b"HTTP/1.1 400") or not rude.recv(1)
 
 
 def test_two_runs_have_two_tokens_and_loopback_has_none(serve):

@@ -238,3 +238,15 @@ def test_real_coco_pictures(shared_data):
         if (shared_data / "coco128" / "labels" / f"{path.stem}.txt").is_file()
     )
     assert sum(len(frame.labels) for frame in drive.boxes) == lines == 929
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 30_000, "T_BS: 2024-99-99", "T_BS: !!int x", "T_BS: " + "9" * 5000, "a: &a [x]\nT_BS: *a"]
+)
+def test_a_sensor_yaml_of_euroc_is_read_as_every_other_yaml(tmp_path, text):
+    """PyYAML's own loader recurses, makes dates, and counts digits without bound."""
+    (tmp_path / "image").mkdir()
+    cv2.imwrite(str(tmp_path / "image" / "1.png"), np.zeros((4, 4, 3), np.uint8))
+    (tmp_path / "cam0.yaml").write_text("%YAML:1.0\n" + text)
+    with pytest.raises(CameraError, match="not YAML"):
+        open_drive(f"euroc:{tmp_path}")

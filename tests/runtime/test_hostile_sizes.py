@@ -1,0 +1,200 @@
+"""Small files that would take gigabytes or an endless while once read: refused, or read in bounded memory."""
+
+import subprocess
+import sys
+from io import BytesIO
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.recordings import FACTS, noise, record
+
+from edgemap.runtime.cameras.fault import CameraFault
+from edgemap.runtime.cameras.recording import RecordingCamera
+from edgemap.runtime.default_bundle import LENS, default_bundle
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.messages.definitions import definition
+from edgemap.runtime.recordings import chunks, foreign
+from edgemap.runtime.recordings.facts import Facts
+from edgemap.runtime.recordings.pictures import raw_picture
+from edgemap.runtime.recordings.reader import McapReading
+
+IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+
+MEMORY = """
+import resource, sys
+from pathlib import Path
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.map_file import load_map
+from edgemap.runtime.drives.truth_json import read_boxes
+from edgemap.runtime.recordings.facts import read_trajectory_file
+size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (size + (400 << 20),) * 2)
+path, empties = Path(sys.argv[1]), b"{}," * (5 << 20)
+for text, read in (
+    (b'{"format":[' + empties + b'1],"objects":[]}', load_map),
+    (b'{"format":"edgemap.map/1","objects":[{"id":3}],"x":[' + empties + b"1]}", load_map),
+    (b'{"frames":[' + empties + b"1]}", read_boxes),
+    (b"[" + empties + b"1]", lambda path: read_trajectory_file(path.read_bytes(), "truth.json")),
+):
+    path.write_bytes(text)
+    try:
+        read(path)
+    except EdgemapError as error:
+        print(error)
+"""
+
+
+def test_what_is_wrong_in_a_large_document_is_told_without_reading_all_of_it_as_any_values(tmp_path):
+    """15 MB of `{}` are 400 MB once they are Python's dictionaries."""
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY, str(tmp_path / "x.json")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-400:]
+    assert len(done.stdout.splitlines()) == 4
+
+
+def bag(path, messages, **options):
+    """An MCAP file of (topic, kind, stamp_ns, fields or bytes)."""
+    from mcap.writer import Writer
+    from mcap_ros2._dynamic import serialize_dynamic
+
+    with path.open("wb") as file:
+        writer, channels = Writer(file, **options), {}
+        writer.start("ros2", "test")
+        for topic, kind, stamp_ns, fields in messages:
+            if topic not in channels:
+                name = kind.replace("/", "/msg/")
+                schema = writer.register_schema(name, "ros2msg", definition(kind).encode())
+                channels[topic] = (writer.register_channel(topic, "cdr", schema), kind)
+            data = fields if isinstance(fields, bytes) else serialize_dynamic(kind, definition(kind))[kind](fields)
+            writer.add_message(channels[topic][0], stamp_ns, bytes(data), stamp_ns)
+        writer.finish()
+    return path
+
+
+def header(frame="lens"):
+    return {"stamp": {"sec": 1, "nanosec": 0}, "frame_id": frame}
+
+
+def picture(**changes):
+    fields = {"height": 4, "width": 4, "encoding": "bgr8", "is_bigendian": 0, "step": 12, "data": bytes(48)}
+    return {"header": header()} | fields | changes
+
+
+def transform(child, parent, rotation=IDENTITY):
+    place = {"x": 0.0, "y": 0.0, "z": 0.5}
+    return {
+        "header": header(parent), "child_frame_id": child,
+        "transform": {"translation": place, "rotation": rotation},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("encoding", ["yuv422", "yuyv", "uyvy", "yuv422_yuy2"])
+def test_a_picture_whose_colours_come_in_pairs_has_an_even_width(encoding):
+    """OpenCV asserts that, in eight lines."""
+    message = SimpleNamespace(encoding=encoding, width=3, height=2, step=6, data=bytes(12))
+    with pytest.raises(CameraError, match=f"Image of 3x2 px {encoding}"):
+        raw_picture(message, "a.mcap picture 0")
+
+
+def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none(tmp_path):
+    """Two rotations that make 90 degrees together give a sine a little above 1."""
+    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    down = Rotation.from_euler("y", 90.0 - 1e-7, degrees=True).as_matrix() @ optical
+    steepest = 0.0
+    for seed in range(40):
+        half = Rotation.from_euler("xyz", np.random.default_rng(seed).uniform(-3.0, 3.0, 3))
+        rest = Rotation.from_matrix(half.as_matrix().T @ down)
+        turns = [dict(zip("xyzw", turn.as_quat().tolist(), strict=True)) for turn in (half, rest)]
+        tf = {"transforms": [transform("middle", foreign.FLOOR_FRAME, turns[0]), transform("lens", "middle", turns[1])]}
+        recording = SimpleNamespace(
+            path="a", topics={"/tf": None}, messages=lambda _, tf=tf: [(1, lambda: as_namespace(tf))]
+        )
+        foreign.mount_of(recording, "lens")  # type: ignore[arg-type]
+        product = (
+            Rotation.from_quat(list(turns[0].values())).as_matrix()
+            @ Rotation.from_quat(list(turns[1].values())).as_matrix()
+        )
+        steepest = max(steepest, -product[2, 2])
+    assert steepest > 1.0  # one of them did
+
+
+def as_namespace(value):
+    if isinstance(value, dict):
+        return SimpleNamespace(**{name: as_namespace(item) for name, item in value.items()})
+    return [as_namespace(item) for item in value] if isinstance(value, list) else value
+
+
+def test_messages_of_many_small_values_are_bounded(tmp_path):
+    crowd = {"transforms": [transform(f"frame-{number}", "base_link") for number in range(3000)]}
+    path = bag(
+        tmp_path / "a.mcap",
+        [("/image", "sensor_msgs/Image", 1, picture()), ("/tf", "tf2_msgs/TFMessage", 1, crowd)],
+    )
+    with pytest.raises(CameraError, match=r"/tf has a message of .* bytes, at most 262,144 are read"):
+        RecordingCamera(str(path))
+
+
+def test_empty_messages_that_all_wait_for_their_turn_count_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, "HELD_LIMIT_BYTES", 100 * chunks.HELD_MESSAGE_BYTES)
+    messages = [("/image", "sensor_msgs/Image", 1, picture())]
+    path = bag(tmp_path / "a.mcap", messages + [("/image", "sensor_msgs/Image", 2, b"")] * 200)
+    with pytest.raises(CameraError, match="bytes of messages at one time"):
+        RecordingCamera(str(path))
+
+
+def edited(path, old, new):
+    data = path.read_bytes()
+    assert len(old) == len(new)
+    assert old in data
+    path.write_bytes(data.replace(old, new))
+    return path
+
+
+def test_names_of_topics_that_a_terminal_would_act_on_are_refused(tmp_path):
+    for index_types in ({}, {"use_chunking": False}):
+        path = bag(
+            tmp_path / "a.mcap", [("/imagexyz", "sensor_msgs/Image", 1, picture())], enable_crcs=False, **index_types
+        )
+        with pytest.raises(CameraError, match="a name of 9 characters that is none") as caught:
+            RecordingCamera(str(edited(path, b"/imagexyz", b"/\x1b[2Jxyz\n")))
+        assert str(caught.value).isprintable()
+
+
+def test_more_topics_than_a_robot_has_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, "CHANNEL_LIMIT", 3)
+    path = bag(tmp_path / "a.mcap", [(f"/{n}", "sensor_msgs/Image", 1, picture()) for n in range(5)])
+    with pytest.raises(CameraError, match="more than 3 topics"):
+        McapReading(path)
+
+
+def test_a_record_of_small_parts_may_not_be_large():
+    for opcode in (0x03, 0x04, 0x0C, 0x08):
+        with pytest.raises(ValueError, match="at most 1,048,576 are read"):
+            list(chunks.records(BytesIO(bytes([opcode]) + (2 << 20).to_bytes(8, "little"))))
+
+
+def test_an_index_that_names_a_chunk_twice_is_refused(tmp_path):
+    path = record(tmp_path / "a.mcap", FACTS, noise(2))
+    data = path.read_bytes()
+    start = int.from_bytes(data[-28:-20], "little")
+    at = next(at for at in range(start, len(data)) if data[at] == 0x08 and data[at + 1 : at + 9] < b"\xff" and
+              int.from_bytes(data[at + 1 : at + 9], "little") < 500)  # fmt: skip
+    length = 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    path.write_bytes(data[:at] + data[at : at + length] * 2 + data[at + length :])
+    with pytest.raises(CameraError, match="a chunk stands in its index twice"):
+        McapReading(path)
+
+
+def test_a_recording_that_says_it_was_made_from_itself(tmp_path):
+    path = tmp_path / "a.mcap"
+    record(path, Facts(str(path), FACTS.intrinsics, FACTS.mount, 10.0), noise(1))
+    assert default_bundle(str(path))[0] == LENS
+
+
+def test_a_first_picture_that_is_damaged_is_told(tmp_path):
+    path = bag(tmp_path / "a.mcap", [("/image", "sensor_msgs/Image", 1, picture(encoding="yuyv", width=3, step=6))])
+    with pytest.raises(CameraFault, match="Image of 3x4 px yuyv"):
+        RecordingCamera(str(path))
