@@ -35,12 +35,17 @@ class PlannedFault:
     error: type[Exception]
     by_s: float
     begun: bool = False
-    over_s: float = math.nan  # when nothing but the supervisor stood between the camera and a frame
+    since_s: float = math.nan  # when nothing but the supervisor stood between the camera and a frame
+    over_s: float = math.nan  # when the cause was gone
 
     @property
     def over(self) -> bool:
         """Whether the cause is gone."""
         return not math.isnan(self.over_s)
+
+    def end(self, now_s: float, since_s: float | None = None) -> None:
+        """The cause is gone."""
+        self.over_s, self.since_s = now_s, now_s if since_s is None else since_s
 
 
 def plan(random: np.random.Generator, count: int, first_s: float, last_s: float) -> list[PlannedFault]:
@@ -113,7 +118,7 @@ class FaultyDevice:
             if world.now_s < fault.start_s + fault.length_s:
                 world.wait(0.2)
                 return None
-            fault.over_s = fault.start_s + fault.length_s
+            fault.end(world.now_s, fault.start_s + fault.length_s)
         if world.active("wedged"):
             world.wait(0.2)
             return None
@@ -125,7 +130,7 @@ class FaultyDevice:
             raise fault.error("frame didn't arrive\nwithin 5000")
         if fault := world.active("stopped"):
             world.wait(2.0)
-            fault.over_s = world.now_s
+            fault.end(world.now_s)
             return None
         picture = self._inner.grab()
         if picture is None:
@@ -135,10 +140,10 @@ class FaultyDevice:
         if (fault := world.active("stale", "standing")) and before is not None:
             self._spoil(fault)
             self._last = before if fault.kind == "stale" else (before[0], image)
-            return self._last
+            return self._last[0] + world.jumped_s, self._last[1]
         if fault := world.active("jump"):
             self._spoil(fault)
-            fault.left, fault.over_s = 0, world.now_s
+            fault.end(world.now_s)
             world.jumped_s += fault.by_s
         stamp_s += world.jumped_s
         if fault := world.active("backwards", "nan", "size", "format", "grey"):
@@ -153,7 +158,7 @@ class FaultyDevice:
     def _spoil(self, fault: PlannedFault) -> None:
         fault.left -= 1
         if fault.left <= 0:
-            fault.over_s = self._world.now_s
+            fault.end(self._world.now_s)
 
 
 def _spoilt(fault: PlannedFault, stamp_s: float, image: NDArray[np.uint8]) -> Any:
@@ -185,21 +190,21 @@ class FaultyDriver:
         if fault := world.active("unplugged"):
             if world.now_s < fault.start_s + fault.length_s:
                 raise fault.error("No device connected")
-            fault.over_s = fault.start_s + fault.length_s
+            fault.end(world.now_s, fault.start_s + fault.length_s)
             self._changed(True)
         if fault := world.active("dead"):
             if fault.left > 1:
                 fault.left -= 1
                 raise fault.error("failed to set power state")
-            fault.over_s = fault.start_s
+            fault.end(world.now_s, fault.start_s)
         if (fault := world.active("wedged")) and not self._resets:
-            fault.over_s = fault.start_s
+            fault.end(world.now_s, fault.start_s)
         return FaultyDevice(world, self._inner.open())
 
     def reset(self) -> bool:
         """Cures a wedged device."""
         if self._resets and (fault := self._world.active("wedged")):
-            fault.over_s = fault.start_s
+            fault.end(self._world.now_s, fault.start_s)
         self._world.wait(0.5)
         return self._resets
 

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 class RecoveryRule:
     """How patient the supervisor of a live camera is.
 
-    first_frame_limit_s: silence allowed before the first frame: devices wake slowly. stall_intervals, stall_limit_s:
+    first_frame_limit_s: silence allowed before the first frame: devices wake slowly. After an opening it is three
+    times the stall limit, doubled with each opening in a row, at most this. stall_intervals, stall_limit_s:
     a frame is late after this many of the camera's own median frame intervals, at least so many seconds.
     retries: failed grabs in a row before the device is opened again. reset_every: each so many-th opening is preceded
     by a hardware reset, where the camera has one. back_off_s, back_off_limit_s: wait before the second opening in a
-    row, doubled each time, and its limit; settle_s of frames end the row. restarts: openings that may be spent;
-    refill_s of frames give one back.
+    row, doubled each time, and its limit. A frame ends the row: the next one begins as far on as there were outages
+    without settle_s of frames between them. restarts: openings that may be spent; refill_s of frames give one back.
     """
 
     first_frame_limit_s: float = 10.0
@@ -26,7 +27,7 @@ class RecoveryRule:
     reset_every: int = 2
     back_off_s: float = 0.5
     back_off_limit_s: float = 30.0
-    settle_s: float = 5.0
+    settle_s: float = 2.0
     restarts: int = 20
     refill_s: float = 30.0
 
@@ -37,10 +38,11 @@ class RecoveryClock:
     def __init__(self, rule: RecoveryRule, now_s: float) -> None:
         self.rule = rule
         self.restarts = 0  # in a row
+        self._outages = 0  # in a row, each ended by a frame
         self.spent = 0.0
         self.heard_s = now_s
         self._intervals_s: deque[float] = deque(maxlen=30)
-        self._fresh = True  # no frame since the device was opened
+        self.fresh = True  # no frame since the device was opened
         self._restarted_s = now_s
 
     @property
@@ -49,7 +51,8 @@ class RecoveryClock:
         if not self._intervals_s:
             return self.rule.first_frame_limit_s
         running = max(self.rule.stall_limit_s, self.rule.stall_intervals * statistics.median(self._intervals_s))
-        return min(self.rule.first_frame_limit_s, 3.0 * running) if self._fresh else running
+        waking = min(self.rule.first_frame_limit_s, 3.0 * running * 2.0 ** max(0, self.restarts - 1))
+        return waking if self.fresh else running
 
     @property
     def exhausted(self) -> bool:
@@ -58,19 +61,22 @@ class RecoveryClock:
 
     def frame(self, now_s: float) -> None:
         """A good frame has arrived."""
-        if not self._fresh:
+        if self.fresh and self.restarts:
+            self._outages += 1
+            self.restarts = self._outages
+        if not self.fresh:
             self._intervals_s.append(now_s - self.heard_s)
             self.spent = max(0.0, self.spent - (now_s - self.heard_s) / self.rule.refill_s)
-        self.heard_s, self._fresh = now_s, False
+        self.heard_s, self.fresh = now_s, False
         if now_s - self._restarted_s >= self.rule.settle_s:
-            self.restarts = 0
+            self.restarts = self._outages = 0
 
     def restart(self, now_s: float) -> bool:
         """Take one restart; whether it should begin with a hardware reset."""
         self.restarts += 1
         self.spent += 1.0
         self.heard_s = self._restarted_s = now_s
-        self._fresh = True
+        self.fresh = True
         return self.restarts % self.rule.reset_every == 0
 
     def back_off_s(self) -> float:

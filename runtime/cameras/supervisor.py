@@ -112,10 +112,12 @@ class Supervisor:
         silent_s = now_s - self._recovery.heard_s
         if silent_s < limit_s:
             return
-        if self._late_s is None:  # from here on it has as long again: this process may be what stood still
+        if self._late_s is None:
             self._late_s = now_s
             self._fault(FaultKind.LATE, f"no frame for {silent_s:.1f} s (limit {limit_s:.1f} s)")
-        elif now_s - self._late_s >= limit_s:
+            if not self._recovery.fresh:  # it has as long again: this process may be what stood still
+                return
+        if self._recovery.fresh or now_s - self._late_s >= limit_s:
             self._give_up_device()
 
     def _heard(self, now_s: float) -> None:

@@ -201,3 +201,29 @@ def test_drift_between_the_clocks_is_no_fault():
     frames = drain(camera, 2000, told)
     assert told == []
     np.testing.assert_allclose(increasing(frames), 0.1001, atol=1e-9)
+
+
+def test_an_outage_that_was_hard_does_not_slow_down_the_next_one():
+    dead = {n: RuntimeError("dead") for n in range(10, 14)}
+    camera, driver, clock = scripted(dead, closed=4)
+    drain(camera, 12)  # two frames after five openings in a row, which took 7.5 s of waiting
+    driver.script = {driver.grabs + n: RuntimeError("dead") for n in range(4)}
+    before = clock()
+    drain(camera, 1)
+    assert clock() - before < 1.6  # one outage before it: 0.5 s of waiting
+    drain(camera, 30)  # 3 s: settled
+    driver.script = {driver.grabs + n: RuntimeError("dead") for n in range(4)}
+    before = clock()
+    drain(camera, 1)
+    assert clock() - before < 0.8  # no waiting at all
+
+
+def test_a_device_that_wakes_slower_each_time_is_given_longer():
+    silent = dict.fromkeys(range(20, 155))
+    camera, driver, clock = scripted(silent)
+    drain(camera, 20)
+    before = clock()
+    drain(camera, 1)
+    # Late, as long again, then 3 s after the first opening, 6 s after the second, after which it comes.
+    assert driver.calls == ["open", "close", "open", "close", "reset", "open", "close", "open"]
+    assert clock() - before == pytest.approx(13.5 + 0.5 + 1.0, abs=0.6)
