@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.observations.class_extents import extent_m, footprint_m
+from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
 
 Array = NDArray[np.float64]
 
@@ -28,13 +28,15 @@ class OverlapRule:
     """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent; far_less: and only
     where one has less than this share of the other's evidence, as two chairs pushed together are seen about as often.
     other_label: of two labels, as a share of half the sum of both shorter sides, below which they would stand in one
-    another; rare_label: the same where one has less than `rare` of the other's evidence. correct: how often a detection
-    has the right label,; correlated: sightings that count as one, as neighbouring frames
-    repeat each other's error."""
+    another; under_table: the same of a table and a seat, which is pushed under it (in a real lounge every second chair
+    was taken for its table); rare_label: the same where one has less than `rare` of the other's evidence. correct: how
+    often a detection has the right label; correlated: sightings that count as one, as neighbouring frames repeat each
+    other's error."""
 
     same_label: float = SAME_LABEL
     far_less: float = 0.5
     other_label: float = 0.6
+    under_table: float = 0.15
     rare_label: float = 1.0
     rare: float = 0.2
     correct: float = 0.9
@@ -155,8 +157,10 @@ class Overlaps:
         less, more = sorted((a.evidence, b.evidence))
         if a.label == b.label:
             near_m = self.rule.same_label * min(_extent_m(a), _extent_m(b)) if less < self.rule.far_less * more else 0.0
+        elif less < self.rule.rare * more:
+            near_m = self.rule.rare_label * (_side_m(a) + _side_m(b)) / 2.0
         else:
-            share = self.rule.rare_label if less < self.rule.rare * more else self.rule.other_label
+            share = self.rule.under_table if shares_floor(a.label, b.label) else self.rule.other_label
             near_m = share * (_side_m(a) + _side_m(b)) / 2.0
         x_m, y_m = a.position_m - b.position_m
         return x_m * x_m + y_m * y_m < near_m * near_m

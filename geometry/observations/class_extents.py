@@ -14,6 +14,7 @@ FOOTPRINT_M = {
     "backpack": (0.35, 0.25), "vase": (0.20, 0.20), "bicycle": (1.70, 0.50), "motorcycle": (2.00, 0.80),
     "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
 }  # fmt: skip
+TABLES, SEATS = frozenset({"dining table"}), frozenset({"chair", "bench"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,11 @@ def footprint_m(label: str, width_m: float) -> tuple[float, float]:
 def extent_m(label: str, width_m: float) -> float:
     """The longer side of `footprint_m`."""
     return max(footprint_m(label, width_m))
+
+
+def shares_floor(a: str, b: str) -> bool:
+    """Whether things of two classes may stand on the same floor: seats are pushed under tables."""
+    return {a, b} <= TABLES | SEATS and (a in TABLES) != (b in TABLES)
 
 
 def shape_of(label: str, width_m: float) -> Shape:

@@ -48,6 +48,13 @@ def test_a_vase_close_to_a_chair_stays():
     assert len(without_overlaps([thing("chair-1", 0.0, count=50), thing("vase-1", 0.20)])) == 1
 
 
+def test_a_chair_pushed_under_a_table_stays():
+    """Half the sum of the shorter sides is 0.7 m: other things less than 0.42 m apart stand in one another."""
+    assert len(without_overlaps([thing("dining table-1", 0.0, count=25), thing("chair-1", 0.3, count=11)])) == 2
+    assert len(without_overlaps([thing("dining table-1", 0.0, count=25), thing("chair-1", 0.1, count=11)])) == 1
+    assert len(without_overlaps([thing("dining table-1", 0.0, count=25), thing("bed-1", 0.3, count=11)])) == 1
+
+
 def test_a_name_given_rarely_beside_another_is_the_other_object():
     """Under a fifth of the sightings: 0.35 m is too near."""
     assert len(without_overlaps([thing("chair-1", 0.0, count=50), thing("vase-1", 0.34, count=9)])) == 1
