@@ -14,6 +14,10 @@ FOOTPRINT_M = {
     "backpack": (0.35, 0.25), "vase": (0.20, 0.20), "bicycle": (1.70, 0.50), "motorcycle": (2.00, 0.80),
     "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
 }  # fmt: skip
+# No thing of these classes is wider, however it stands; of others (beds, couches, tables) there are always wider ones.
+WIDEST_M = {
+    "backpack": 0.8, "chair": 1.3, "oven": 1.2, "refrigerator": 1.6, "suitcase": 1.0, "toilet": 1.0, "vase": 0.8,
+}  # fmt: skip
 TABLES, SEATS = frozenset({"dining table"}), frozenset({"chair", "bench"})
 
 

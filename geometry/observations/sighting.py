@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
-from edgemap.geometry.observations.class_extents import Shape, extent_m, shape_of
+from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
 from edgemap.geometry.paper.equations import size_m
@@ -151,7 +151,8 @@ def sightings_of(
     """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
     It stands there when its lower edge is below the horizon row h_t, its label is mapped, it is no tabletop object seen
-    standing on furniture (paper, section 3.5), near enough to be sure of, and no part of another box.
+    standing on furniture (paper, section 3.5), near enough to be sure of, no part of another box, not wider than any
+    of its class.
     Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
     lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
     stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
@@ -183,6 +184,8 @@ def sightings_of(
         reach_m = float(np.linalg.norm(bearing))
         sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[at] + shared[at])[-1]))
         if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
+            continue
+        if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
             continue
         direction = bearing / max(reach_m, 1e-9)
         foot_m, foot_m2, range_m = near[at], own[at], reach_m
