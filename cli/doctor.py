@@ -130,7 +130,7 @@ def _libraries() -> Iterator[Finding]:
         "foxglove": "run --foxglove",
         "mqtt": "run --mqtt",
         "ros2": "run --ros2, cameras and sensors on ROS 2 topics",
-        "rerun": "recordings in Rerun",
+        "rerun": "run --rerun, recordings in Rerun",
     }
     for extra, modules in extras.items():
         lacking = [package for module, package in modules if find_spec(module) is None]

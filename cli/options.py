@@ -288,6 +288,7 @@ _OUTSIDE = frozenset(
         "recording",
         "lossless",
         "foxglove",
+        "rerun",
         "mqtt",
         "mqtt_name",
         "ros2",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg, may_be_left_out
@@ -19,6 +20,14 @@ Foxglove = Annotated[
         "left out. Files are then paced by their stamps. There is no password: 0.0.0.0 only in networks you trust."
     ),
 ]
+Rerun = Annotated[
+    str | None,
+    may_be_left_out("FILE.rrd|HOST[:PORT]", "127.0.0.1:9876"),
+    arg(
+        help="Send pictures, boxes, poses and the map to a Rerun viewer (extra rerun), on this machine where HOST is "
+        "left out, or write them into FILE.rrd."
+    ),
+]
 MqttBroker = Annotated[
     str | None,
     arg(
@@ -33,7 +42,9 @@ MqttName = Annotated[
 ]
 
 
-def open_publishers(floor: FloorCamera, foxglove: str | None, mqtt: str | None, mqtt_name: str | None) -> list[Sink]:
+def open_publishers(
+    floor: FloorCamera, foxglove: str | None, rerun: str | None, mqtt: str | None, mqtt_name: str | None
+) -> list[Sink]:
     """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
     from edgemap.runtime.messages.stream import MessageStream
 
@@ -46,6 +57,11 @@ def open_publishers(floor: FloorCamera, foxglove: str | None, mqtt: str | None, 
         )
         print(f"Foxglove:  {server.url}", flush=True)
         sinks.append(server)
+    if rerun is not None:
+        from edgemap.runtime.publishers.rerun import RerunStream
+
+        target = Path(rerun) if rerun.endswith(".rrd") else host_and_port(rerun, "--rerun", 9876)
+        sinks.append(RerunStream(target, MessageStream(floor.intrinsics, floor.mount)))
     if mqtt is not None:
         import os
         import socket

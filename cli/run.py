@@ -30,7 +30,7 @@ from edgemap.cli.options import (
     open_described,
     typed_options,
 )
-from edgemap.cli.publishers import Foxglove, MqttBroker, MqttName, open_publishers
+from edgemap.cli.publishers import Foxglove, MqttBroker, MqttName, Rerun, open_publishers
 from edgemap.cli.ros2 import (
     FRAMES,
     OdomTf,
@@ -98,6 +98,7 @@ def command(
     ] = None,
     lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     foxglove: Foxglove = None,
+    rerun: Rerun = None,
     mqtt: MqttBroker = None,
     mqtt_name: MqttName = None,
     ros2: Ros2 = False,
@@ -174,7 +175,7 @@ def command(
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
-            publishers = open_publishers(floor, foxglove, mqtt, mqtt_name)
+            publishers = open_publishers(floor, foxglove, rerun, mqtt, mqtt_name)
             tape = recording_sinks(recording, lossless, source, floor, odometry)
             live = ros2_sinks(
                 ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,

@@ -17,20 +17,11 @@ from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.sighting import FloorRule, sightings_of
-from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.mapper import MapUpdate
 from edgemap.runtime.messages.build import mount_transform
 from edgemap.runtime.messages.definitions import FIELDS, definition
 from edgemap.runtime.messages.map_messages import markers
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.recordings.facts import Facts
 from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.slam import StepResult
 from edgemap.runtime.trajectory import Trajectory
 
 highlevel: Any = pytest.importorskip("rosbags.highlevel")

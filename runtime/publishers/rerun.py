@@ -1,0 +1,145 @@
+"""`--rerun`: the messages of a run to a Rerun viewer, or into an .rrd file."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.errors import PublishError
+from edgemap.runtime.extras import need
+from edgemap.runtime.messages import topics
+from edgemap.runtime.messages.definitions import Message
+from edgemap.runtime.messages.map_messages import CUBE, CYLINDER, TEXT
+from edgemap.runtime.messages.stamps import to_ns
+from edgemap.runtime.messages.stream import MessageStream
+from edgemap.runtime.slam import StepResult
+
+CONNECT_LIMIT_S = 2.0
+UNIX_S = 1e8  # stamps above count from 1970, those below from some start of their own
+TIMELINE = "stamp"
+
+
+class RerunStream:
+    """A sink that logs every step. target: an .rrd file that is not there yet, or a viewer's (host, port).
+
+    Entities: `map/objects` and `map/ellipses` (3-D, metres), the tf tree as `map/odom/base_link/…` down to the camera,
+    which holds `picture` and `detections` (2-D, pixels), and `faults`. A viewer that is closed is told no more, and the
+    run goes on. Raises MissingExtraError, or PublishError where file or viewer cannot be had.
+    """
+
+    def __init__(self, target: Path | tuple[str, int], stream: MessageStream) -> None:
+        need("rerun", "--rerun", ("rerun",))
+        import rerun as rr
+        import rerun.blueprint as rrb
+
+        self.name, self._stream, self._rr = "Rerun", stream, rr
+        ids = stream.frames
+        self._paths = {ids.map: "map", ids.odom: f"map/{ids.odom}", ids.base: f"map/{ids.odom}/{ids.base}"}
+        self._camera = self._paths[ids.optical] = f"{self._paths[ids.base]}/{ids.optical}"
+        self._record = rr.RecordingStream("edgemap")
+        views = rrb.Horizontal(
+            rrb.Spatial3DView(origin="map"),
+            rrb.Vertical(rrb.Spatial2DView(origin=self._camera), rrb.TextLogView(origin="faults"), row_shares=[4, 1]),
+        )
+        if isinstance(target, Path):
+            if target.exists():
+                raise PublishError(f"--rerun {target}: exists already; choose another file")
+            try:
+                self._record.save(target, default_blueprint=rrb.Blueprint(views))
+            except (OSError, RuntimeError) as error:
+                raise PublishError(f"--rerun {target}: cannot be written ({error})") from None
+        else:
+            host, port = target
+            try:
+                socket.create_connection(target, CONNECT_LIMIT_S).close()  # Rerun's own takes 5 s and says nothing
+            except OSError as error:
+                raise PublishError(f"--rerun: no viewer at {host}:{port} ({error}); start one there: rerun") from None
+            shown = f"[{host}]" if ":" in host else host
+            self._record.connect_grpc(f"rerun+http://{shown}:{port}/proxy", default_blueprint=rrb.Blueprint(views))
+        self._record.log("map", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._log: dict[str, Callable[[Message], None]] = {
+            topics.PICTURES: self._picture,
+            topics.INFO: self._lens,
+            topics.TF: self._transforms,
+            topics.BOXES: self._boxes,
+            topics.MARKERS: self._markers,
+        }
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Log the step at the frame's stamp."""
+        self._set_time(result.frame.stamp_s)
+        for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
+            if outgoing.topic in self._log:
+                self._log[outgoing.topic](outgoing.make())
+
+    def fault(self, text: str) -> None:
+        """Log it."""
+        self._record.log("faults", self._rr.TextLog(text, level="WARN"))
+
+    def close(self) -> None:
+        """Finish the file, or let go of the viewer; may be called twice."""
+        self._record.disconnect()
+
+    def _set_time(self, stamp_s: float) -> None:
+        if stamp_s > UNIX_S:
+            import numpy as np
+
+            self._record.set_time(TIMELINE, timestamp=np.datetime64(to_ns(stamp_s), "ns"))
+        else:
+            self._record.set_time(TIMELINE, duration=stamp_s)
+
+    def _picture(self, message: Message) -> None:
+        picture = self._rr.EncodedImage(contents=message["data"], media_type=f"image/{message['format']}")
+        self._record.log(f"{self._camera}/picture", picture)
+
+    def _lens(self, message: Message) -> None:
+        k, size = message["k"], (message["width"], message["height"])
+        lens = self._rr.Pinhole(image_from_camera=[k[0:3], k[3:6], k[6:9]], resolution=size)
+        self._record.log(self._camera, lens)
+
+    def _transforms(self, message: Message) -> None:
+        for item in message["transforms"]:
+            moved, turned = item["transform"]["translation"], item["transform"]["rotation"]
+            transform = self._rr.Transform3D(translation=_xyz(moved), quaternion=[*_xyz(turned), turned["w"]])
+            self._record.log(self._paths[item["child_frame_id"]], transform)
+
+    def _boxes(self, message: Message) -> None:
+        found = message["detections"]
+        boxes = [item["bbox"] for item in found]
+        best = [item["results"][0]["hypothesis"] for item in found]
+        drawn = self._rr.Boxes2D(
+            centers=[(box["center"]["position"]["x"], box["center"]["position"]["y"]) for box in boxes],
+            sizes=[(box["size_x"], box["size_y"]) for box in boxes],
+            labels=[
+                f"{item['class_id']} {item['score']:.2f} {box['id']}".rstrip()
+                for item, box in zip(best, found, strict=True)
+            ],
+        )
+        self._record.log(f"{self._camera}/detections", drawn)
+
+    def _markers(self, message: Message) -> None:
+        """All objects of the map at once, in place of those before."""
+        rr, kinds = self._rr, {CUBE: [], CYLINDER: [], TEXT: []}
+        for marker in message["markers"]:
+            if "type" in marker:
+                kinds[marker["type"]].append(marker)
+        for path, shape, kind in (("objects", rr.Boxes3D, CUBE), ("ellipses", rr.Ellipsoids3D, CYLINDER)):
+            markers = kinds[kind]
+            options: dict[str, Any] = {
+                "centers": [_xyz(marker["pose"]["position"]) for marker in markers],
+                "half_sizes": [[side / 2.0 for side in _xyz(marker["scale"])] for marker in markers],
+                "colors": [[round(255 * marker["color"][part]) for part in "rgba"] for marker in markers],
+            }
+            if kind == CUBE:
+                options["labels"] = [marker["text"] for marker in kinds[TEXT]]
+            else:
+                turns = [marker["pose"]["orientation"] for marker in markers]
+                options["quaternions"] = [[*_xyz(turn), turn["w"]] for turn in turns]
+            self._record.log(f"map/{path}", shape(**options))
+
+
+def _xyz(vector: Message) -> list[float]:
+    return [vector["x"], vector["y"], vector["z"]]

@@ -1,0 +1,129 @@
+"""Rerun's own programs and reader read what a run logs."""
+
+import math
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from support.recordings import LENS, MOUNT
+from support.steps import Steps
+
+from edgemap.runtime.errors import PublishError
+from edgemap.runtime.messages.stream import MessageStream
+
+chunks = pytest.importorskip("rerun.chunk", reason="no rerun-sdk here (extra rerun)")
+
+from edgemap.runtime.publishers.rerun import RerunStream  # noqa: E402
+
+CAMERA = "/map/odom/base_link/camera_optical_frame"
+
+
+def program():
+    """Rerun's own, which lies with the other programs of the environment that its package is in."""
+    beside = str(Path(chunks.__file__).parents[5] / "bin")
+    return shutil.which("rerun", path=beside) or shutil.which("rerun") or pytest.skip("the program rerun is not here")
+
+
+def read_back(path):
+    """Entity to the columns of its rows, each a list of (stamp in s, values), by Rerun's reader."""
+    found = {}
+    for chunk in chunks.RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        timed = "stamp" in batch.schema.names
+        stamps = (batch.column("stamp").to_numpy(False).astype(np.int64) / 1e9) if timed else [None] * batch.num_rows
+        for name in set(batch.schema.names) - {"stamp", "log_time", "log_tick"}:
+            rows = batch.column(name).to_pylist()
+            kept = found.setdefault(chunk.entity_path, {}).setdefault(name.rpartition(":")[2], [])
+            kept += [(stamp, row) for stamp, row in zip(stamps, rows, strict=True) if row is not None]
+    return found
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """Eleven steps in a file: what was read back, and the last result with its objects."""
+    path = tmp_path_factory.mktemp("rerun") / "drive.rrd"
+    steps = Steps()
+    with closing(RerunStream(path, MessageStream(LENS, MOUNT))) as sink:
+        for _ in range(11):
+            result, objects = steps.next()
+            sink.write(result, objects)
+        sink.fault("wheels: silent for 1.2 s")
+    return read_back(path), result, objects
+
+
+def test_pictures_and_boxes_are_read_back(drive):
+    found, result, _ = drive
+    ((stamp, (blob,)),) = [row for row in found[f"{CAMERA}/picture"]["blob"] if row[0] > 0.95]
+    assert stamp == pytest.approx(1.0)
+    expected = cv2.imencode(".jpg", result.frame.image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1]
+    assert bytes(blob) == expected.tobytes()
+    boxes = found[f"{CAMERA}/detections"]
+    assert [label[:10] for label in boxes["labels"][-1][1]] == ["chair 0.90", "couch 0.80", "person 0.7"]
+    assert boxes["centers"][0][1][0] == [65.0, 110.0]
+
+
+def test_the_map_and_the_pose_are_read_back(drive):
+    found, result, objects = drive
+    assert sorted(found["/map/objects"]["labels"][-1][1]) == [item.id for item in objects]
+    centres, halves = found["/map/ellipses"]["centers"][-1][1], found["/map/ellipses"]["half_sizes"][-1][1]
+    for item, centre, half in zip(objects, centres, halves, strict=True):
+        np.testing.assert_allclose(centre[:2], item.position_m, atol=1e-5)
+        assert half[0] == pytest.approx(math.sqrt(5.991 * np.linalg.eigvalsh(item.covariance_m2)[-1]), rel=1e-4)
+    place = np.sum([found[path]["translation"][-1][1][0] for path in ("/map/odom", "/map/odom/base_link")], axis=0)
+    np.testing.assert_allclose(place[:2], [result.pose_map_base.x_m, result.pose_map_base.y_m], atol=1e-6)
+    assert found["/faults"]["text"][0][1] == ["wheels: silent for 1.2 s"]
+
+
+def test_reruns_own_check_accepts_it(tmp_path):
+    with closing(RerunStream(tmp_path / "a.rrd", MessageStream(LENS, MOUNT))) as sink:
+        Steps().into(sink, 3)
+    subprocess.run([program(), "rrd", "verify", tmp_path / "a.rrd"], check=True, capture_output=True)
+
+
+def test_a_file_that_is_there_is_not_written_over(tmp_path):
+    (tmp_path / "a.rrd").touch()
+    with pytest.raises(PublishError, match=r"a\.rrd: exists already"):
+        RerunStream(tmp_path / "a.rrd", MessageStream())
+    with pytest.raises(PublishError, match=r"cannot be written"):
+        RerunStream(tmp_path / "no" / "such" / "a.rrd", MessageStream())
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_no_viewer_is_one_line():
+    port = free_port()
+    with pytest.raises(PublishError, match=rf"no viewer at 127\.0\.0\.1:{port} .*start one there: rerun"):
+        RerunStream(("127.0.0.1", port), MessageStream())
+
+
+def test_a_viewer_is_told_live(tmp_path):
+    """Rerun's program in the viewer's place: what arrives over gRPC it writes into a file."""
+    port, path = free_port(), tmp_path / "received.rrd"
+    viewer = subprocess.Popen([program(), "--port", str(port), "--save", path], stderr=subprocess.DEVNULL)
+    try:
+        until_s = time.monotonic() + 20
+        while time.monotonic() < until_s:
+            try:
+                sink = RerunStream(("127.0.0.1", port), MessageStream(LENS, MOUNT))
+                break
+            except PublishError:
+                time.sleep(0.1)
+        with closing(sink):
+            Steps().into(sink, 4)
+        while time.monotonic() < until_s and not (path.exists() and path.stat().st_size > 10_000):
+            time.sleep(0.1)
+    finally:
+        viewer.send_signal(signal.SIGINT)
+        viewer.wait(timeout=20)
+    assert {"/map/objects", f"{CAMERA}/picture"} <= read_back(path).keys()
