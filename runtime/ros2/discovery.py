@@ -25,11 +25,15 @@ class Discovery:
     range: str = "LOCALHOST"
     peers: tuple[str, ...] = ()
 
-    def cyclone_config(self, before: str = "") -> str:
-        """Configuration for `cyclonedds.domain.Domain`; before: the user's own CYCLONEDDS_URI, whose words win."""
+    def cyclone_config(self, before: str = "", loopback: bool = True) -> str:
+        """Configuration for `cyclonedds.domain.Domain`; before: the user's own CYCLONEDDS_URI, whose words win.
+
+        loopback: within this machine, listen on its loopback interface only; without it, as ROS 2 does, on all of them
+        and call nobody else.
+        """
         if self.range == "SYSTEM_DEFAULT":
             return before
-        local = self.range == "LOCALHOST" and not self.peers
+        local = loopback and self.range == "LOCALHOST" and not self.peers
         interface = '<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>' if local else ""
         multicast = "spdp" if self.range == "SUBNET" else "false"
         peers = (*self.peers, *(("localhost",) if self.range != "OFF" else ()))

@@ -8,13 +8,14 @@ import time
 from collections.abc import Iterator
 from enum import StrEnum
 from functools import cache
+from importlib.metadata import version
 from typing import Any
 
 from edgemap.runtime.errors import Ros2Error
 from edgemap.runtime.extras import need
 from edgemap.runtime.messages.cdr import decoder, encoder
 from edgemap.runtime.messages.definitions import Message
-from edgemap.runtime.ros2.discovery import discovery_from
+from edgemap.runtime.ros2.discovery import Discovery, discovery_from
 from edgemap.runtime.ros2.hashes import HASHES
 from edgemap.runtime.ros2.names import dds_topic, dds_type, ros_kind
 from edgemap.runtime.ros2.types import sample_type
@@ -35,6 +36,7 @@ class Publisher:
     """Publishes one topic. `dropped` counts messages that slow readers cost."""
 
     def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
+        from cyclonedds.core import Listener
         from cyclonedds.pub import DataWriter
 
         self.latched = reliability is Reliability.LATCHED
@@ -42,12 +44,17 @@ class Publisher:
         self._kind = kind
         self._encode = encoder(kind)
         self._sample = sample_type(kind)
-        self._writer: Any = DataWriter(participant, _topic(participant, topic, kind), _qos(kind, reliability, depth))
+        self._readers = readers = [0]
+        # Called from a thread of Cyclone's. It must not know this object, which would then never be freed.
+        listener = Listener(on_publication_matched=lambda _, status: readers.__setitem__(0, status.current_count))
+        self._writer: Any = DataWriter(
+            participant, _topic(participant, topic, kind), _qos(kind, reliability, depth), listener
+        )
 
     @property
     def wanted(self) -> bool:
         """Whether anybody reads it, or may do so later."""
-        return self.latched or bool(self._writer.get_matched_subscriptions())
+        return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
         """Publish a message. Raises Ros2Error; one that slow readers do not take in is dropped and counted."""
@@ -155,9 +162,14 @@ class Node:
 def shared_node() -> Node:
     """This process's node, as the environment says. Raises Ros2Error, and MissingExtraError without the extra."""
     need("ros2", "ROS 2", ("cyclonedds", "mcap_ros2"))
-    discovery = discovery_from(os.environ)
-    config = discovery.cyclone_config(os.environ.get("CYCLONEDDS_URI", ""))
-    return Node(discovery.domain, config)
+    return node_for(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
+
+
+def node_for(discovery: Discovery, before: str = "") -> Node:
+    """A node of its own. before: further configuration of Cyclone DDS. Raises Ros2Error."""
+    # Versions before 0.11 find no program there that listens on another interface of this machine.
+    loopback = not version("cyclonedds").startswith(("0.9", "0.10"))
+    return Node(discovery.domain, discovery.cyclone_config(before, loopback))
 
 
 @cache

@@ -81,7 +81,8 @@ class Ros2Sink:
         """Faults stand in run.json."""
 
     def close(self) -> None:
-        """What is latched ends with the process."""
+        """Unpublish; may be called twice."""
+        self._publishers.clear()
 
     def _send(self, outgoing: Outgoing) -> None:
         publisher = self._publishers.get(outgoing.topic)

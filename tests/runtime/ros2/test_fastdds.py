@@ -26,7 +26,7 @@ from edgemap.runtime.frame import Frame
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.runtime.ros2.discovery import Discovery
-from edgemap.runtime.ros2.node import Node, Reliability
+from edgemap.runtime.ros2.node import Node, Reliability, node_for
 from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
 
 SOURCE = Path(__file__).with_name("fastdds_peer.cpp")
@@ -51,7 +51,7 @@ def program(request) -> Path:
 
 @pytest.fixture(scope="module")
 def node() -> Node:
-    return Node(DOMAIN, Discovery(DOMAIN).cyclone_config())
+    return node_for(Discovery(DOMAIN))
 
 
 class Peer:

@@ -18,7 +18,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ro
 from edgemap.runtime.messages import build
 from edgemap.runtime.messages.build import FrameIds
 from edgemap.runtime.ros2.discovery import Discovery
-from edgemap.runtime.ros2.node import Node, Reliability
+from edgemap.runtime.ros2.node import Node, Reliability, node_for
 from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
 
 DOMAIN = 1 + os.getpid() % 100
@@ -27,7 +27,7 @@ TF = ("/tf", "tf2_msgs/msg/TFMessage")
 
 @pytest.fixture(scope="module")
 def node() -> Node:
-    return Node(DOMAIN, Discovery(DOMAIN, "OFF").cyclone_config())
+    return node_for(Discovery(DOMAIN, "OFF"))
 
 
 def sink_of(node: Node, *arguments, **options) -> Ros2Sink:
@@ -59,6 +59,7 @@ def test_what_nobody_reads_is_not_built(node, monkeypatch):
     for result in results(noise(12), POSES):
         sink.write(result, [CHAIR])
     assert built == ["map", "map"]
+    sink.close()
 
 
 def test_namespace_and_frames_are_options(node):
@@ -74,6 +75,7 @@ def test_namespace_and_frames_are_options(node):
     assert taken(pose, 1)[0].header.frame_id == "world"
     static = node.subscription("/tf_static", TF[1], Reliability.LATCHED)  # comes late
     assert set(links(taken(static, 1)[0])) == {("base_footprint", "lens")}
+    sink.close()
 
 
 def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent(node):
