@@ -68,13 +68,10 @@ def command(
     from edgemap.runtime.bundle import Bundle, load_bundle
     from edgemap.runtime.cameras import Camera
     from edgemap.runtime.cameras.reading import next_frame
-    from edgemap.runtime.config import Config
     from edgemap.runtime.errors import CameraError
-    from edgemap.runtime.mapper import new_mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.processor import processor_name
     from edgemap.runtime.slam import SemanticSlam
+    from edgemap.runtime.slam_setup import build_slam
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
@@ -88,8 +85,7 @@ def command(
         source = open_described(camera, camera_file)
         source = StandingCamera(source, rate[0]) if standing else source
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
-        pipeline = Pipeline(loaded, floor, open_odometry("hybrid", loaded, source, floor))
-        return source, SemanticSlam(pipeline, new_mapper(Config(), "default", "hybrid"))
+        return source, build_slam(source, loaded, floor)
 
     source, slam = open_drive()
     with source:

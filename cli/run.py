@@ -124,26 +124,20 @@ def command(
     which to check the mount) and report.html. Where the source knows what stands there, the map is judged by it.
     """
     options = typed_options(command, locals())
-    from dataclasses import replace
-
     from edgemap.cli.live_page import live_page
     from edgemap.cli.record import check_name, recording_sinks
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.runtime.attitude.open import open_attitude
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
-    from edgemap.runtime.mapper import new_mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.report.crops import BestCrops
     from edgemap.runtime.report.sink import ReportFile
     from edgemap.runtime.service import ServiceNotifier
     from edgemap.runtime.sinks.progress import Progress
     from edgemap.runtime.sinks.run_folder import RunFolder
-    from edgemap.runtime.slam import SemanticSlam
+    from edgemap.runtime.slam_setup import SlamOptions, build_slam
 
     at_least(1, frames=frames)
     check_name(recording)
@@ -156,16 +150,15 @@ def command(
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
-        motion = open_odometry(odometry, loaded, source, floor, allow_untrained, not without_wheels, tuned.odometry)
-        rule = replace(tuned.floor, mapped=mapped)
-        attitude = open_attitude(odometry, source, seat, not without_imu, tuned.attitude)
-        pipeline = Pipeline(loaded, floor, motion, rule=rule, attitude=attitude, confidence=least, health=tuned.health)
-        forgetful = floor if forgets(forget, saved, clustering) else None
-        mapper = new_mapper(tuned, clustering, odometry, loop_closure, forgetful)
-        enter_saved_map(mapper, saved, start, clustering)
+        chosen = SlamOptions(
+            odometry, not without_wheels, not without_imu, clustering, loop_closure, forgets(forget, saved, clustering),
+            allow_untrained, mapped, least,
+        )  # fmt: skip
+        slam = build_slam(source, loaded, floor, chosen, tuned)
+        enter_saved_map(slam.mapper, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
-        record |= {"loop_closure": mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
+        record |= {"loop_closure": slam.mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
         options |= {name: getattr(loaded, name) for name in ("engine", "precision") if name in options}
         record |= {"options": options, "config": config_document(tuned)}
@@ -181,7 +174,7 @@ def command(
                 ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,
                 best_effort=ros2_best_effort, odom_tf=odom_tf,
             )  # fmt: skip
-            notifier, slam = ServiceNotifier(), SemanticSlam(pipeline, mapper)
+            notifier = ServiceNotifier()
             files = RunFolder(folder, floor, record)
             # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
             sinks: list[Sink] = [progress, latest, *tape, *publishers, *live, *page.sinks, files, report]
@@ -198,7 +191,7 @@ def command(
                     notifier.stopping()
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
             _summary(done, latest, stop.is_set(), report.evaluation_rows)
-            if line := where_it_was(mapper, saved):
+            if line := where_it_was(slam.mapper, saved):
                 print(line)
             print(report.failure or f"see it:  {report.path}")
             page.stay(stop)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
@@ -13,19 +13,19 @@ from edgemap.runtime.cameras.fault import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.sinks.group import SinkGroup
 from edgemap.runtime.sinks.protocol import Sink
-from edgemap.runtime.slam import SemanticSlam
+from edgemap.runtime.slam import SemanticSlam, StepResult
 
 
-def run(
+def steps(
     camera: Camera,
     slam: SemanticSlam,
-    sinks: Sequence[Sink],
+    sinks: Sequence[Sink] = (),
     frames: int | None = None,
     stop: threading.Event | None = None,
     strict: bool = False,
     beat: Callable[[str], None] = lambda _: None,
-) -> int:
-    """Drive until the camera ends, `frames` are done or `stop` is set; the number of frames done.
+) -> Generator[StepResult, None, None]:
+    """Drive until the camera ends, `frames` are done, `stop` is set or the iterator is closed; one result a frame.
 
     A camera fault is told to the sinks and driving goes on; strict: it ends the run. While a live camera is away the
     pose is carried on by what needs no picture. beat: called with one line at every step, and every half second without
@@ -58,12 +58,25 @@ def run(
             told.write(result, objects)
             done += 1
             beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
+            yield result
     except EdgemapError as error:
         told.fault(str(error))
         raise
     finally:
         told.close()
-    return done
+
+
+def run(
+    camera: Camera,
+    slam: SemanticSlam,
+    sinks: Sequence[Sink],
+    frames: int | None = None,
+    stop: threading.Event | None = None,
+    strict: bool = False,
+    beat: Callable[[str], None] = lambda _: None,
+) -> int:
+    """All `steps`, for their sinks; the number of frames done."""
+    return sum(1 for _ in steps(camera, slam, sinks, frames, stop, strict, beat))
 
 
 @contextmanager

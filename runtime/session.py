@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.attitude.open import open_attitude
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.config import Config, load_config
 from edgemap.runtime.default_bundle import default_bundle
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.loop import steps
 from edgemap.runtime.map_file import save_map
-from edgemap.runtime.mapper import new_mapper
-from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam, StepResult
+from edgemap.runtime.slam_setup import SlamOptions, build_slam
 from edgemap.runtime.store import bundle_folder
 
 
 class Session:
-    """Iterate for one `StepResult` a frame; `map` is the map so far. A context manager that closes the camera."""
+    """Iterate for one `StepResult` a frame; `map` is the map so far. A context manager that closes the camera.
 
-    def __init__(self, camera: Camera, slam: SemanticSlam) -> None:
+    The loop is that of `edgemap run`: a camera fault ends nothing (strict: it is raised) and stands in the `faults` of
+    the next result; while a live camera is away wheels and gyro carry the pose, and `camera.state` says so. Iteration
+    that was left goes on where it was. sinks: where results go as well; they are closed with the last frame.
+    """
+
+    def __init__(self, camera: Camera, slam: SemanticSlam, sinks: Sequence[Sink] = (), strict: bool = False) -> None:
         self.camera, self.slam = camera, slam
+        self._steps = steps(camera, slam, sinks, strict=strict)
 
-    def __iter__(self) -> Iterator[StepResult]:
-        while (frame := self.camera.read()) is not None:
-            yield self.slam.step(frame)
+    def __iter__(self) -> Session:
+        return self
+
+    def __next__(self) -> StepResult:
+        """The next frame's result. Raises CameraLostError for good, or what else `steps` does."""
+        return next(self._steps)
 
     @property
     def map(self) -> list[MapObject]:
@@ -43,8 +51,11 @@ class Session:
         save_map(Path(path), self.map)
 
     def close(self) -> None:
-        """Let go of the camera."""
-        self.camera.close()
+        """Close the sinks and let go of the camera."""
+        try:
+            self._steps.close()
+        finally:
+            self.camera.close()
 
     def __enter__(self) -> Session:
         return self
@@ -64,11 +75,13 @@ def open_session(
     clustering: str = "default",
     loop_closure: bool = True,
     config: str | Path | Config | None = None,
+    sinks: Sequence[Sink] = (),
+    strict: bool = False,
 ) -> Session:
     """Open what `edgemap run` would drive: a camera by its SPEC, a bundle by name or folder, and an empty map.
 
     bundle: by default the one for this kind of pictures. mount: where the source brings none. config: a tree, or a file
-    of one. Raises CameraError, BundleError, OdometryError or ConfigError in one line.
+    of one. sinks, strict: see `Session`. Raises CameraError, BundleError, OdometryError or ConfigError in one line.
     """
     tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
     source = open_camera(camera) if isinstance(camera, str) else camera
@@ -82,10 +95,8 @@ def open_session(
         name = str(bundle) if bundle else default_bundle(camera if isinstance(camera, str) else source.name)[0]
         loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
         floor = FloorCamera(lens, seat)
-        motion = open_odometry(odometry, loaded, source, floor, rules=tuned.odometry)
-        attitude = open_attitude(odometry, source, seat, rule=tuned.attitude)
-        pipeline = Pipeline(loaded, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health)
-        return Session(source, SemanticSlam(pipeline, new_mapper(tuned, clustering, odometry, loop_closure)))
+        options = SlamOptions(odometry, clustering=clustering, loop_closure=loop_closure)
+        return Session(source, build_slam(source, loaded, floor, options, tuned), sinks, strict)
     except BaseException:
         source.close()
         raise

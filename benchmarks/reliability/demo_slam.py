@@ -13,13 +13,10 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.bundle import Bundle, load_bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.open import DEMO
-from edgemap.runtime.config import Config
 from edgemap.runtime.drives import open_drive
-from edgemap.runtime.mapper import new_mapper
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.pipeline import Pipeline
 from edgemap.runtime.slam import SemanticSlam
+from edgemap.runtime.slam_setup import SlamOptions, build_slam
 from edgemap.runtime.store import bundle_folder
 
 
@@ -48,8 +45,7 @@ class DemoDrive:
     def slam(self, odometry: str = "hybrid") -> SemanticSlam:
         """As `edgemap run` makes it. odometry `wheel` stands for the demo's own wheels."""
         spec = f"wheel:{self.camera.wheel}" if odometry == "wheel" else odometry
-        motion = open_odometry(spec, self.bundle, self.camera, self.floor)
-        return SemanticSlam(Pipeline(self.bundle, self.floor, motion), new_mapper(Config(), odometry=spec))
+        return build_slam(self.camera, self.bundle, self.floor, SlamOptions(spec))
 
     def _once(self, tensors: Tensors) -> list[NDArray[np.float32]]:
         (tensor,) = tensors.values()

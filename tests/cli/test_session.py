@@ -1,14 +1,25 @@
 import json
+from typing import Any
 
+import numpy as np
 import pytest
+from support.live_camera import Clock, ScriptedDriver
 
-import edgemap
+import edgemap as edgemap_api
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime import extras
+from edgemap.runtime.cameras.fault import CameraFault, CameraLostError
+from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.errors import CameraError, MissingExtraError
+from edgemap.runtime.map_file import load_map
+from edgemap.runtime.sinks.run_folder import RunFolder
 
 
 def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):
-    with edgemap.open(camera=f"{pictures}", bundle=painted_bundle, odometry="planar") as session:
+    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="planar") as session:
         results = list(session)
     assert [item.id for item in session.map] == ["chair-1"]
     assert results[-1].update.trajectory is session.slam.mapper.trajectory
@@ -16,17 +27,92 @@ def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):
     assert json.loads((tmp_path / "map.json").read_text())["objects"][0]["id"] == "chair-1"
 
 
+def test_a_damaged_picture_ends_no_session_and_the_map_is_the_commands(painted_bundle, pictures, tmp_path, edgemap):
+    (pictures / "5.png").write_bytes(b"no picture")
+    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle) as session:
+        results = list(session)
+    assert len(results) == 11
+    assert [[fault.kind.value for fault in result.faults] for result in results[4:7]] == [[], ["damaged"], []]
+    session.save(tmp_path / "map.json")
+    ran = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "map.json").read_text() == (tmp_path / "run" / "map.json").read_text()
+
+
+def test_strict_raises_the_first_fault(painted_bundle, pictures):
+    (pictures / "5.png").write_bytes(b"no picture")
+    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, strict=True) as session:
+        assert [next(session).frame.index for _ in range(5)] == [0, 1, 2, 3, 4]
+        with pytest.raises(CameraFault, match="skipped"):
+            next(session)
+
+
+class NoisyDriver(ScriptedDriver):
+    """Its good pictures are noise, never the same twice: something to see."""
+
+    def grab(self):
+        found = super().grab()
+        random = np.random.default_rng(self.grabs)
+        return found and (found[0], random.integers(0, 255, (64, 64, 3), dtype=np.uint8))
+
+
+def live_session(painted_bundle, script, sinks=(), **options):
+    """A live camera of 64x64 px on a clock of its own, on the map of a chair."""
+    clock = Clock()
+    driver: Any = NoisyDriver(clock, script, size=(64, 64), **options)
+    lens, mount = Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount.from_degrees(1.0, 0.0)
+    camera = LiveCamera(driver, lens, mount, RecoveryRule(restarts=3), clock, clock.wait)
+    return edgemap_api.open(camera=camera, bundle=painted_bundle, odometry="planar", sinks=sinks)
+
+
+def test_a_live_camera_that_stalls_and_fails_ends_no_session(painted_bundle):
+    script = dict.fromkeys(range(20, 50)) | {80: RuntimeError("USB")}  # silent for 3 s; one failed grab
+    with live_session(painted_bundle, script) as session:
+        results = [next(session) for _ in range(60)]
+        assert session.camera.state.value == "running"
+    told = [fault.kind.value for result in results for fault in result.faults]
+    assert told == ["late", "recovered", "failed", "recovered"]
+    stamps = [result.frame.stamp_s for result in results]
+    assert stamps == sorted(set(stamps))
+    assert {item.label for item in session.map} == {"chair"}
+
+
+def test_a_lost_camera_ends_a_session_with_its_map_and_its_sinks_closed(painted_bundle, tmp_path):
+    folder = RunFolder(tmp_path / "run", FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0, 0.0)), {})
+    dead = {n: RuntimeError("dead") for n in range(20, 30)}
+    with live_session(painted_bundle, dead, [folder], closed=1000) as session:
+        with pytest.raises(CameraLostError, match="3 restarts are spent"):
+            list(session)
+        assert [item.label for item in session.map] == ["chair"]
+    assert load_map(tmp_path / "run")[0].count == 20
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert record["finished"]
+    assert "lost, no frame for" in record["faults"][-1]
+
+
+def test_iteration_that_was_left_goes_on_and_closing_closes_the_sinks(painted_bundle, pictures, tmp_path):
+    floor = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0, 0.0))
+    sinks = [RunFolder(tmp_path / "run", floor, {})]
+    with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="planar", sinks=sinks) as session:
+        for result in session:
+            if result.frame.index == 3:
+                break
+        assert next(iter(session)).frame.index == 4
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (record["finished"], record["frames"]) == (True, 5)
+
+
 def test_a_source_without_a_mount_is_named(painted_bundle, pictures, tmp_path):
     bare = tmp_path / "bare"
     bare.mkdir()
     (bare / "0.png").write_bytes((pictures / "0.png").read_bytes())
     with pytest.raises(CameraError, match="brings no intrinsics: give its camera"):
-        edgemap.open(camera=f"{bare}", bundle=painted_bundle)
+        edgemap_api.open(camera=f"{bare}", bundle=painted_bundle)
 
 
 def test_only_what_is_there_can_be_asked_for():
     with pytest.raises(AttributeError, match="no attribute 'run'"):
-        _ = edgemap.run
+        _ = edgemap_api.run
 
 
 @pytest.mark.parametrize(

@@ -36,9 +36,9 @@ class ScriptedDriver:
 
     name = "fake"
 
-    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, resets=True):
+    def __init__(self, clock, script=None, rate_hz=10.0, closed=0, resets=True, size=(6, 4)):
         self.clock, self.script, self.closed, self.resets = clock, dict(script or {}), closed, resets
-        self.period_s, self.size, self.rate_hz, self.intrinsics = 1.0 / rate_hz, (6, 4), rate_hz, None
+        self.period_s, self.size, self.rate_hz, self.intrinsics = 1.0 / rate_hz, size, rate_hz, None
         self.calls, self.opened, self.grabs, self.changed = [], 0, 0, None
 
     def open(self):
@@ -59,7 +59,7 @@ class ScriptedDriver:
             raise planned
         if isinstance(planned, tuple):
             return planned
-        return self.clock() - 900.0, picture(number)
+        return self.clock() - 900.0, picture(number, self.size)
 
     def close(self):
         self.calls.append("close")
