@@ -18,6 +18,8 @@ from edgemap.cli.options import (
     MountText,
     PrecisionName,
     Threads,
+    chosen_engine,
+    chosen_precision,
     find_bundle,
     lens_and_mount,
     open_described,
@@ -33,8 +35,8 @@ def command(
     ] = (10.0, 30.0),
     seconds: Annotated[float, arg(metavar="S", help="How long to measure at each rate, in seconds.")] = 10.0,
     threads: Threads = None,
-    precision: PrecisionName = "float32",
-    engine: EngineName = "onnxruntime",
+    precision: PrecisionName = "default",
+    engine: EngineName = "default",
     against: Annotated[
         Literal["openvino", "opencv"] | None,
         arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
@@ -101,7 +103,7 @@ def command(
         decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
     legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
     peak_rss_mb = bench.peak_rss_mb()
-    files = load_bundle(paced.folder, threads, precision, "files", engine)
+    files = load_bundle(paced.folder, threads, chosen_precision(precision), "files", chosen_engine(engine))
     legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
     lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
     other = max(leg["other_cpu_percent"] for leg in legs.values())

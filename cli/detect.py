@@ -13,6 +13,7 @@ from edgemap.cli.options import (
     BundleName,
     CameraFile,
     Confidence,
+    EngineName,
     IntrinsicsText,
     Json,
     MountText,
@@ -41,7 +42,8 @@ def command(
     camera_file: CameraFile = None,
     confidence: Confidence = None,
     threads: Threads = None,
-    precision: PrecisionName = "float32",
+    precision: PrecisionName = "default",
+    engine: EngineName = "default",
     plot: Annotated[
         Path | None,
         arg(
@@ -67,7 +69,7 @@ def command(
     if not images:
         raise OptionError("no pictures given: edgemap detect PICTURE... or a folder of them")
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
-    loaded = find_bundle(bundle, threads, precision, str(images[0]))
+    loaded = find_bundle(bundle, threads, precision, str(images[0]), engine=engine)
     confidence = least_score(confidence, loaded)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, one_name=True))
     documents = []

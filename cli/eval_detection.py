@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, at_least, find_bundle, in_unit
+from edgemap.cli.options import BundleName, EngineName, Json, PrecisionName, Threads, at_least, find_bundle, in_unit
 
 
 def command(
@@ -34,7 +34,8 @@ def command(
         arg(metavar="DIR", help="Draw the worst false boxes and the largest misses into this folder."),
     ] = None,
     threads: Threads = None,
-    precision: PrecisionName = "float32",
+    precision: PrecisionName = "default",
+    engine: EngineName = "default",
     json: Json = False,
 ) -> None:
     """Average precision on labelled pictures, COCO protocol: AP over IoU 0.50 to 0.95, and AP50.
@@ -53,7 +54,7 @@ def command(
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence, nms=nms)
-    loaded = find_bundle(bundle, threads, precision, data)
+    loaded = find_bundle(bundle, threads, precision, data, engine=engine)
     spec = loaded.manifest.detector
     detector, every = Detector(loaded), Decoder(spec, confidence, nms)
     as_run = Decoder(spec, loaded.manifest.confidence, one_name=True)
@@ -79,7 +80,8 @@ def command(
             shown.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, told, number))
             if mistakes:
                 mistakes.add(image, shown[-1])
-    document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name, "precision": loaded.precision}
+    document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}
+    document |= {"precision": loaded.precision, "engine": loaded.engine}
     document |= average_precision(pictures, loaded.names)
     point = operating_point(shown, loaded.names)
     at_point = point.pop("per_class")

@@ -11,6 +11,7 @@ from edgemap.cli.options import (
     BundleName,
     Confidence,
     ConfigFile,
+    EngineName,
     Json,
     LoopClosure,
     OdometrySpec,
@@ -45,7 +46,8 @@ def command(
     loop_closure: LoopClosure = True,
     config: ConfigFile = None,
     threads: Threads = None,
-    precision: PrecisionName = "float32",
+    precision: PrecisionName = "default",
+    engine: EngineName = "default",
     plot: Annotated[
         Path | None, arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
     ] = None,
@@ -72,7 +74,7 @@ def command(
     at_least(1, frames=frames)
     in_unit(confidence=confidence)
     tuned = load_config(config)[0] if config else Config()
-    loaded = find_bundle(bundle, threads, precision, data)
+    loaded = find_bundle(bundle, threads, precision, data, engine=engine)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
         if not drive.objects or drive.truth is None or drive.mount is None:
@@ -86,6 +88,7 @@ def command(
             "data": data,
             "bundle": loaded.manifest.name,
             "precision": loaded.precision,
+            "engine": loaded.engine,
             "odometry": odometry,
             "wheels": drive.wheel is not None and not without_wheels,
             "imu": drive.imu is not None and not without_imu,

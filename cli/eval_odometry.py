@@ -10,7 +10,7 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import BundleName, Json, PrecisionName, Threads, WithoutImu, at_least, find_bundle
+from edgemap.cli.options import BundleName, EngineName, Json, PrecisionName, Threads, WithoutImu, at_least, find_bundle
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
@@ -48,7 +48,8 @@ def command(
         arg(metavar="L,…", help="Lengths in metres over which drift is taken; 1,2,5, and 100,200,…,800 for kitti."),
     ] = None,
     threads: Threads = None,
-    precision: PrecisionName = "float32",
+    precision: PrecisionName = "default",
+    engine: EngineName = "default",
     plot: Annotated[
         Path | None, arg(metavar="DIR", help="Draw each trajectory with the true one into this folder.")
     ] = None,
@@ -77,7 +78,7 @@ def command(
     names = sequence_names(specs)
     if repeated := next((name for name in names if names.count(name) > 1), None):
         raise OptionError(f"--data {repeated} is given twice")
-    loaded = find_bundle(bundle, threads, precision, *specs)
+    loaded = find_bundle(bundle, threads, precision, *specs, engine=engine)
     needed = None if frames is None else first + (frames - 1) * every + 1
     drives: dict[str, ScoredDrive] = {}
     for name, spec in zip(names, specs, strict=True):
@@ -88,8 +89,8 @@ def command(
 
             followed = drives[name].followed
             plot_ways(plot / f"{_file_name(name)}.png", name, followed.true, {odometry: followed.estimated})
-    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision, "odometry": odometry}
-    document |= together(drives)
+    document: dict[str, Any] = {"bundle": loaded.manifest.name, "precision": loaded.precision, "engine": loaded.engine}
+    document |= {"odometry": odometry} | together(drives)
     for name, spec in zip(names, specs, strict=True):
         document["sequences"][name]["data"] = spec
     if json:

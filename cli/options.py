@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.compute import Pace
+    from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.engine_choice import EngineChoice
     from edgemap.runtime.precision import Precision
 
@@ -85,17 +86,19 @@ Threads = Annotated[
     arg(metavar="N", help="Threads of the backbone; by default one or two, as a short trial finds better."),
 ]
 PrecisionName = Annotated[
-    Literal["float32", "int8", "auto"],
+    Literal["default", "float32", "int8", "auto"],
     arg(
-        help="Numbers that the backbone computes with. int8: the bundle's variant of 8-bit numbers, where it has one; "
-        "auto: that one where its report loses at most 0.01 AP50 and a short trial finds it faster on this processor.",
+        help="Numbers that the backbone computes with. default: what a recording was made with, else float32; int8: "
+        "the bundle's variant of 8-bit numbers, where it has one; auto: that one where its report loses at most 0.01 "
+        "AP50 and a short trial finds it faster on this processor.",
     ),
 ]
 EngineName = Annotated[
-    Literal["onnxruntime", "openvino", "openvino-bf16", "auto"],
+    Literal["default", "onnxruntime", "openvino", "openvino-bf16", "auto"],
     arg(
-        help="What runs the backbone. openvino (extra openvino) computes with 32 bits as well, openvino-bf16 "
-        "with 16 where the processor has them; auto: of the first two what a trial finds clearly faster, remembered."
+        help="What runs the backbone. default: what a recording was made with, else onnxruntime; openvino (extra "
+        "openvino) computes with 32 bits as well, openvino-bf16 with 16 where the processor has them; auto: "
+        "onnxruntime or openvino, whichever a trial finds clearly faster, remembered."
     ),
 ]
 LoopClosure = Annotated[
@@ -178,14 +181,16 @@ def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | N
 def find_bundle(
     name: str | None,
     threads: int | None,
-    precision: Precision = "float32",
+    precision: Precision | Literal["default"] = "default",
     *specs: str,
     pace: Pace = "files",
-    engine: EngineChoice = "onnxruntime",
+    engine: EngineChoice | Literal["default"] = "default",
+    recorded: Decisions | None = None,
 ) -> Bundle:
     """Load a bundle by folder or name; a known name that is not in the cache is pulled first.
 
     specs: the sources that it is for, which choose where there is no name; standard error then says which, and why.
+    recorded: engine and precision of the run that made a recording, taken where none is asked for.
     """
     at_least(1, threads=threads)
     if threads is not None and threads > MOST_THREADS:
@@ -208,7 +213,28 @@ def find_bundle(
         from edgemap.cli.pull import pull_known
 
         folder = pull_known(name)
-    return load_bundle(folder, threads, precision, pace, engine)
+    return load_bundle(
+        folder, threads, chosen_precision(precision, recorded), pace=pace, engine=chosen_engine(engine, recorded)
+    )
+
+
+def chosen_precision(asked: Precision | Literal["default"], recorded: Decisions | None = None) -> Precision:
+    """What is asked for, else what was recorded, else float32."""
+    if asked != "default":
+        return asked
+    return recorded.precision if recorded else "float32"
+
+
+def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions | None = None) -> EngineChoice:
+    """What is asked for, else what was recorded and is installed, else onnxruntime."""
+    from importlib.util import find_spec
+
+    if asked != "default":
+        return asked
+    if recorded and recorded.engine != "onnxruntime" and find_spec("openvino") is None:
+        print(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly", file=sys.stderr)
+        return "onnxruntime"
+    return recorded.engine if recorded else "onnxruntime"
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:

@@ -21,6 +21,7 @@ from edgemap.cli.options import (
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.sinks.recording import RecordingSink
     from edgemap.runtime.trajectory import Trajectory
 
@@ -108,9 +109,9 @@ def wheel_track(spec: str | Path | None) -> Trajectory | None:
 
 
 def recording_sinks(
-    path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str
+    path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str, decisions: Decisions
 ) -> list[RecordingSink]:
-    """What `edgemap run --record` adds: the run's own lens and mount, and its wheels, else the source's."""
+    """What `edgemap run --record` adds: the run's lens, mount and decisions, and its wheels, else the source's."""
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
     from edgemap.runtime.sinks.recording import RecordingSink
@@ -118,6 +119,6 @@ def recording_sinks(
     if path is None:
         return []
     wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
-    facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz)
+    facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz, decisions)
     track = wheel_track(wheel)
     return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]

@@ -108,8 +108,8 @@ def command(
     ros2_frames: Ros2Frames = FRAMES,
     odom_tf: OdomTf = True,
     threads: Threads = None,
-    precision: PrecisionName = "float32",
-    engine: EngineName = "onnxruntime",
+    precision: PrecisionName = "default",
+    engine: EngineName = "default",
     strict: Annotated[
         bool, arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
     ] = False,
@@ -124,12 +124,15 @@ def command(
     which to check the mount) and report.html. Where the source knows what stands there, the map is judged by it.
     """
     options = typed_options(command, locals())
+    from dataclasses import asdict
+
     from edgemap.cli.live_page import live_page
     from edgemap.cli.record import check_name, recording_sinks
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.runtime.config import Config, config_document, load_config
+    from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.report.crops import BestCrops
@@ -145,7 +148,7 @@ def command(
     tuned = load_config(config)[0] if config else Config()
     with open_described(camera, camera_file, (realtime or watched) and not view, frames) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
-        loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine)
+        loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine, recorded=source.decisions)
         least = least_score(confidence, loaded)
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
@@ -160,7 +163,9 @@ def command(
         record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
         record |= {"loop_closure": slam.mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
-        options |= {name: getattr(loaded, name) for name in ("engine", "precision") if name in options}
+        decided = Decisions(loaded.engine, loaded.precision)
+        usual = asdict(Decisions())
+        options |= {name: one for name, one in asdict(decided).items() if name in options or one != usual[name]}
         record |= {"options": options, "config": config_document(tuned)}
         crops = BestCrops()
         with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops) as page:
@@ -169,7 +174,7 @@ def command(
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
             publishers = open_publishers(floor, foxglove, rerun, mqtt, mqtt_name)
-            tape = recording_sinks(recording, lossless, source, floor, odometry)
+            tape = recording_sinks(recording, lossless, source, floor, odometry, decided)
             live = ros2_sinks(
                 ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,
                 best_effort=ros2_best_effort, odom_tf=odom_tf,

@@ -10,7 +10,8 @@ import numpy as np
 
 from edgemap.runtime.manifest import Manifest
 
-Precision = Literal["float32", "int8", "auto"]
+Numbers = Literal["float32", "int8"]
+Precision = Numbers | Literal["auto"]
 
 MOST_LOSS = 0.01  # of AP50
 WORTH_IT = 0.9  # time of int8 over that of float32, at most

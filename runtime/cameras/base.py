@@ -14,6 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.cameras.fault import CameraState
+from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.trajectory import Trajectory
@@ -37,6 +38,7 @@ class CameraBase:
         self.attitudes: AttitudeTrack | None = None
         self.imu: ImuSamples | None = None
         self.wheel: Path | None = None
+        self.decisions: Decisions | None = None
         self._delivered, self._sampled_s = 0, -math.inf
 
     @property

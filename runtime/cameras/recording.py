@@ -122,7 +122,7 @@ class RecordingCamera(CameraBase):
         if RECORD in recording.metadata:
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
-            self.rate_hz = facts.rate_hz
+            self.rate_hz, self.decisions = facts.rate_hz, facts.decisions
             self.wheel: Path | None = self._path if WHEEL_FILE in recording.attachments else None
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(

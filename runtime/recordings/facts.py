@@ -18,6 +18,7 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.errors import CameraError, OdometryError
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import Coordinate, Name, Side, Stamp, Strict, decode_json, one_line
@@ -30,12 +31,13 @@ WHEEL_FILE, TRUTH_FILE = "wheel.json", "truth.json"  # names of MCAP attachments
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a camera knew of itself when it was recorded."""
+    """What a camera knew of itself when it was recorded. decisions: of the run that recorded it, where one did."""
 
     camera: str
     intrinsics: Intrinsics | None = None
     mount: Mount | None = None
     rate_hz: float | None = None
+    decisions: Decisions | None = None
 
 
 def facts_record(facts: Facts) -> dict[str, str]:
@@ -47,6 +49,7 @@ def facts_record(facts: Facts) -> dict[str, str]:
         "rate_hz": json.dumps(facts.rate_hz),
         "intrinsics": json.dumps(asdict(lens) if lens else None),
         "mount": json.dumps(asdict(mount) if mount else None),
+        "decisions": json.dumps(asdict(facts.decisions) if facts.decisions else None),
     }
 
 
@@ -73,6 +76,7 @@ class _Mount(Strict):
     left_m: Coordinate
 
 
+_DECISIONS: Any = Decisions | None
 _LENS: Any = _Lens | None
 _MOUNT: Any = _Mount | None
 _RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
@@ -98,6 +102,7 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
             ),
             mount and Mount(**msgspec.structs.asdict(mount)),
             rate_hz,
+            decode_json(record.get("decisions", "null"), _DECISIONS, f"{where}: decisions", CameraError),
         )  # fmt: skip
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None

@@ -29,7 +29,7 @@ def answer(capsys, *arguments):
         ("run --frames", "Missing value for argument '--frames'"),
         ("run --no-such-flag", "Unrecognized options: --no-such-flag"),
         ("run extra", "Unrecognized options: extra"),
-        ("run --precision int4", "Expected one of ('float32', 'int8', 'auto')"),
+        ("run --precision int4", "Expected one of ('default', 'float32', 'int8', 'auto')"),
         ("run --confidence high", "--confidence"),
         ("map export x", "--format {geojson,nav2,nav2-vector,csv,png,svg}"),
         ("map export x --format pdf", "pdf"),

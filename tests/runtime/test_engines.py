@@ -1,15 +1,23 @@
 """Engines behind the one Network: the same outputs, and a choice that is tried once and remembered."""
 
+import importlib.util
 import json
 
 import numpy as np
 import pytest
 
+from edgemap.cli.options import chosen_engine, chosen_precision
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime import engine_choice
 from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.engine_choice import best_engine, remembered_engine
+from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError
-from edgemap.runtime.network import Network
+from edgemap.runtime.network import Compute, Network
+from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.odometry_replay import FeatureSource
 from edgemap.runtime.store import bundle_folder
 
 NANO = bundle_folder("edgemap-nano")
@@ -24,6 +32,36 @@ def test_openvino_gives_onnxruntimes_outputs_and_keeps_them():
     theirs.backbone.run({"image": picture * 0})
     for name, value in expected.items():
         np.testing.assert_allclose(found[name], value, atol=2e-4 * np.abs(value).max())
+
+
+def test_a_replay_takes_the_recorded_engine_unless_another_is_asked_for(monkeypatch, capsys):
+    recorded = Decisions("openvino", "int8")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
+    assert (chosen_engine("default", recorded), chosen_precision("default", recorded)) == ("openvino", "int8")
+    assert (chosen_engine("auto", recorded), chosen_precision("float32", recorded)) == ("auto", "float32")
+    assert (chosen_engine("default"), chosen_precision("default")) == ("onnxruntime", "float32")
+    assert not capsys.readouterr().err
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert chosen_engine("default", recorded) == "onnxruntime"
+    assert "recorded with openvino, which is not installed" in capsys.readouterr().err
+
+
+def test_flow_odometry_would_move_the_same_in_openvino():
+    """So the choice of onnxruntime for it is one of time alone."""
+    pytest.importorskip("openvino")
+    bundle = load_bundle(NANO, 1)
+    with open_camera("demo") as camera:
+        assert camera.intrinsics
+        assert camera.mount
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
+    odometries = [LearnedOdometry(bundle, "flow", floor) for _ in range(2)]
+    odometries[1]._network = open_network(NANO / "odometry.flow.onnx", Compute(1, engine="openvino"))
+    source = FeatureSource(bundle)
+    for frame in frames:
+        features = source(frame)
+        ours, theirs = (odometry.step(frame, features).motion.vector() for odometry in odometries)
+        np.testing.assert_allclose(theirs, ours, atol=1e-6)
 
 
 def test_an_engine_that_disagrees_is_refused(monkeypatch):

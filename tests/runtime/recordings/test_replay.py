@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,10 +19,11 @@ from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
+from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.errors import CameraError, RecordingError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import to_ns, to_s
-from edgemap.runtime.recordings.facts import Facts
+from edgemap.runtime.recordings.facts import Facts, facts_record, read_facts
 from edgemap.runtime.recordings.recorder import Recorder
 from edgemap.runtime.recordings.wheel import read_wheel
 from edgemap.runtime.trajectory import Trajectory
@@ -41,6 +43,18 @@ def test_lossless_gives_back_every_bit(tmp_path):
     assert [frame.stamp_s for frame in played] == [frame.stamp_s for frame in frames]
     for got, was in zip(played, frames, strict=True):
         np.testing.assert_array_equal(got.image, was.image)
+
+
+def test_what_a_run_decided_comes_back_and_an_older_recording_has_none(tmp_path):
+    decided = Decisions("openvino", "int8")
+    for name, facts in (("a.mcap", replace(FACTS, decisions=decided)), ("b.mcap", FACTS)):
+        with open_camera(str(record(tmp_path / name, facts, noise(2)))) as camera:
+            assert camera.decisions == facts.decisions
+    with pytest.raises(CameraError, match=r"decisions: Invalid enum value 'abacus'"):
+        read_facts(facts_record(FACTS) | {"decisions": '{"engine": "abacus", "precision": "int8"}'}, "a.mcap")
+    older = facts_record(FACTS)
+    del older["decisions"]
+    assert read_facts(older, "a.mcap").decisions is None
 
 
 def test_jpeg_is_near_and_much_smaller(tmp_path):
