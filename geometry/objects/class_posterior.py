@@ -30,8 +30,9 @@ class OverlapRule:
     other_label: of two labels, as a share of half the sum of both shorter sides, below which they would stand in one
     another; under_table: the same of a table and a seat, which is pushed under it (in a real lounge every second chair
     was taken for its table); rare_label: the same where one has less than `rare` of the other's evidence. correct: how
-    often a detection has the right label; correlated: sightings that count as one, as neighbouring frames repeat each
-    other's error."""
+    often a detection has the right label (95 of 105 household boxes on photographs that overlap a true one by 0.6:
+    yolox-nano 46 of 53, picodet-s 49 of 52); correlated: sightings that count as one, as neighbouring frames repeat
+    each other's error."""
 
     same_label: float = SAME_LABEL
     far_less: float = 0.5
