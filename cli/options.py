@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.cameras.recovery import RecoveryRule
     from edgemap.runtime.compute import Pace
     from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.engine_choice import EngineChoice
@@ -268,10 +269,16 @@ HOW_TO_MEASURE = (
 )
 
 
-def open_described(spec: str, camera_file: Path | None, realtime: bool = False, frames: int | None = None) -> Camera:
+def open_described(
+    spec: str,
+    camera_file: Path | None,
+    realtime: bool = False,
+    frames: int | None = None,
+    recovery: RecoveryRule | None = None,
+) -> Camera:
     """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size.
 
-    frames: how long `sim:SEED` drives; other sources are as long as they are.
+    frames: how long `sim:SEED` drives; other sources are as long as they are. recovery: of live devices.
     """
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
@@ -281,9 +288,11 @@ def open_described(spec: str, camera_file: Path | None, realtime: bool = False, 
 
         return open_simulated(spec, frames, realtime, camera_file and read_camera_yaml(camera_file))
     if camera_file is None:
-        return open_camera(spec, realtime=realtime)
+        return open_camera(spec, realtime=realtime, recovery=recovery)
     described = read_camera_yaml(camera_file)
-    return open_camera(spec, realtime=realtime, intrinsics=described.intrinsics, mount=described.mount)
+    return open_camera(
+        spec, realtime=realtime, intrinsics=described.intrinsics, mount=described.mount, recovery=recovery
+    )
 
 
 def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:

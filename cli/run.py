@@ -146,7 +146,7 @@ def command(
     check_name(recording)
     watched = foxglove is not None or ros2
     tuned = load_config(config)[0] if config else Config()
-    with open_described(camera, camera_file, (realtime or watched) and not view, frames) as source:
+    with open_described(camera, camera_file, (realtime or watched) and not view, frames, tuned.camera) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
         loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine, recorded=source.decisions)
         least = least_score(confidence, loaded)

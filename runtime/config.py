@@ -15,6 +15,7 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.attitude.inertial import AttitudeRule
+from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.health import HealthRule
 from edgemap.runtime.odometry import OdometryRules
 from edgemap.runtime.plain_yaml import read_yaml
@@ -33,8 +34,8 @@ class Config:
     """The step's tuned numbers by stage; each class tells meaning, unit and reason of its own.
 
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
-    landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. health: of pictures. attitude:
-    gravity and gyro against the mount.
+    landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera:
+    when a live one is opened again. health: of pictures. attitude: gravity and gyro against the mount.
     """
 
     floor: FloorRule = field(default_factory=FloorRule)
@@ -43,6 +44,7 @@ class Config:
     forgetting: ForgetRule = field(default_factory=ForgetRule)
     registration: AlignmentRule = field(default_factory=AlignmentRule)
     odometry: OdometryRules = field(default_factory=OdometryRules)
+    camera: RecoveryRule = field(default_factory=RecoveryRule)
     health: HealthRule = field(default_factory=HealthRule)
     attitude: AttitudeRule = field(default_factory=AttitudeRule)
 

@@ -84,7 +84,7 @@ def open_session(
     of one. sinks, strict: see `Session`. Raises CameraError, BundleError, OdometryError or ConfigError in one line.
     """
     tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
-    source = open_camera(camera) if isinstance(camera, str) else camera
+    source = open_camera(camera, recovery=tuned.camera) if isinstance(camera, str) else camera
     try:
         lens, seat = source.intrinsics, mount or source.mount
         if lens is None or seat is None:

@@ -9,6 +9,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.device import Driver
 from edgemap.runtime.cameras.plugins import load_kind, plugin_kinds
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import user_path
 
@@ -24,14 +25,19 @@ DEMO = Path(__file__).parents[1] / "demo"
 
 
 def open_camera(
-    spec: str = "demo", *, realtime: bool = False, intrinsics: Intrinsics | None = None, mount: Mount | None = None
+    spec: str = "demo",
+    *,
+    realtime: bool = False,
+    intrinsics: Intrinsics | None = None,
+    mount: Mount | None = None,
+    recovery: RecoveryRule | None = None,
 ) -> Camera:
     """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
 
-    realtime: pace a file source by its stamps; live devices need no pacing. Raises CameraError, one line, for a SPEC
-    that is not understood or cannot be opened.
+    realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices.
+    Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
     """
-    camera = _open(spec, intrinsics, mount)
+    camera = _open(spec, intrinsics, mount, recovery)
     if realtime and not camera.live:
         from edgemap.runtime.cameras.paced import PacedCamera
 
@@ -39,23 +45,23 @@ def open_camera(
     return camera
 
 
-def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None) -> Camera:
     kind, _, rest = spec.partition(":")
     if spec == "demo":
         return _open_drive(f"drive:{DEMO}", spec, intrinsics, mount)
     if kind in KINDS:
         return _open_drive(spec, spec, intrinsics, mount)
     if kind == "realsense":
-        return _open_realsense(rest, spec, intrinsics, mount)
+        return _open_realsense(rest, spec, intrinsics, mount, recovery)
     if spec.isdecimal() or spec.startswith("/dev/video"):
         from edgemap.runtime.cameras.webcam import WebcamDriver
 
         device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
-        return _open_live(WebcamDriver(device, spec, intrinsics), intrinsics, mount)
+        return _open_live(WebcamDriver(device, spec, intrinsics), intrinsics, mount, recovery)
     if kind in STREAMS:
         from edgemap.runtime.cameras.stream import StreamDriver
 
-        return _open_live(StreamDriver(spec), intrinsics, mount)
+        return _open_live(StreamDriver(spec), intrinsics, mount, recovery)
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.cameras.recording import RecordingCamera
 
@@ -63,7 +69,7 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Came
     kinds = plugin_kinds()
     if kind in kinds:
         source = load_kind(kinds[kind]).open(rest, intrinsics, mount)
-        return source if isinstance(source, Camera) else _open_live(source, intrinsics, mount)
+        return source if isinstance(source, Camera) else _open_live(source, intrinsics, mount, recovery)
     path = user_path(spec)
     if path.is_dir():
         from edgemap.runtime.cameras.pictures import open_folder
@@ -86,17 +92,21 @@ def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Moun
     return drive_camera(open_drive(spec), name, intrinsics, mount)
 
 
-def _open_realsense(rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+def _open_realsense(
+    rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None
+) -> Camera:
     from edgemap.runtime.cameras.imu_buffer import ImuCamera
     from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording
 
     if rest.endswith((".db3", ".bag")) or "/" in rest:
         return RealSenseRecording(user_path(rest), name, intrinsics, mount)
     driver = RealSenseDriver(name, rest or None)
-    return ImuCamera(_open_live(driver, intrinsics, mount), driver.imu)
+    return ImuCamera(_open_live(driver, intrinsics, mount, recovery), driver.imu)
 
 
-def _open_live(driver: Driver, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+def _open_live(
+    driver: Driver, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None
+) -> Camera:
     from edgemap.runtime.cameras.live import LiveCamera
 
-    return LiveCamera(driver, intrinsics, mount)
+    return LiveCamera(driver, intrinsics, mount, recovery)

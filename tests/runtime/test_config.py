@@ -1,5 +1,6 @@
 import itertools
 import json
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -89,3 +90,13 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
     assert second.observed.camera is not None
     assert second.observed.camera.attitude is not None
     assert second.observed.camera.attitude.covariance_rad2[0, 0] == pytest.approx(0.125**2)
+
+
+def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):
+    patience = []
+    monkeypatch.setattr("edgemap.runtime.cameras.live.LiveCamera", lambda *given: patience.append(given[-1]))
+    monkeypatch.setattr("edgemap.runtime.cameras.webcam.WebcamDriver", lambda *given: None)
+    rule = replace(Config().camera, restarts=3)
+    with pytest.raises(AttributeError):  # no camera stands behind it
+        edgemap.open("0", config=replace(Config(), camera=rule))
+    assert patience == [rule]
