@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.util import find_spec
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.edits import Edits
     from edgemap.runtime.report.crops import BestCrops
     from edgemap.runtime.sinks.protocol import Sink
     from edgemap.view.pause import Pause
@@ -35,7 +36,7 @@ class NoPage:
         """The camera as it is."""
         return source
 
-    def stay(self, stop: Event) -> None:
+    def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Nothing stays."""
 
 
@@ -55,8 +56,8 @@ class OpenPage(NoPage):
             return source
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
 
-    def stay(self, stop: Event) -> None:
-        """Go on serving after a run that came to its end by itself, until Ctrl-C."""
+    def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
+        """Go on serving after a run that came to its end by itself, until Ctrl-C. meanwhile: called again and again."""
         from edgemap.runtime.loop import stop_on_signals
 
         if stop.is_set():
@@ -64,6 +65,7 @@ class OpenPage(NoPage):
         print(f"the page stays at {self._url}  (Ctrl-C ends it)", flush=True)
         with stop_on_signals() as enough:
             while not enough.is_set():
+                meanwhile()
                 time.sleep(LOOK_EVERY_S)
 
 
@@ -78,6 +80,7 @@ def live_page(
     odometry: str,
     folder: Path,
     crops: BestCrops,
+    edits: Edits,
 ) -> Iterator[NoPage]:
     """The page of a run while the block lasts. Raises MissingExtraError, or ViewError where the address is taken."""
     if not wanted:
@@ -90,7 +93,9 @@ def live_page(
     from edgemap.view.server import PageServer
 
     pause = None if source.live else Pause()
-    page = LivePage(about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state, crops)
+    page = LivePage(
+        about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state, crops, edits
+    )
     server = PageServer(page, host, port)
     try:
         print(f"live page:  {server.url}", flush=True)

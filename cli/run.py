@@ -41,7 +41,7 @@ from edgemap.cli.ros2 import (
     Ros2Pictures,
     ros2_sinks,
 )
-from edgemap.cli.saved_map import Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
+from edgemap.cli.saved_map import EditsFile, Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
@@ -73,6 +73,7 @@ def command(
     saved: SavedMap = None,
     start: StartText = None,
     forget: Forget = "auto",
+    edited: EditsFile = None,
     out: Annotated[Path | None, arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")] = None,
     frames: Annotated[int | None, arg(metavar="N", help="Stop after N frames.")] = None,
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
@@ -133,6 +134,7 @@ def command(
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.decisions import Decisions
+    from edgemap.runtime.edits import Edits, load_edits
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.report.crops import BestCrops
@@ -168,7 +170,8 @@ def command(
         options |= {name: one for name, one in asdict(decided).items() if name in options or one != usual[name]}
         record |= {"options": options, "config": config_document(tuned)}
         crops = BestCrops()
-        with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops) as page:
+        edits = Edits(folder / "edits.jsonl", load_edits(edited) if edited else ())
+        with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops, edits) as page:
             latest = _Latest()
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
@@ -181,11 +184,12 @@ def command(
             )  # fmt: skip
             notifier = ServiceNotifier()
             files = RunFolder(folder, floor, record)
+            edits.listeners.append(files.edited)
             # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
             sinks: list[Sink] = [progress, latest, *tape, *publishers, *live, *page.sinks, files, report]
             with stop_on_signals() as stop:
                 try:
-                    done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat)
+                    done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat, edits)
                 except EdgemapError as error:
                     if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                         raise
@@ -199,7 +203,7 @@ def command(
             if line := where_it_was(slam.mapper, saved):
                 print(line)
             print(report.failure or f"see it:  {report.path}")
-            page.stay(stop)
+            page.stay(stop, lambda: edits.apply(slam.mapper, done))
 
 
 class _Latest:

@@ -29,6 +29,14 @@ StartText = Annotated[
         "counter-clockwise.",
     ),
 ]
+EditsFile = Annotated[
+    Path | None,
+    arg(
+        name="edits",
+        metavar="FILE",
+        help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl.",
+    ),
+]
 Forget = Annotated[
     Literal["auto", "on", "off"],
     arg(
@@ -50,7 +58,7 @@ def enter_saved_map(mapper: Mapper, saved: Path | None, start: str | None, clust
     from math import radians
 
     from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.map_file import load_map
+    from edgemap.runtime.map_file import load_annotated_map
 
     if saved is None:
         if start is not None:
@@ -58,12 +66,12 @@ def enter_saved_map(mapper: Mapper, saved: Path | None, start: str | None, clust
         return
     if clustering == "paper":
         raise OptionError("--map goes on by association: the paper's clustering needs every sighting, not their map")
-    objects = load_map(saved)
+    objects, annotations = load_annotated_map(saved)
     if start is None:
-        mapper.relocalise_in(objects)
+        mapper.relocalise_in(objects, annotations)
     else:
         x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
-        mapper.start_in(objects, SE2(x_m, y_m, radians(yaw_deg)))
+        mapper.start_in(objects, SE2(x_m, y_m, radians(yaw_deg)), annotations=annotations)
 
 
 def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:

@@ -11,6 +11,7 @@ from types import FrameType
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.fault import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.edits import Edits
 from edgemap.runtime.sinks.group import SinkGroup
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam, StepResult
@@ -24,19 +25,27 @@ def steps(
     stop: threading.Event | None = None,
     strict: bool = False,
     beat: Callable[[str], None] = lambda _: None,
+    edits: Edits | None = None,
 ) -> Generator[StepResult, None, None]:
     """Drive until the camera ends, `frames` are done, `stop` is set or the iterator is closed; one result a frame.
 
     A camera fault is told to the sinks and driving goes on; strict: it ends the run. While a live camera is away the
     pose is carried on by what needs no picture. beat: called with one line at every step, and every half second without
-    a frame. A sink that fails is a fault that is told (`SinkGroup`). Sinks are closed whatever happens, so the map
-    gathered so far is on disk. A known failure on the way is told to the sinks before it is raised again.
+    a frame. edits: taken between two steps. A sink that fails is a fault that is told (`SinkGroup`). Sinks are closed
+    whatever happens, so the map gathered so far is on disk. A known failure on the way is told to the sinks before it
+    is raised again.
     """
     done = 0
     faults: list[CameraFault] = []
-    told = SinkGroup(sinks)
+    told, edits = SinkGroup(sinks), edits or Edits()
+
+    def take_edits() -> None:
+        for text in edits.apply(slam.mapper, done):
+            told.fault(text)
+
     try:
         while (frames is None or done < frames) and not (stop and stop.is_set()):
+            take_edits()
             try:
                 frame = camera.read()
             except FrameTimeout as timeout:
@@ -59,6 +68,7 @@ def steps(
             done += 1
             beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
             yield result
+        take_edits()
     except EdgemapError as error:
         told.fault(str(error))
         raise
@@ -74,9 +84,10 @@ def run(
     stop: threading.Event | None = None,
     strict: bool = False,
     beat: Callable[[str], None] = lambda _: None,
+    edits: Edits | None = None,
 ) -> int:
     """All `steps`, for their sinks; the number of frames done."""
-    return sum(1 for _ in steps(camera, slam, sinks, frames, stop, strict, beat))
+    return sum(1 for _ in steps(camera, slam, sinks, frames, stop, strict, beat, edits))
 
 
 @contextmanager

@@ -13,31 +13,45 @@ import numpy as np
 from msgspec import Meta
 
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.edits import (
+    LONGEST_NAME,
+    MOST_CORNERS,
+    MOST_ZONES,
+    NO_ANNOTATIONS,
+    Annotations,
+    Zone,
+)
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import DiskError
-from edgemap.runtime.reading import Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
+from edgemap.runtime.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
 
 FORMAT = "edgemap.map/1"
 MAP_BYTES = 32 << 20
 ROUNDING_M2 = 1e-9  # of the file's covariances
+GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
 Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
 
 
-def map_document(objects: list[MapObject]) -> dict:
-    """The map as the JSON document that `map.json` holds. `seen_from_m`, where known: id to places it was seen from."""
+def map_document(objects: list[MapObject], annotations: Annotations = NO_ANNOTATIONS) -> dict:
+    """The map as the JSON document that `map.json` holds.
+
+    Where there are any: `seen_from_m`, id to places it was seen from; `zones`; `deleted`, objects that a person has
+    taken out. Of an object `name` and `confirmed`, where a person has given them.
+    """
     seen = [item for item in objects if item.seen_from_m]
     views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
-    document = {
-        "format": FORMAT,
-        "frame": "map",
-        "objects": [object_record(item) for item in objects],
-    }
-    return document | ({"seen_from_m": views} if views else {})
+    document = {"format": FORMAT, "frame": "map", "objects": [object_record(item) for item in objects]}
+    document |= {"seen_from_m": views} if views else {}
+    document |= {"zones": [zone_record(zone) for zone in annotations.zones]} if annotations.zones else {}
+    return document | (
+        {"deleted": [object_record(item) for item in annotations.deleted]} if annotations.deleted else {}
+    )
 
 
 def object_record(item: MapObject) -> dict:
     """One object of the map as `map.json` holds it."""
-    return {
+    said = ({"name": item.name} if item.name else {}) | ({"confirmed": True} if item.confirmed else {})
+    return said | {
         "id": item.id,
         "label": item.label,
         "x_m": round(float(item.position_m[0]), 6),
@@ -50,6 +64,15 @@ def object_record(item: MapObject) -> dict:
         "first_seen_s": round(item.first_seen_s, 6),
         "last_seen_s": round(item.last_seen_s, 6),
         "labels": {label: round(share, 6) for label, share in item.labels.items()},
+    }
+
+
+def zone_record(zone: Zone) -> dict:
+    """One zone as `map.json` holds it."""
+    return {
+        "id": zone.id,
+        "name": zone.name,
+        "corners_m": [[round(float(x), 4), round(float(y), 4)] for x, y in zone.corners_m],
     }
 
 
@@ -97,14 +120,14 @@ def _write(handle: int, data: bytes) -> int:
     return handle
 
 
-def map_text(objects: list[MapObject]) -> str:
+def map_text(objects: list[MapObject], annotations: Annotations = NO_ANNOTATIONS) -> str:
     """The map as the text of `map.json`."""
-    return json.dumps(map_document(objects), indent=1) + "\n"
+    return json.dumps(map_document(objects, annotations), indent=1) + "\n"
 
 
-def save_map(path: Path, objects: list[MapObject]) -> None:
+def save_map(path: Path, objects: list[MapObject], annotations: Annotations = NO_ANNOTATIONS) -> None:
     """Write `map.json` atomically."""
-    write_atomically(path, map_text(objects))
+    write_atomically(path, map_text(objects, annotations))
 
 
 class _Head(msgspec.Struct):
@@ -124,17 +147,32 @@ class _Object(msgspec.Struct, kw_only=True):
     first_seen_s: Stamp
     last_seen_s: Stamp
     labels: Annotated[dict[Name, Share], Meta(max_length=1000)] = msgspec.field(default_factory=dict)
+    name: GivenName = ""
+    confirmed: bool = False
+
+
+class _Zone(msgspec.Struct, kw_only=True):
+    id: Name
+    name: GivenName
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MOST_CORNERS)]
 
 
 class _Map(msgspec.Struct, kw_only=True):
     objects: Annotated[list[_Object], Meta(max_length=100_000)]
+    zones: Annotated[list[_Zone], Meta(max_length=MOST_ZONES)] = msgspec.field(default_factory=list)
+    deleted: Annotated[list[_Object], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
     seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
         default_factory=dict
     )
 
 
 def load_map(path: Path) -> list[MapObject]:
-    """Read a map.json, or the one of a run folder; fields that this edgemap does not know are left out.
+    """The objects of a map.json, or of the one of a run folder. Raises as `load_annotated_map`."""
+    return load_annotated_map(path)[0]
+
+
+def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
+    """Read a map.json, or the one of a run folder: objects, and what people have added; unknown fields are left out.
 
     Raises MapError in one line for anything that is no map: numbers out of range, covariances that are not symmetric
     and positive, ids given twice.
@@ -148,11 +186,16 @@ def load_map(path: Path) -> list[MapObject]:
     where = f"{path}: damaged map"
     document = decode_json(data, _Map, where, MapError)
     seen: set[str] = set()
-    for record in document.objects:
+    for record in (*document.objects, *document.deleted, *document.zones):
         if record.id in seen:
             raise MapError(f"{where}: two objects have the id {record.id!r}")
         seen.add(record.id)
-    return [_object_of(record, document.seen_from_m.get(record.id, []), where) for record in document.objects]
+    objects, deleted = (
+        [_object_of(record, document.seen_from_m.get(record.id, []), where) for record in records]
+        for records in (document.objects, document.deleted)
+    )
+    zones = tuple(Zone(zone.id, zone.name, tuple(zone.corners_m)) for zone in document.zones)
+    return objects, Annotations(zones, tuple(deleted))
 
 
 def _object_of(record: _Object, views: list[tuple[float, float]], where: str) -> MapObject:
@@ -169,5 +212,5 @@ def _object_of(record: _Object, views: list[tuple[float, float]], where: str) ->
     return MapObject(
         record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
         record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
-        record.labels,
+        record.labels, record.name, record.confirmed,
     )  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, MapEdits, Zone
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
 from edgemap.geometry.objects.map_object import MapObject, ObjectMap
@@ -38,9 +39,9 @@ class MapUpdate:
 
     object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
     trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
-    this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of
-    the frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,
-    continuous whatever loop closure and relocalisation move (REP-105).
+    this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of the
+    frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,
+    continuous whatever loop closure and relocalisation move (REP-105). annotations: zones and deleted objects.
     """
 
     sightings: list[PlacedSighting]
@@ -53,6 +54,7 @@ class MapUpdate:
     stages_ms: dict[str, float]
     correction: LoopCorrection | None = None
     relocated: SE2 | None = None
+    annotations: Annotations = NO_ANNOTATIONS
     pose_odom_base: SE2 = field(default_factory=SE2)
     odom_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
@@ -76,6 +78,8 @@ class Mapper:
         self.loop_closer = loop_closer if loop_closer and self.map.movable else NoLoopClosure()
         self.forgetter = forgetter if forgetter and self.map.movable else NoForgetting()
         self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
+        self.edits = MapEdits()
+        self._saved_zones: tuple[Zone, ...] = ()  # of a map in which the robot has yet to find itself
         self.trajectory = PoseJournal()
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
@@ -84,18 +88,29 @@ class Mapper:
         self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
 
-    def start_in(self, saved: Sequence[MapObject], start: SE2, sigmas: Sequence[float] = START_SIGMAS) -> None:
+    def start_in(
+        self,
+        saved: Sequence[MapObject],
+        start: SE2,
+        sigmas: Sequence[float] = START_SIGMAS,
+        annotations: Annotations = NO_ANNOTATIONS,
+    ) -> None:
         """Go on with a saved map from a known pose. sigmas: of the start pose, m, m, rad."""
+        self.edits = MapEdits.of(saved, annotations)
+        saved = annotations.measured(saved)
         self.map = FloorMap.continued(saved, self.config.association)
         self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
         self.loop_closer.begin_in(saved)
 
-    def relocalise_in(self, saved: Sequence[MapObject]) -> None:
+    def relocalise_in(self, saved: Sequence[MapObject], annotations: Annotations = NO_ANNOTATIONS) -> None:
         """Make a map of its own until its objects show where in the saved map the robot is, then go on with that one.
 
         New objects are numbered after the saved ones, so an id means one thing throughout; `merged` tells which of
         them turned out to be saved ones.
         """
+        self.edits = MapEdits.of(saved, annotations)
+        self._saved_zones = self.edits.take_zones()
+        saved = annotations.measured(saved)
         self.relocaliser = Relocaliser(saved, self.config.association, self.config.registration)
         self.map = self.relocaliser.own
 
@@ -113,7 +128,14 @@ class Mapper:
         ]
         object_ids = self.map.update(sightings)
         if observed.looked:
-            self.forgetter.look(self.map, observed.detections, self.pose_map_base, object_ids, observed.camera)
+            self.forgetter.look(
+                self.map,
+                observed.detections,
+                self.pose_map_base,
+                object_ids,
+                observed.camera,
+                self.edits.kept(self.map),
+            )
         stage("map")
         update = MapUpdate(
             sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,
@@ -124,7 +146,7 @@ class Mapper:
             update = self._enter_saved_map(update, alignment)
         self.trajectory.append(observed.stamp_s, self.pose_map_base)
         stage("relocalisation")
-        return replace(update, stages_ms=self._watch.stages_ms)
+        return replace(self._as_edited(update), stages_ms=self._watch.stages_ms)
 
     def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
         """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
@@ -135,9 +157,29 @@ class Mapper:
         )
         return self.pose_map_base @ self._blind.motion, covariance
 
+    def edit(self, edit: Edit) -> str:
+        """Take in what a person says of the map, between two steps; the id of its object or zone. Raises EditError.
+
+        Edits are inputs as frames are: the same ones after the same frames make the same map. Pose, trajectory and
+        measured objects do not depend on them; a confirmed object is not forgotten.
+        """
+        return self.edits.take(edit, self.map, self.trajectory.stamps_near)
+
     def objects(self) -> list[MapObject]:
-        """The map as it stands."""
-        return self.map.objects()
+        """The map as it stands, edits laid over it."""
+        return self.edits.shown(self.map)
+
+    def annotations(self) -> Annotations:
+        """Zones and deleted objects as they stand."""
+        return self.edits.annotations(self.map)
+
+    def _as_edited(self, update: MapUpdate) -> MapUpdate:
+        """Ids as people have merged them, and what they have added."""
+        merges = self.edits.merges(self.map)
+        if merges:
+            ids = [merges.get(self.map.shown_as(identity), identity) for identity in update.object_ids]
+            update = replace(update, object_ids=ids, merged=update.merged | merges)
+        return replace(update, annotations=self.annotations())
 
     def _advance(self, motion: Motion) -> None:
         """Carry the pose on; the first frame's pose is the map's origin, known exactly."""
@@ -160,6 +202,7 @@ class Mapper:
             self.pose_map_base, self.pose_covariance = correction.pose_map_base, correction.pose_covariance
             self.trajectory.correct(correction.past)
             self.map.moved(correction.past)
+            self.edits.moved(correction.past)
         return correction, landmarks
 
     def _enter_saved_map(self, update: MapUpdate, alignment: Alignment) -> MapUpdate:
@@ -172,6 +215,7 @@ class Mapper:
         self.pose_map_base = alignment.pose_a_b @ self.pose_map_base
         self.loop_closer.begin_in(merged)
         self.trajectory.transform(alignment.pose_a_b)
+        self.edits.enter(self._saved_zones, alignment)
         pose, covariance = self.pose_map_base, self.pose_covariance
         return replace(
             update,

@@ -59,6 +59,14 @@ class PoseJournal:
         found = np.searchsorted(rows[:, 0], np.asarray(stamps_s, dtype=np.float64), side="right") - 1
         return rows[np.maximum(found, 0), 1:]
 
+    def stamps_near(self, points_m: ArrayLike) -> Array:
+        """Stamps (N,) of the poses nearest to points (N, 2) of the map; 0 before the first pose."""
+        self._settle()
+        points, rows = np.asarray(points_m, dtype=np.float64).reshape(-1, 2), self._rows[: self._count]
+        if not len(rows):
+            return np.zeros(len(points))
+        return np.array([rows[np.argmin(np.square(rows[:, 1:3] - point).sum(axis=1)), 0] for point in points])
+
     def points(self, stamps_s: ArrayLike, points_base_m: ArrayLike) -> Array:
         """Points (N, 2) of the base frame at those stamps (N,), in the map frame as known now."""
         points = np.asarray(points_base_m, dtype=np.float64).reshape(-1, 2)

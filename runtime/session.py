@@ -48,7 +48,7 @@ class Session:
 
     def save(self, path: str | Path) -> None:
         """Write the map as map.json, atomically. Raises MapError."""
-        save_map(Path(path), self.map)
+        save_map(Path(path), self.map, self.slam.mapper.annotations())
 
     def close(self) -> None:
         """Close the sinks and let go of the camera."""

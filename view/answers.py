@@ -11,7 +11,8 @@ import numpy as np
 
 from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.map_file import object_record
+from edgemap.geometry.objects.queries import inside_polygon
+from edgemap.runtime.map_file import object_record, zone_record
 from edgemap.runtime.slam import StepResult
 from edgemap.view.page import Fault, LivePage, Moment
 from edgemap.view.status import pose_sigma, status, step_ms
@@ -79,6 +80,14 @@ def objects_answer(moment: Moment | None) -> list[dict[str, Any]]:
     """All objects, the nearest to the robot first."""
     found = [object_answer(item, moment) for item in moment.objects] if moment else []
     return sorted(found, key=lambda item: item["distance_m"])
+
+
+def zones_answer(page: LivePage) -> list[dict[str, Any]]:
+    """The zones, with the ids of the objects whose centre lies in each."""
+    return [
+        zone_record(zone) | {"objects": [item.id for item in inside_polygon(page.objects, zone.corners_m)]}
+        for zone in page.annotations.zones
+    ]
 
 
 def fault_answer(fault: Fault) -> dict[str, Any]:

@@ -5,19 +5,24 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
+from msgspec import Meta
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.edits import LONGEST_NAME, MOST_CORNERS, Edit, EditError
+from edgemap.runtime.reading import HIDDEN, Coordinate
 from edgemap.view import answers
 from edgemap.view.page import LivePage, Moment
 from edgemap.view.updates import Pictures, Vitals
 
 BODY_BYTES = 16_384
+EDIT_LIMIT_S = 5.0
+Name = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]
 OPENAPI = Path(__file__).parent / "openapi.yaml"
 
 T = TypeVar("T")
@@ -36,6 +41,30 @@ class PauseWish(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/pause."""
 
     paused: bool
+
+
+class ObjectWish(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of PATCH /api/objects/{id}: what is to change."""
+
+    name: Name | None = None
+    confirmed: bool | None = None
+
+
+class MergeWish(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of POST /api/objects/{id}/merge."""
+
+    into: Name
+
+
+class ZoneWish(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of POST /api/zones and PUT /api/zones/{id}."""
+
+    name: Name
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MOST_CORNERS)]
+
+
+class Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """A body that says nothing: `{}`."""
 
 
 class Api:
@@ -57,6 +86,14 @@ class Api:
             ("GET", "/api/objects", self.objects),
             ("GET", "/api/objects/{id}", self.object),
             ("GET", "/api/objects/{id}/picture", self.object_picture),
+            ("PATCH", "/api/objects/{id}", self.change_object),
+            ("DELETE", "/api/objects/{id}", self.delete_object),
+            ("POST", "/api/objects/{id}/merge", self.merge_object),
+            ("POST", "/api/objects/{id}/restore", self.restore_object),
+            ("GET", "/api/zones", self.zones),
+            ("POST", "/api/zones", self.put_zone),
+            ("PUT", "/api/zones/{id}", self.put_zone),
+            ("DELETE", "/api/zones/{id}", self.delete_zone),
             ("POST", "/api/pause", self.pause),
             ("POST", "/api/save", self.save),
             ("GET", "/api/openapi.yaml", self.openapi),
@@ -121,12 +158,68 @@ class Api:
 
     async def save(self, request: Request) -> Response:
         """Keep a copy of the map in the run folder."""
-        await _body(request, msgspec.Struct)
+        await _body(request, Nothing)
         return _json({"path": str(await asyncio.to_thread(self._page.save))})
 
     async def openapi(self, request: Request) -> Response:  # noqa: ARG002
         """This API as OpenAPI text."""
         return Response(OPENAPI.read_bytes(), media_type="application/yaml")
+
+    async def change_object(self, request: Request) -> Response:
+        """Name an object, confirm it, or take either back."""
+        wish, identity = await _body(request, ObjectWish), self._object(request)["id"]
+        if wish.name is not None:
+            await self._edit(Edit("rename", identity, name=wish.name))
+        if wish.confirmed is not None:
+            await self._edit(Edit("confirm", identity, on=wish.confirmed))
+        return _json(self._object(request))
+
+    async def delete_object(self, request: Request) -> Response:
+        """Take an object off the map, and keep it off."""
+        return _json({"id": await self._edit(Edit("delete", self._object(request)["id"]))})
+
+    async def merge_object(self, request: Request) -> Response:
+        """Say that two objects are one."""
+        wish = await _body(request, MergeWish)
+        self._find(wish.into)
+        await self._edit(Edit("merge", self._object(request)["id"], into=wish.into))
+        return _json(self._find(wish.into))
+
+    async def restore_object(self, request: Request) -> Response:
+        """Take back that an object was deleted or merged."""
+        await _body(request, Nothing)
+        return _json({"id": await self._edit(Edit("restore", request.path_params["id"]))})
+
+    async def zones(self, request: Request) -> Response:  # noqa: ARG002
+        """The zones, with the objects in each."""
+        return _json(answers.zones_answer(self._page))
+
+    async def put_zone(self, request: Request) -> Response:
+        """Draw a zone, or change one."""
+        wish, identity = await _body(request, ZoneWish), request.path_params.get("id", "")
+        if identity and identity not in {zone.id for zone in self._page.annotations.zones}:
+            raise Refused(404, f"no zone {identity[:60]!r}")
+        made = await self._edit(Edit("zone", identity, name=wish.name, corners_m=tuple(wish.corners_m)))
+        zone = next(zone for zone in answers.zones_answer(self._page) if zone["id"] == made)
+        return _json(zone, 200 if identity else 201)
+
+    async def delete_zone(self, request: Request) -> Response:
+        """Take a zone away."""
+        identity = request.path_params["id"]
+        if identity not in {zone.id for zone in self._page.annotations.zones}:
+            raise Refused(404, f"no zone {identity[:60]!r}")
+        return _json({"id": await self._edit(Edit("drop_zone", identity))})
+
+    async def _edit(self, edit: Edit) -> str:
+        """Have the run take an edit between two steps; the id of its object or zone."""
+        self._moment()
+        future = asyncio.wrap_future(self._page.edits.submit(edit))
+        try:
+            return await asyncio.wait_for(future, EDIT_LIMIT_S)
+        except EditError as error:
+            raise Refused(409, str(error)) from None
+        except TimeoutError:
+            raise Refused(503, f"the run took no edit for {EDIT_LIMIT_S:.0f} s; this one is withdrawn") from None
 
     def _moment(self) -> Moment:
         if self._page.newest is None:
@@ -134,7 +227,10 @@ class Api:
         return self._page.newest
 
     def _object(self, request: Request) -> dict:
-        identity, moment = request.path_params["id"], self._moment()
+        return self._find(request.path_params["id"])
+
+    def _find(self, identity: str) -> dict:
+        moment = self._moment()
         for item in moment.objects:
             if item.id == identity:
                 return answers.object_answer(item, moment)

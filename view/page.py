@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.edits import Edits
 from edgemap.runtime.map_file import map_text, save_map
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.report.crops import BestCrops
@@ -39,6 +41,7 @@ class Moment:
 
     result: StepResult
     objects: list[MapObject]
+    annotations: Annotations
     arrived_s: float
 
 
@@ -46,7 +49,8 @@ class LivePage:
     """A sink that never waits: `write` puts references into a slot and wakes the server's thread if a viewer waits.
 
     about: what the page says of the run (plain JSON values). folder: where `save` writes. pause: None for live cameras.
-    camera_state: running, degraded or lost. crops: the objects' best pictures, which the report gathers.
+    camera_state: running, degraded or lost. crops: the objects' best pictures, which the report gathers. edits: where
+    viewers' edits go.
     """
 
     name = "live page"
@@ -58,9 +62,12 @@ class LivePage:
         pause: Pause | None = None,
         camera_state: Callable[[], str] = lambda: "running",
         crops: BestCrops | None = None,
+        edits: Edits | None = None,
     ) -> None:
         self.about, self.folder, self.pause, self.camera_state = about, folder, pause, camera_state
         self.crops = BestCrops() if crops is None else crops
+        self.edits = edits or Edits()
+        self.edits.listeners.append(self.edited)
         self.newest: Moment | None = None
         self.revision = 0
         self.epoch = 0  # counts how often everything told before has moved
@@ -90,13 +97,19 @@ class LivePage:
             self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
             x_base_m, y_base_m = placed.sighting.position_base_m
             self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
-        self.newest = Moment(result, objects, now_s)
+        self.newest = Moment(result, objects, result.update.annotations, now_s)
         fault = "; ".join(result.observed.faults)
         if fault != self._last_fault:
             self._last_fault = fault
             if fault:
                 self.faults.append(Fault(result.frame.index, fault, now_s))
         self._changed()
+
+    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
+        """The map as a person has just edited it, between two steps."""
+        if self.newest is not None:
+            self.newest = replace(self.newest, objects=objects, annotations=annotations)
+            self._changed()
 
     def fault(self, text: str) -> None:
         """Show a fault on the page."""
@@ -132,6 +145,11 @@ class LivePage:
         """The map as the newest step left it."""
         return self.newest.objects if self.newest else []
 
+    @property
+    def annotations(self) -> Annotations:
+        """Zones and deleted objects."""
+        return self.newest.annotations if self.newest else NO_ANNOTATIONS
+
     def rate_hz(self) -> float | None:
         """Steps per second over the last ones; None before the second."""
         arrivals = list(self._arrivals_s)
@@ -145,12 +163,12 @@ class LivePage:
 
     def map_text(self) -> str:
         """The map as the text of `map.json`."""
-        return map_text(self.objects)
+        return map_text(self.objects, self.annotations)
 
     def save(self) -> Path:
         """Write the map of this moment into the run folder, beside map.json, where it stays. Raises MapError."""
         path = self.folder / f"map-{self.newest.result.frame.index if self.newest else 0:06d}.json"
-        save_map(path, self.objects)
+        save_map(path, self.objects, self.annotations)
         return path
 
     def _tell_again(self, trajectory: PoseJournal) -> None:

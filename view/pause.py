@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable
 
 from edgemap.runtime.cameras.around import CameraAround
+from edgemap.runtime.cameras.fault import FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.frame import Frame
 
-LOOK_EVERY_S = 0.05
+LOOK_EVERY_S, HELD_S = 0.05, 0.25  # while held: between two looks, and until the reader may do something else
 
 
 class Pause:
@@ -44,17 +45,24 @@ class Pause:
 
 
 class PausableCamera(CameraAround):
-    """A camera whose `read` waits while the run is held. stopped: asked meanwhile; true ends the frames."""
+    """A camera that gives no frame while the run is held. stopped: asked meanwhile; true ends the frames."""
 
     def __init__(self, camera: Camera, pause: Pause, stopped: Callable[[], bool]) -> None:
         super().__init__(camera)
         self._pause, self._stopped = pause, stopped
+        self._kept: tuple[Frame | None] | None = None  # read before the run was held
 
     def read(self) -> Frame | None:
-        """The next frame, handed over when the run is not held; None at the end or when stopped."""
-        frame = super().read()
+        """The next frame; None at the end or when stopped. Raises FrameTimeout while the run is held."""
+        kept = (super().read(),) if self._kept is None else self._kept
+        held_s = 0.0
         while self._pause.paused:
             if self._stopped():
                 return None
+            if held_s >= HELD_S:
+                self._kept = kept
+                raise FrameTimeout(f"{self.name}: held", None, self.state)
             time.sleep(LOOK_EVERY_S)  # not Event.wait: a signal handler may run in here and set the same event
-        return frame
+            held_s += LOOK_EVERY_S
+        self._kept = None
+        return kept[0]

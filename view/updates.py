@@ -11,8 +11,10 @@ from typing import Any
 import cv2
 import psutil
 
+from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.map_file import zone_record
 from edgemap.runtime.slam import StepResult
 from edgemap.view.answers import fault_answer, frame_answer, map_object_answer, plain
 from edgemap.view.page import LivePage
@@ -72,6 +74,7 @@ class Cursor:
         self.revision = -1
         self._with_sightings = False
         self._frame: Frame | None = None
+        self._annotations: Annotations | None = None
         self._objects: dict[str, MapObject] = {}
         self._trail = self._sightings = self._faults = self._epoch = 0
 
@@ -97,6 +100,9 @@ class Cursor:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MOST_ITEMS)
         jpeg = b""
         if moment is not None:
+            if moment.annotations is not self._annotations:
+                self._annotations = moment.annotations
+                document["zones"] = [zone_record(zone) for zone in moment.annotations.zones]
             document |= _step(moment.result) | self._object_changes(moment.objects)
             document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - moment.arrived_s}
             if moment.result.frame is not self._frame:

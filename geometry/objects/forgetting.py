@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -76,6 +76,7 @@ class NoForgetting:
         pose_map_base: SE2,  # noqa: ARG002
         object_ids: Sequence[str],  # noqa: ARG002
         camera: FloorCamera | None = None,  # noqa: ARG002
+        kept: Collection[str] = (),  # noqa: ARG002
     ) -> list[str]:
         """Nothing leaves the map."""
         return []
@@ -100,11 +101,13 @@ class Forgetter:
         pose_map_base: SE2,
         object_ids: Sequence[str],
         camera: FloorCamera | None = None,
+        kept: Collection[str] = (),
     ) -> list[str]:
         """Weigh one frame, after the map has taken in its sightings; the ids that leave the map by it.
 
         detections: all boxes of the frame. pose_map_base: where they were seen from. object_ids: objects sighted.
-        camera: with the frame's attitude, None for the level robot's.
+        camera: with the frame's attitude, None for the level robot's. kept: ids of objects that a person has confirmed,
+        which never leave.
         """
         camera = camera or self.camera
         self._frame += 1
@@ -114,6 +117,9 @@ class Forgetter:
         clear = in_plain_view(objects, boxes, camera, pose_map_base, detections, self.rule.view)
         labels = np.array(detections.labels, dtype=object)
         for row, item in enumerate(objects):
+            if item.id in kept:
+                floor_map.set_presence(item.id, 1.0)
+                continue
             if item.id in sighted:
                 self._hit(item, pose_map_base, bool(clear[row]))
             elif clear[row]:

@@ -26,7 +26,7 @@ class MapObject:
 
     width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
     places that it was seen from, half a metre apart; a map may not know them. labels: probability of each class that
-    it was detected as.
+    it was detected as. name, confirmed: what a person has said of it.
     """
 
     id: str
@@ -41,6 +41,8 @@ class MapObject:
     last_seen_s: float
     seen_from_m: tuple[tuple[float, float], ...] = ()
     labels: Mapping[str, float] = field(default_factory=dict)
+    name: str = ""
+    confirmed: bool = False
 
 
 class ObjectMap(Protocol):

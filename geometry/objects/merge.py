@@ -108,4 +108,5 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
         ours.seen_from_m + theirs.seen_from_m,
         {label: share * ours.labels.get(label, 0.0) + (1 - share) * theirs.labels.get(label, 0.0)
          for label in {**ours.labels, **theirs.labels}},
+        ours.name or theirs.name, ours.confirmed or theirs.confirmed,
     )  # fmt: skip

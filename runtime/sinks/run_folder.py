@@ -16,6 +16,7 @@ import cv2
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import DiskError, RunFolderError
@@ -49,6 +50,7 @@ class RunFolder:
         self._camera, self._record = camera, record
         self._trajectory, self._sightings = LineFile(folder / "trajectory.tum"), LineFile(folder / "sightings.jsonl")
         self._objects: list[MapObject] = []
+        self._annotations = NO_ANNOTATIONS
         self._merged: dict[str, str] = {}
         self._laps: dict[str, deque[float]] = {}
         self._faults: list[str] = []
@@ -87,7 +89,7 @@ class RunFolder:
                 cv2.imwrite(str(self.folder / "mount.jpg"), picture)
         self._frames += 1
         self._stamp_s = stamp_s = result.frame.stamp_s
-        self._objects, self._merged = objects, result.merged
+        self._objects, self._merged, self._annotations = objects, result.merged, result.update.annotations
         self._journal = result.trajectory
         if result.correction is not None:
             self._note_correction(result.correction)
@@ -114,6 +116,12 @@ class RunFolder:
         if len(self._faults) < MAX_FAULTS:
             self._faults.append(f"frame {self._frames}: {text}")
 
+    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
+        """The map as a person has just edited it, saved at once; also after the run. A full disk gets it later."""
+        self._objects, self._annotations = objects, annotations
+        with suppress(DiskError):
+            save_map(self.folder / "map.json", objects, annotations)
+
     def close(self) -> None:
         """Save the map and the record for good. Raises DiskError where the disk does not take them."""
         if self._closed:
@@ -135,7 +143,7 @@ class RunFolder:
         """The map first: it is what the run is for. Raises DiskError."""
         if not self.folder.exists():
             self._make_again()
-        save_map(self.folder / "map.json", self._objects)
+        save_map(self.folder / "map.json", self._objects, self._annotations)
         self._trajectory.flush()
         self._sightings.flush()
         if rewrite:

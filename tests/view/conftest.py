@@ -1,3 +1,4 @@
+import threading
 from dataclasses import asdict
 
 import pytest
@@ -26,13 +27,27 @@ class Served:
 
         self.steps = Steps()
         self.told = []
+        self._stepping = threading.Lock()
         self.page = LivePage(ABOUT | {"live": live}, folder, None if live else Pause())
         self.server = PageServer(self.page, host, port, self.told.append)
+        self._over = threading.Event()
+        threading.Thread(target=self._take_edits, daemon=True).start()
         self.port, self.token = self.server.port, self.server.token
         self.url = self.server.url
 
     def step(self, count=1):
-        self.steps.into(self.page, count)
+        with self._stepping:
+            self.steps.into(self.page, count)
+
+    def close(self):
+        self._over.set()
+        self.server.close()
+
+    def _take_edits(self):
+        """As a run that is held: edits are taken between two steps."""
+        while not self._over.wait(0.005):
+            with self._stepping:
+                self.page.edits.apply(self.steps.mapper, self.steps.index)
 
 
 @pytest.fixture
@@ -46,4 +61,4 @@ def serve(tmp_path):
 
     yield start
     for one in served:
-        one.server.close()
+        one.close()

@@ -185,5 +185,87 @@ def test_the_stream_is_as_the_page_says(robot):
     with raw_viewer(served.port) as viewer:
         viewer.say("stream")
         update = viewer.update()
+    assert update["zones"] == []
     told = re.findall(r"^\| `(\w+)`", DOCS.read_text().split("## Stream")[1], re.M)
     assert set(told) == set(update) - {"jpeg"} | {"sightings"}
+
+
+def test_a_person_edits_the_map(robot):
+    """Name, confirmation, deletion and its way back, a merge and its way back: seen by the next request at once."""
+    served, api = robot
+    status, _, chair = api("PATCH", "/api/objects/chair-1", {"name": "Grandma's <b>chair</b>", "confirmed": True})
+    conforms("/api/objects/{id}", "PATCH", status, chair)
+    assert (chair["name"], chair["confirmed"], chair["confidence"]) == ("Grandma's <b>chair</b>", True, 1.0)
+    status, _, body = api("DELETE", "/api/objects/couch-1")
+    conforms("/api/objects/{id}", "DELETE", status, body)
+    assert [item["id"] for item in api.get("/api/objects")] == ["chair-1"]
+    saved = api.get("/api/map")
+    conforms("/api/map", "GET", 200, saved)
+    assert [item["id"] for item in saved["deleted"]] == ["couch-1"]
+    served.step(3)  # it is seen again, and stays off the map
+    assert [item["id"] for item in api.get("/api/objects")] == ["chair-1"]
+    assert api("POST", "/api/objects/couch-1/restore", {})[0] == 200
+    status, _, body = api("POST", "/api/objects/couch-1/merge", {"into": "chair-1"})
+    conforms("/api/objects/{id}/merge", "POST", status, body)
+    assert (body["id"], body["count"]) == ("chair-1", 30)  # fifteen of each
+    assert api("POST", "/api/objects/couch-1/restore", {})[0] == 200
+    assert len(api.get("/api/objects")) == 2
+    assert api("PATCH", "/api/objects/chair-1", {"name": "", "confirmed": False})[2].keys() == chair.keys() - {
+        "name", "confirmed",
+    }  # fmt: skip
+
+
+def test_zones_are_drawn_changed_and_dropped(robot):
+    _, api = robot
+    square = {"name": "window side", "corners_m": [[2, 0], [4, 0], [4, 2], [2, 2]]}
+    status, _, zone = api("POST", "/api/zones", square)
+    conforms("/api/zones", "POST", status, zone)
+    assert zone == square | {"id": "zone-1", "objects": ["chair-1"]}
+    status, _, zone = api("PUT", "/api/zones/zone-1", square | {"name": "door side"})
+    conforms("/api/zones/{id}", "PUT", status, zone)
+    conforms("/api/zones", "GET", 200, api.get("/api/zones"))
+    assert [zone["name"] for zone in api.get("/api/map")["zones"]] == ["door side"]
+    assert api("DELETE", "/api/zones/zone-1")[2] == {"id": "zone-1"}
+    assert api.get("/api/zones") == []
+    assert api("POST", "/api/zones", square)[2]["id"] == "zone-2"  # no id is given twice
+
+
+def test_edits_that_cannot_be_are_refused_in_one_line(robot):
+    served, api = robot
+    square = [[0, 0], [1, 0], [1, 1]]
+    wrong = [
+        ("PATCH", "/api/objects/chair-1", {"name": "x" * 81}, 400),
+        ("PATCH", "/api/objects/chair-1", {"name": "line\nbreak"}, 400),
+        ("PATCH", "/api/objects/chair-1", {"name": "a\u202eb"}, 400),
+        ("PATCH", "/api/objects/chair-1", {"name": " "}, 409),
+        ("PATCH", "/api/objects/chair-1", {"nome": "x"}, 400),
+        ("PATCH", "/api/objects/chair-9", {"name": "x"}, 404),
+        ("DELETE", "/api/objects/chair-9", None, 404),
+        ("POST", "/api/objects/chair-1/merge", {"into": "chair-1"}, 409),
+        ("POST", "/api/objects/chair-1/merge", {"into": "chair-9"}, 404),
+        ("POST", "/api/objects/chair-1/restore", {}, 409),
+        ("POST", "/api/zones", {"name": "", "corners_m": square}, 409),
+        ("POST", "/api/zones", {"name": "line", "corners_m": [[0, 0], [1, 1], [2, 2]]}, 409),
+        ("POST", "/api/zones", {"name": "two", "corners_m": square[:2]}, 400),
+        ("POST", "/api/zones", {"name": "far", "corners_m": [[0, 0], [1e9, 0], [1, 1]]}, 400),
+        ("POST", "/api/zones", {"name": "many", "corners_m": [[k, k * k] for k in range(101)]}, 400),
+        ("PUT", "/api/zones/zone-9", {"name": "none", "corners_m": square}, 404),
+        ("DELETE", "/api/zones/zone-9", None, 404),
+    ]
+    before = served.page.map_text()
+    for method, path, body, expected in wrong:
+        status, _, told = api(method, path, body)
+        assert status == expected, (method, path, body, told)
+        assert "\n" not in told["error"]
+    assert served.page.map_text() == before
+
+
+def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
+    monkeypatch.setattr("edgemap.view.api.EDIT_LIMIT_S", 0.05)
+    served = serve()
+    served.step(12)
+    with served._stepping:  # the run is busy in a step
+        status, _, body = Api(served.port)("PATCH", "/api/objects/chair-1", {"name": "late"})
+    assert (status, "withdrawn" in body["error"]) == (503, True)
+    served.step()
+    assert "late" not in served.page.map_text()

@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -102,6 +103,34 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
     assert last < len(stamps) < 200
     np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-6)  # every frame, in order, none twice
     assert json.loads((tmp_path / "run0" / "run.json").read_text())["finished"]
+
+
+def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(start, bundle, tmp_path):
+    """And `--edits` takes them at the same frames again."""
+    process, port = start("--camera", "demo", "--frames", "25")
+    api, folder = Api(port), tmp_path / "run0"
+    while not (found := api.get("/api/objects")):
+        time.sleep(0.05)
+    identity = found[0]["id"]
+    assert api("POST", "/api/pause", {"paused": True})[0] == 200
+    assert api("PATCH", f"/api/objects/{identity}", {"name": "held"})[0] == 200
+    assert '"name": "held"' in (folder / "map.json").read_text()
+    api("POST", "/api/pause", {"paused": False})
+    read_until(process, "the page stays at")
+    zone = {"name": "hall", "corners_m": [[0, 0], [1, 0], [1, 1]]}
+    assert api("POST", "/api/zones", zone)[0] == 201
+    saved = json.loads((folder / "map.json").read_text())
+    assert [zone["name"] for zone in saved["zones"]] == ["hall"]
+    assert "held" in {item.get("name") for item in saved["objects"]}
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=20) == 0
+    edits = [json.loads(line) for line in (folder / "edits.jsonl").read_text().splitlines()]
+    assert [edit["do"] for edit in edits] == ["rename", "zone"]
+    assert 0 < edits[0]["frames"] < edits[1]["frames"] == 25
+    again = [sys.executable, "-m", "edgemap.cli", "run", "--bundle", str(bundle), "--camera", "demo", "--frames", "25"]
+    again += ["--edits", str(folder / "edits.jsonl"), "--out", str(tmp_path / "again")]
+    subprocess.run(again, check=True, capture_output=True)
+    assert (tmp_path / "again" / "map.json").read_text() == (folder / "map.json").read_text()
 
 
 def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path):

@@ -1,0 +1,122 @@
+"""Edits on their way into a run: asked for by any thread, taken between two steps, recorded as inputs."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.geometry.objects.edits import MOST_CORNERS, Annotations, Edit, EditError
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.errors import DiskError
+from edgemap.runtime.mapper import Mapper
+from edgemap.runtime.reading import HIDDEN, Coordinate, Strict, decode_json, read_text
+from edgemap.runtime.sinks.line_file import LineFile
+
+MOST_WAITING = 100
+FILE_BYTES = 16 << 20
+Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
+Edited = Callable[[list[MapObject], Annotations], None]
+
+
+class _Line(Strict):
+    """A line of edits.jsonl. frames: steps done before the edit."""
+
+    frames: Annotated[int, Meta(ge=0, le=1 << 40)]
+    do: str
+    id: Text = ""
+    name: Text = ""
+    on: bool = True
+    into: Text = ""
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=MOST_CORNERS)] = msgspec.field(
+        default_factory=list
+    )
+
+
+class Edits:
+    """A run's edits. path: edits.jsonl, to which each one is written as it is taken. recorded: (steps done, edit) of
+    an earlier run, taken at the same steps again."""
+
+    def __init__(self, path: Path | None = None, recorded: Sequence[tuple[int, Edit]] = ()) -> None:
+        self.listeners: list[Edited] = []
+        self._log = LineFile(path) if path else None
+        self._recorded = deque(recorded)
+        self._waiting: deque[tuple[Edit, Future[str]]] = deque()
+
+    def submit(self, edit: Edit) -> Future[str]:
+        """Ask for an edit, from any thread; the id of its object or zone once it is done. The future raises EditError
+        where the map does not allow it."""
+        future: Future[str] = Future()
+        if len(self._waiting) >= MOST_WAITING:
+            future.set_exception(EditError(f"{MOST_WAITING} edits are waiting already"))
+        else:
+            self._waiting.append((edit, future))
+        return future
+
+    def apply(self, mapper: Mapper, frames: int) -> list[str]:
+        """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns what recorded
+        edits failed at, in a line each."""
+        failed: list[str] = []
+        answers: list[tuple[Future[str], str]] = []
+        changed = False
+        while self._recorded and self._recorded[0][0] <= frames:
+            edit = self._recorded.popleft()[1]
+            try:
+                mapper.edit(edit)
+            except EditError as error:
+                failed.append(f"recorded edit {edit.do} {edit.id!r}: {error}")
+                continue
+            self._note(edit, frames)
+            changed = True
+        while self._waiting:
+            edit, future = self._waiting.popleft()
+            if not future.set_running_or_notify_cancel():  # nobody waits for it any more
+                continue
+            try:
+                answers.append((future, mapper.edit(edit)))
+            except EditError as error:
+                future.set_exception(error)
+                continue
+            self._note(edit, frames)
+        if changed or answers:
+            for listener in self.listeners:
+                listener(mapper.objects(), mapper.annotations())
+        for future, answer in answers:  # last, so that whoever waited finds the edited map
+            future.set_result(answer)
+        return failed
+
+    def _note(self, edit: Edit, frames: int) -> None:
+        """Record it; a disk that is full gets it with the next one, and the run folder tells of it."""
+        if self._log is not None:
+            self._log.append(json.dumps({"frames": frames} | _told(edit)) + "\n")
+            with suppress(DiskError):
+                self._log.flush()
+
+
+def load_edits(path: Path) -> list[tuple[int, Edit]]:
+    """An edits.jsonl: (steps done, edit), in order. Raises EditError in one line."""
+    found = []
+    for number, line in enumerate(read_text(path, FILE_BYTES, EditError).splitlines(), 1):
+        record = decode_json(line, _Line, f"{path}:{number}", EditError)
+        if record.do not in KINDS:
+            raise EditError(f"{path}:{number}: no edit is called {record.do!r} (known: {', '.join(KINDS)})")
+        fields: dict[str, Any] = {name: getattr(record, name) for name in ("do", "id", "name", "on", "into")}
+        found.append((record.frames, Edit(**fields, corners_m=tuple(record.corners_m))))
+    return found
+
+
+KINDS = ("rename", "confirm", "delete", "merge", "restore", "zone", "drop_zone")
+
+
+def _told(edit: Edit) -> dict[str, Any]:
+    """An edit's fields, without those that say nothing."""
+    plain = Edit(edit.do)
+    names = ("do", "id", "name", "on", "into", "corners_m")
+    return {name: getattr(edit, name) for name in names if name == "do" or getattr(edit, name) != getattr(plain, name)}
