@@ -195,7 +195,8 @@ def test_a_zone_moves_with_the_part_of_the_path_beside_it():
         Edit("rename", "chair-1", name="x" * 81), Edit("rename", "chair-1", name="a\nb"),
         Edit("zone", name="", corners_m=SQUARE), Edit("zone", name="x", corners_m=SQUARE[:2]),
         Edit("zone", name="x", corners_m=((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))),
-        Edit("zone", "zone-9", "x", corners_m=SQUARE), Edit("drop_zone", "zone-1"), Edit("merge", "chair-1", into="chair-1"),
+        Edit("zone", "zone-9", "x", corners_m=SQUARE), Edit("drop_zone", "zone-1"),
+        Edit("merge", "chair-1", into="chair-1"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_changes_nothing(edit):
