@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view test lint mutants docs bench reliability paper-tables demo release clean
+.PHONY: setup system run view test lint audit mutants docs bench reliability paper-tables demo release clean
 
 setup: system $(STAMP)
 
@@ -59,6 +59,12 @@ docs: setup
 bench: setup
 	$(BIN)/edgemap bench --against openvino
 	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
+
+# Known vulnerabilities of the pinned libraries, by PyPI's database: fails where one has any, and where it does not
+# reach the database. pip-audit has an environment of its own, since its libraries are none of edgemap's.
+audit:
+	test -x .audit/bin/pip-audit || { $(PYTHON) -m venv .audit && .audit/bin/python -m pip install -q pip-audit==2.10.1; }
+	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict
 
 # Camera faults, kills, hostile files, a long day; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
 PARTS ?=

@@ -22,6 +22,33 @@ from edgemap.runtime.extras import install_hint
 
 WAIT_S = 20.0  # for the first frame of a camera
 
+# Extra to what it is for, and its modules with the packages that they come in.
+EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
+    "export": (
+        "pull by name, export, train",
+        {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"},
+    ),
+    "plot": ("map show, detect --plot", {"matplotlib": "matplotlib"}),
+    "evaluation": ("eval detection", {"faster_coco_eval": "faster-coco-eval"}),
+    "simulation": (
+        "rendered rooms",
+        {"moderngl": "moderngl", "av": "av", "PIL": "pillow", "embreex": "embreex"},
+    ),
+    "openvino": ("bench --against openvino", {"openvino": "openvino"}),
+    "view": ("run --view", {"starlette": "starlette", "uvicorn": "uvicorn", "websockets": "websockets"}),
+    "record": (
+        "record, run --record, recordings as cameras",
+        {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"},
+    ),
+    "foxglove": ("run --foxglove", {"foxglove": "foxglove-sdk", "mcap_ros2": "mcap-ros2-support"}),
+    "mqtt": ("run --mqtt", {"paho": "paho-mqtt"}),
+    "ros2": (
+        "run --ros2, cameras and sensors on ROS 2 topics",
+        {"cyclonedds": "cyclonedds", "mcap_ros2": "mcap-ros2-support"},
+    ),
+    "rerun": ("run --rerun, recordings in Rerun", {"rerun": "rerun-sdk"}),
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -106,42 +133,16 @@ def _libraries() -> Iterator[Finding]:
 
     base = ("numpy", "scipy", "opencv-python-headless", "onnxruntime")
     yield Finding("libraries", "ok", ", ".join(f"{name} {version(name)}" for name in base))
-    extras = {
-        "export": (("torch", "torch"), ("onnx", "onnx"), ("onnxscript", "onnxscript")),
-        "plot": (("matplotlib", "matplotlib"),),
-        "evaluation": (("faster_coco_eval", "faster-coco-eval"),),
-        "simulation": (("moderngl", "moderngl"), ("av", "av"), ("PIL", "pillow"), ("embreex", "embreex")),
-        "openvino": (("openvino", "openvino"),),
-        "view": (("starlette", "starlette"), ("uvicorn", "uvicorn"), ("websockets", "websockets")),
-        "record": (("mcap", "mcap"), ("mcap_ros2", "mcap-ros2-support")),
-        "foxglove": (("foxglove", "foxglove-sdk"), ("mcap_ros2", "mcap-ros2-support")),
-        "mqtt": (("paho", "paho-mqtt"),),
-        "ros2": (("cyclonedds", "cyclonedds"),),
-        "rerun": (("rerun", "rerun-sdk"),),
-    }
-    purposes = {
-        "export": "pull by name, export, train",
-        "plot": "map show, detect --plot",
-        "evaluation": "eval detection",
-        "simulation": "rendered rooms",
-        "openvino": "bench --against openvino",
-        "view": "run --view",
-        "record": "record, run --record, recordings as cameras",
-        "foxglove": "run --foxglove",
-        "mqtt": "run --mqtt",
-        "ros2": "run --ros2, cameras and sensors on ROS 2 topics",
-        "rerun": "run --rerun, recordings in Rerun",
-    }
-    for extra, modules in extras.items():
-        lacking = [package for module, package in modules if find_spec(module) is None]
+    for extra, (purpose, modules) in EXTRAS.items():
+        lacking = [package for module, package in modules.items() if find_spec(module) is None]
         if lacking:
-            text = f"extra {extra} ({purposes[extra]}) lacks {', '.join(lacking)}"
+            text = f"extra {extra} ({purpose}) lacks {', '.join(lacking)}"
             yield Finding("extra", "missing", text, install_hint(extra))
             continue
         try:
-            text = f"{extra} ({purposes[extra]}): " + ", ".join(f"{name} {version(name)}" for _, name in modules)
+            text = f"{extra} ({purpose}): " + ", ".join(f"{name} {version(name)}" for name in modules.values())
         except PackageNotFoundError:
-            text = f"{extra} ({purposes[extra]})"
+            text = f"{extra} ({purpose})"
         yield Finding("extra", "ok", text)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.cameras.around import CameraAround
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.cameras.stamps import clock_jumps
 from edgemap.runtime.frame import Frame
 
 KEPT = 20_000  # samples of each kind that wait for a reader
@@ -24,11 +25,20 @@ class ImuBuffer:
     """Samples on the clock of the frames, in the IMU's axes. Threads may push while another takes.
 
     rotation: (3, 3), takes IMU directions into the camera's optical frame. kept: the most that wait, None for all.
+    clock_s: for samples pushed as they are measured, the host's seconds: where the device's clock jumps or begins
+    anew, their stamps go on by these, as those of the pictures do (`StreamClock`).
     """
 
-    def __init__(self, rotation: NDArray[np.float64] | None = None, kept: int | None = KEPT) -> None:
+    def __init__(
+        self,
+        rotation: NDArray[np.float64] | None = None,
+        kept: int | None = KEPT,
+        clock_s: Callable[[], float] | None = None,
+    ) -> None:
         self.rotation = np.eye(3) if rotation is None else rotation
-        self._kept = kept
+        self._kept, self._clock_s = kept, clock_s
+        self._newest: tuple[float, float] | None = None  # the device's stamp and the host's seconds
+        self._offset_s = 0.0
         self._lock = threading.Lock()
         self._rates: list[_Row] = []
         self._forces: list[_Row] = []
@@ -65,9 +75,21 @@ class ImuBuffer:
         if not np.isfinite([stamp_s, x, y, z]).all():
             return
         with self._lock:
-            rows.append((float(stamp_s), x, y, z))
+            rows.append((float(stamp_s) + self._shift_s(float(stamp_s)), x, y, z))
             if self._kept is not None:
                 del rows[: -self._kept]
+
+    def _shift_s(self, stamp_s: float) -> float:
+        """From the device's clock to the stream's."""
+        if self._clock_s is None:
+            return 0.0
+        now_s = self._clock_s()
+        if self._newest is not None:
+            step_s, passed_s = stamp_s - self._newest[0], now_s - self._newest[1]
+            if clock_jumps(step_s, passed_s):
+                self._offset_s += passed_s - step_s
+        self._newest = stamp_s, now_s
+        return self._offset_s
 
 
 class ImuCamera(CameraAround):

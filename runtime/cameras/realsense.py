@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -112,7 +113,7 @@ class RealSenseDriver:
         self._rs = import_realsense()
         self._context = self._rs.context()
         self._serial = serial
-        self.imu = ImuBuffer()
+        self.imu = ImuBuffer(clock_s=time.monotonic)
         self._opened: Any = None
 
     def open(self) -> RealSenseDevice:

@@ -11,6 +11,11 @@ SMALLEST_STEP_S = 1e-4
 BACKWARD_LIMIT_S = 0.05  # a clock that is being disciplined steps back a little; less than a frame is no fault
 
 
+def clock_jumps(step_s: float, passed_s: float) -> bool:
+    """Whether a device's clock that went on by `step_s` while `passed_s` passed on the host's has jumped."""
+    return step_s < -BACKWARD_LIMIT_S or step_s > passed_s + CLOCK_JUMP_LIMIT_S
+
+
 class StreamClock:
     """Adds an offset to device stamps; where they stand or are no numbers, and where they jump, time goes on by the
     host's clock. A jump changes the offset for good."""
@@ -51,5 +56,4 @@ class StreamClock:
 
     def _jumps(self, device_s: float, host_s: float) -> bool:
         """Against the newest good stamp; never where there is none."""
-        step_s = device_s - self._device_s
-        return step_s < -BACKWARD_LIMIT_S or step_s > host_s - self._device_host_s + CLOCK_JUMP_LIMIT_S
+        return clock_jumps(device_s - self._device_s, host_s - self._device_host_s)

@@ -16,19 +16,23 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.memory import bounded_memory
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
 FALLBACK_RATE_HZ = 30.0
+MEMORY_BYTES = 1 << 30  # that opening, or a single frame, may take beyond what the process has
 LOG_SILENT = 0  # OpenCV's LOG_LEVEL_SILENT
 
 
 class VideoCamera(CameraBase):
     """A video that OpenCV decodes. stamps_s: where given, the video must have exactly one frame for each.
 
-    Else stamps are the file's, or last + 1 / fps where those do not increase. Raises CameraError for no video.
+    Else stamps are the file's, or last + 1 / fps where those do not increase. Memory is bounded, whatever
+    the file says of its size. Raises CameraError for no video, and for one of too many pixels.
     """
 
     def __init__(
@@ -47,6 +51,10 @@ class VideoCamera(CameraBase):
         if not self._capture.isOpened():
             self.close()
             raise CameraError(f"{path}: not a video that OpenCV reads ({path.stat().st_size} bytes)")
+        wide, high = (int(self._capture.get(what)) for what in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        if wide * high > PIXEL_LIMIT:
+            self.close()
+            raise CameraError(f"{path}: video of {wide}x{high} px, at most {PIXEL_LIMIT:,} px are decoded")
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.rate_hz = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
         announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
@@ -83,7 +91,11 @@ class VideoCamera(CameraBase):
     def _decode(self) -> tuple[NDArray[np.uint8], float] | None:
         if self._capture is None:
             return None
-        good, image = self._capture.read()
+        try:
+            with quietly(), bounded_memory(MEMORY_BYTES):
+                good, image = self._capture.read()
+        except (cv2.error, MemoryError):
+            return None
         if not good or image is None:
             return None
         return np.asarray(image, dtype=np.uint8), self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
@@ -108,7 +120,7 @@ class VideoCamera(CameraBase):
 def _open_quietly(path: Path) -> cv2.VideoCapture:
     # Without a named backend OpenCV also takes the path for a picture pattern.
     known = cv2.videoio_registry.getBackends()
-    with quietly():
+    with quietly(), bounded_memory(MEMORY_BYTES):
         return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
 
 

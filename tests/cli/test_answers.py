@@ -1,12 +1,16 @@
 """Mistakes at the command line: each is answered by one line that says what to type."""
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
 from edgemap.cli import main
+from edgemap.cli.doctor import EXTRAS
 
 CHAIR = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
@@ -114,3 +118,13 @@ def test_a_configuration_of_strange_keys_and_values_is_one_short_line(capsys, tm
         assert code == 1
         assert line.isprintable()
         assert len(line) < 600
+
+
+def test_doctor_knows_every_extra_and_every_package_of_it():
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    extras = {
+        extra: {re.split(r"[><=;\[ ]", package)[0] for package in packages}
+        for extra, packages in project["optional-dependencies"].items()
+        if extra not in ("all", "dev")
+    }
+    assert {extra: set(modules.values()) for extra, (_, modules) in EXTRAS.items()} == extras

@@ -1,7 +1,10 @@
 """Small files that would take gigabytes or an endless while once read: refused, or read in bounded memory."""
 
+import functools
+import struct
 import subprocess
 import sys
+import zlib
 from io import BytesIO
 from types import SimpleNamespace
 
@@ -14,6 +17,7 @@ from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.cameras.recording import RecordingCamera
 from edgemap.runtime.default_bundle import LENS, default_bundle
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.memory import bounded_memory
 from edgemap.runtime.messages.definitions import definition
 from edgemap.runtime.recordings import chunks, foreign
 from edgemap.runtime.recordings.facts import Facts
@@ -198,3 +202,87 @@ def test_a_first_picture_that_is_damaged_is_told(tmp_path):
     path = bag(tmp_path / "a.mcap", [("/image", "sensor_msgs/Image", 1, picture(encoding="yuyv", width=3, step=6))])
     with pytest.raises(CameraFault, match="Image of 3x4 px yuyv"):
         RecordingCamera(str(path))
+
+
+@functools.cache
+def png(width, height):
+    """A black picture, small as a file."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    packer = zlib.compressobj(9)
+    rows = b"".join(packer.compress(bytes(1 + 3 * width)) for _ in range(height)) + packer.flush()
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+
+
+def avi(path, pictures, width, height):
+    """A video of PNG pictures whose headers say this size."""
+
+    def chunk(kind, data):
+        return kind + struct.pack("<I", len(data)) + data + bytes(len(data) % 2)
+
+    count = len(pictures)
+    stream = b"vidsMPNG" + struct.pack(
+        "<IHHIIIIIIII4h", 0, 0, 0, 0, 1, 10, 0, count, 1 << 20, 0, 0, 0, 0, width, height
+    )
+    form = struct.pack("<IiiHH4sIiiII", 40, width, height, 1, 24, b"MPNG", 3 * width * height, 0, 0, 0, 0)
+    head = struct.pack("<14I", 100_000, 0, 0, 0, count, 0, 1, 1 << 20, width, height, 0, 0, 0, 0)
+    streams = chunk(b"LIST", b"strl" + chunk(b"strh", stream) + chunk(b"strf", form))
+    movie = chunk(b"LIST", b"movi" + b"".join(chunk(b"00dc", picture) for picture in pictures))
+    path.write_bytes(chunk(b"RIFF", b"AVI " + chunk(b"LIST", b"hdrl" + chunk(b"avih", head) + streams) + movie))
+    return path
+
+
+VIDEO = """
+import resource, sys
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.cameras import open_camera
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    with open_camera(sys.argv[1]) as camera:
+        while (frame := camera.read()) is not None:
+            print(frame.image.shape)
+except EdgemapError as error:
+    print(error)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+"""
+
+
+@pytest.mark.parametrize(
+    ("size", "said", "text"),
+    [
+        ((9000, 9000), (9000, 9000), "video of 9000x9000 px, at most 67,108,864 px are decoded"),
+        ((21000, 21000), (21000, 21000), "video"),
+        ((21000, 21000), (64, 48), "video"),
+    ],
+)
+def test_a_small_video_of_huge_pictures_is_refused_in_bounded_memory(tmp_path, size, said, text):
+    path = avi(tmp_path / "a.avi", [png(*size)], *said)
+    assert path.stat().st_size < 4 << 20
+    done = subprocess.run([sys.executable, "-c", VIDEO, str(path)], capture_output=True, text=True, check=False)
+    told, taken_mb = done.stdout.splitlines()
+    assert text in told
+    assert int(taken_mb) < 1100
+    assert done.stderr == ""
+
+
+def test_a_huge_picture_in_the_middle_of_a_video_costs_bounded_memory(tmp_path):
+    small = png(64, 48)
+    path = avi(tmp_path / "a.avi", [small, small, small, png(21000, 21000), small, small], 64, 48)
+    done = subprocess.run([sys.executable, "-c", VIDEO, str(path)], capture_output=True, text=True, check=False)
+    *shapes, taken_mb = done.stdout.splitlines()
+    assert set(shapes) == {"(48, 64, 3)"}
+    assert len(shapes) >= 3
+    assert int(taken_mb) < 1100
+
+
+def test_the_bound_on_memory_is_lifted_again():
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    with bounded_memory(64 << 20), pytest.raises(MemoryError):
+        bytearray(256 << 20)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
+    assert len(bytearray(256 << 20)) == 256 << 20

@@ -1,12 +1,16 @@
 """Inertial samples beside the pictures: pushed by a program, and out of a RealSense recording."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from support.live_camera import Clock, ScriptedDriver, drain, picture
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer, ImuCamera
+from edgemap.runtime.cameras.live import LiveCamera
 
 
 class Still(CameraBase):
@@ -39,6 +43,32 @@ def test_an_accelerometer_at_its_own_rate_is_interpolated():
     for stamp_s in (0.02, 0.05):
         buffer.push_rate(stamp_s, (0.0, 0.0, 0.0))
     np.testing.assert_allclose(buffer.take(0.06).accel_m_s2[:, 0], [0.2, 0.5])
+
+
+@pytest.mark.parametrize("by_s", [-3600.0, -0.3, 5.0])
+def test_a_device_clock_that_jumps_shifts_samples_and_pictures_alike(by_s):
+    clock = Clock()
+    buffer = ImuBuffer(clock_s=clock)
+
+    class Jumping(ScriptedDriver):
+        def grab(self):
+            self.clock.now_s += 0.001  # as late as the samples are
+            for _ in range(20):
+                clock.now_s += 0.005
+                device_s = clock() - 900.0 + (by_s if clock() > 1002.03 else 0.0)
+                buffer.push(device_s, (0.0, 0.0, 0.1), (0.0, 9.8, 0.0))
+            number, self.grabs = self.grabs, self.grabs + 1
+            return device_s, picture(number)
+
+    driver: Any = Jumping(clock)
+    frames = drain(ImuCamera(LiveCamera(driver, clock_s=clock, wait=clock.wait), buffer), 60)
+    stamps = np.array([frame.stamp_s for frame in frames])
+    np.testing.assert_allclose(np.diff(stamps), 0.101, atol=2e-3)
+    assert {len(frame.imu) for frame in frames[1:]} <= {19, 20, 21}
+    samples = np.concatenate([frame.imu.stamps_s for frame in frames])
+    assert len(samples) == 60 * 20
+    assert (np.diff(samples) > 0).all()
+    assert max(abs(frame.imu.stamps_s[-1] - frame.stamp_s) for frame in frames) < 0.01
 
 
 def test_a_realsense_recording_brings_all_of_its_samples(tmp_path):

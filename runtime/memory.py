@@ -1,0 +1,27 @@
+"""A bound on what a library may take while it reads a file that anybody may have made."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+STATM = Path("/proc/self/statm")  # its first number: pages of address space
+
+
+@contextmanager
+def bounded_memory(more_bytes: int) -> Iterator[None]:
+    """Let the process take at most so much address space beyond what it has; allocations over that fail as on a machine
+    without memory. Holds for all threads; for one user at a time. No bound where the system does not tell the size."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        limit = int(STATM.read_text().split(maxsplit=1)[0]) * resource.getpagesize() + more_bytes
+    except OSError:
+        limit = soft
+    known = [value for value in (soft, hard, limit) if value != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(known, default=resource.RLIM_INFINITY), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
