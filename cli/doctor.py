@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,7 +19,7 @@ from edgemap.cli.options import (
     MountText,
 )
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.extras import install_hint
+from edgemap.runtime.extras import install_hint, pip
 
 WAIT_S = 20.0  # for the first frame of a camera
 
@@ -133,6 +134,9 @@ def _libraries() -> Iterator[Finding]:
 
     base = ("numpy", "scipy", "opencv-python-headless", "onnxruntime")
     yield Finding("libraries", "ok", ", ".join(f"{name} {version(name)}" for name in base))
+    with suppress(PackageNotFoundError):
+        text = f"the package edgemap {version('edgemap')}, another project's, has the same import name"
+        yield Finding("libraries", "broken", text, f"{pip()} uninstall edgemap, then install edgemap-robot again")
     for extra, (purpose, modules) in EXTRAS.items():
         lacking = [package for module, package in modules.items() if find_spec(module) is None]
         if lacking:

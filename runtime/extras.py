@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
+from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 from edgemap.runtime.errors import MissingExtraError
@@ -20,9 +23,20 @@ def install_hint(extra: str) -> str:
         origin = {}
     address = urlparse(str(origin.get("url", "")))
     if address.scheme != "file":
-        return f"pip install '{DISTRIBUTION}[{extra}]'"
+        return f"{pip()} install '{DISTRIBUTION}[{extra}]'"
     editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
-    return f"pip install {editable}'{unquote(address.path)}[{extra}]'"
+    return f"{pip()} install {editable}'{unquote(address.path)}[{extra}]'"
+
+
+def pip() -> str:
+    """What to type for this environment's pip: `pip` where the shell finds that one, else by the path of Python."""
+    found, programs = shutil.which("pip"), Path(sys.executable).parent
+    if found and Path(found).parent.resolve() == programs.resolve():
+        return "pip"
+    python = Path(sys.executable)
+    if python.is_relative_to(Path.cwd()):
+        python = python.relative_to(Path.cwd())
+    return f"{python} -m pip"
 
 
 def need(extra: str, purpose: str, modules: tuple[str, ...]) -> None:

@@ -29,6 +29,12 @@ class Frame:
     imu: ImuSamples = field(default_factory=ImuSamples.none)
     attitude: Attitude | None = None
 
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the picture."""
+        from edgemap.runtime.notebook import png
+
+        return png(self.image)
+
     def __post_init__(self) -> None:
         if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:
             raise ValueError(f"frame image is {self.image.dtype} {self.image.shape}, expected uint8 (H, W, 3)")

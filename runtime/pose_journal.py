@@ -28,6 +28,11 @@ class PoseJournal:
     def __len__(self) -> int:
         return self._count
 
+    @property
+    def stamps_s(self) -> Array:
+        """Stamps (N,) of the poses that are kept, in order."""
+        return self._rows[: self._count, 0].copy()
+
     def append(self, stamp_s: float, pose_map_base: SE2) -> None:
         """The pose of the newest step; stamps must not run backwards."""
         row = np.array([stamp_s, *pose_map_base.vector()])

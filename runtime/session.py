@@ -8,7 +8,6 @@ from types import TracebackType
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.config import Config, load_config
@@ -16,6 +15,7 @@ from edgemap.runtime.default_bundle import default_bundle
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.loop import steps
 from edgemap.runtime.map_file import save_map
+from edgemap.runtime.notebook import MapObjects
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam, StepResult
 from edgemap.runtime.slam_setup import SlamOptions, build_slam
@@ -42,9 +42,9 @@ class Session:
         return next(self._steps)
 
     @property
-    def map(self) -> list[MapObject]:
-        """The objects as they stand now, ordered by id."""
-        return self.slam.objects()
+    def map(self) -> MapObjects:
+        """The objects as they stand now, ordered by id; in a notebook, the map from above."""
+        return MapObjects(self.slam.objects(), self.slam.mapper.trajectory)
 
     def save(self, path: str | Path) -> None:
         """Write the map as map.json, atomically. Raises MapError."""

@@ -35,6 +35,14 @@ class StepResult:
     update: MapUpdate
     faults: tuple[CameraFault, ...] = ()
 
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the picture with all boxes, those on the floor with their distance."""
+        from edgemap.runtime.notebook import png
+        from edgemap.runtime.overlay import draw_detections
+
+        sightings = [placed.sighting for placed in self.sightings]
+        return png(draw_detections(self.frame.image, self.detections, sightings))
+
     @property
     def detections(self) -> Detections:
         """All boxes of the frame."""

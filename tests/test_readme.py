@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from support.painted import write_painted
 
 from edgemap.cli import COMMANDS
@@ -73,6 +74,20 @@ def test_shown_python_runs(block, tmp_path):
 def test_make_targets_exist(target):
     result = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
+
+
+def test_the_public_workflow_calls_what_exists():
+    """Every `run` line is a make target or a command with its flags; nothing is published from it."""
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    lines = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
+    assert {"make lint", "make test", "make release"} <= set(lines)
+    for line in lines:
+        if line.startswith("make "):
+            subprocess.run(["make", "-n", line.split()[1]], cwd=ROOT, capture_output=True, check=True)
+        elif line.startswith("edgemap "):
+            test_every_shown_command_exists_with_its_flags(line.partition(" | ")[0])
+        else:
+            assert line == "pip install ."
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")

@@ -20,6 +20,7 @@ from edgemap.runtime.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.cameras.realsense_motion import recorded_motion, start_motion
 from edgemap.runtime.cameras.realsense_picture import to_bgr
 from edgemap.runtime.errors import CameraError, MissingExtraError
+from edgemap.runtime.extras import pip
 from edgemap.runtime.frame import Frame
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
@@ -37,7 +38,7 @@ def import_realsense() -> ModuleType:
                 f"RealSense needs the system library libusb: apt install libusb-1.0-0 ({error})"
             ) from None
         raise MissingExtraError(
-            f"RealSense needs librealsense's Python module: pip install pyrealsense2 ({error})"
+            f"RealSense needs librealsense's Python module: {pip()} install pyrealsense2 ({error})"
         ) from None
     return pyrealsense2
 

@@ -78,7 +78,8 @@ def test_map_show_without_matplotlib_lists_the_objects_and_names_the_extra(tmp_p
     assert result.returncode == 1
     assert "chair-1" in result.stdout
     (line,) = result.stderr.splitlines()
-    assert line.startswith("edgemap map show: drawing needs matplotlib: pip install ")
+    assert line.startswith("edgemap map show: drawing needs matplotlib: ")
+    assert " -m pip install " in line or ": pip install " in line
     assert line.endswith("[plot]'")
 
 

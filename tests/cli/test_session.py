@@ -133,6 +133,23 @@ def test_a_hint_works_from_where_the_installation_came(monkeypatch, origin, told
             return origin
 
     monkeypatch.setattr(extras, "distribution", lambda name: Installed())
+    monkeypatch.setattr(extras, "pip", lambda: "pip")
     assert extras.install_hint("view") == told
     with pytest.raises(MissingExtraError, match="the page needs no_such_module: pip install"):
         extras.need("view", "the page", ("json", "no_such_module"))
+
+
+def test_a_hint_names_the_pip_of_this_environment(monkeypatch, tmp_path):
+    """`.venv/bin/edgemap` of an environment that is not active: the shell's pip is another one, or there is none."""
+    monkeypatch.chdir(tmp_path)
+    programs = tmp_path / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    (programs / "pip").touch(0o755)
+    monkeypatch.setattr("sys.executable", str(programs / "python"))
+    monkeypatch.setenv("PATH", "/usr/bin")
+    assert extras.pip() == ".venv/bin/python -m pip"
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert extras.pip() == f"{programs}/python -m pip"
+    monkeypatch.setenv("PATH", f"{programs}:/usr/bin")
+    assert extras.pip() == "pip"

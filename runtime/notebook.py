@@ -1,0 +1,70 @@
+"""How results show themselves in a notebook: pictures as PNG, maps as a drawing over a table."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.pose_journal import PoseJournal
+
+MOST_POSES = 2000  # of a drawn trajectory
+
+
+class MapObjects(list[MapObject]):
+    """A list of objects that a notebook shows as the map from above and a table. trajectory: drawn with them."""
+
+    def __init__(self, objects: Iterable[MapObject] = (), trajectory: PoseJournal | None = None) -> None:
+        super().__init__(objects)
+        self.trajectory = trajectory
+
+    def _repr_html_(self) -> str:
+        return map_html(self, self.trajectory)
+
+
+def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) -> str:
+    """The map as the report draws it, and one row per object. The drawing is a picture of its own, so that its styles
+    stay out of the page."""
+    from edgemap.runtime.report.floor_svg import floor_svg
+    from edgemap.runtime.report.markup import el, joined
+
+    poses: list[SE2] = []
+    if trajectory is not None and len(trajectory):
+        stamps_s = trajectory.stamps_s
+        rows = trajectory.at(stamps_s[:: max(1, len(stamps_s) // MOST_POSES)])
+        poses = [SE2(*row) for row in rows.tolist()]
+    # Without its rules for narrow screens, where numbers stand for names: there is no legend here.
+    style = (Path(__file__).parent / "report" / "report.css").read_text().partition("@media screen and (max-width")[0]
+    head, _, rest = floor_svg(objects, poses).partition(">")
+    head = head.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+    address = "data:image/svg+xml;base64," + b64encode(f"{head}><style>{style}</style>{rest}".encode()).decode()
+    heads = ("object", "x", "y", "± (95 %)", "seen", "confidence")
+    rows_of = [
+        el("tr", [el("td", text) for text in (
+            item.id, f"{item.position_m[0]:.2f} m", f"{item.position_m[1]:.2f} m", f"{_bound_m(item):.2f} m",
+            f"{item.count}×", f"{item.confidence:.2f}")])
+        for item in objects
+    ]  # fmt: skip
+    return joined(
+        el("img", src=address, alt=f"map of {len(objects)} objects", style="width:100%;max-width:720px"),
+        el("table", el("tr", [el("th", head) for head in heads]), rows_of),
+    )
+
+
+def png(picture: NDArray[np.uint8]) -> bytes:
+    """A BGR picture (H, W, 3) as a PNG file."""
+    import cv2
+
+    return cv2.imencode(".png", picture)[1].tobytes()
+
+
+def _bound_m(item: MapObject) -> float:
+    """The longer half axis of the 95 % ellipse."""
+    from edgemap.geometry.objects.map_object import CHI2_95
+
+    return float(np.sqrt(CHI2_95 * max(np.linalg.eigvalsh(item.covariance_m2)[-1], 0.0)))
