@@ -11,12 +11,10 @@ from typing import Any
 import cv2
 import psutil
 
-from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.map_file import zone_record
 from edgemap.runtime.slam import StepResult
-from edgemap.view.answers import fault_answer, frame_answer, map_object_answer, plain
+from edgemap.view.answers import fault_answer, frame_answer, map_object_answer, plain, zones_answer
 from edgemap.view.page import LivePage
 from edgemap.view.status import pose_sigma, status
 
@@ -74,7 +72,7 @@ class Cursor:
         self.revision = -1
         self._with_sightings = False
         self._frame: Frame | None = None
-        self._annotations: Annotations | None = None
+        self._zones: list[dict[str, Any]] | None = None  # as told
         self._objects: dict[str, MapObject] = {}
         self._trail = self._sightings = self._faults = self._epoch = 0
 
@@ -87,7 +85,7 @@ class Cursor:
         self.revision = page.revision
         moved, self._epoch = self._epoch != page.epoch, page.epoch
         if moved:
-            self._trail, self._sightings, self._objects = 0, 0, {}
+            self._trail, self._sightings, self._objects, self._zones = 0, 0, {}, None
         moment = page.newest
         trail, self._trail = page.trail.since(self._trail, MOST_ITEMS)
         faults, self._faults = page.faults.since(self._faults, MOST_ITEMS)
@@ -100,9 +98,9 @@ class Cursor:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MOST_ITEMS)
         jpeg = b""
         if moment is not None:
-            if moment.annotations is not self._annotations:
-                self._annotations = moment.annotations
-                document["zones"] = [zone_record(zone) for zone in moment.annotations.zones]
+            zones = zones_answer(page)
+            if zones != self._zones:
+                document["zones"] = self._zones = zones
             document |= _step(moment.result) | self._object_changes(moment.objects)
             document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - moment.arrived_s}
             if moment.result.frame is not self._frame:

@@ -1,5 +1,6 @@
 """The page in a real browser: Debian's chromium without a window. Frames are counted, never seconds."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -361,3 +362,82 @@ def test_sideways_and_at_200_percent_picture_and_map_are_seen_at_once(serve, loo
         assert box[1] <= height
         assert min(box[2:]) >= 200, (name, box)
     assert tab.value("document.documentElement.scrollWidth") <= width
+
+
+def pick(tab, identity):
+    tab.until(f"document.querySelector('#objects li[data-id={identity}]')")
+    tab.value(f"document.querySelector('#objects li[data-id={identity}] button').click()")
+    tab.until(f"edgemap.map.chosen === '{identity}'")
+
+
+def press(tab, text, within="#detail"):
+    """Click the button that says so."""
+    found = f"[...document.querySelectorAll('{within} button')].find(b => b.textContent === '{text}')"
+    tab.until(found)
+    tab.value(f"{found}.click()")
+
+
+def test_an_object_is_named_confirmed_merged_and_deleted_and_all_is_taken_back(serve, look):
+    served = serve()
+    served.step(12)
+    tab, other = look(served), look(served)
+    names = "[...document.querySelectorAll('#objects .who')].map(who => who.textContent).join()"
+    hostile = '<img src=x onerror=window.hurt=1> & "Zoë\'s"'
+    pick(tab, "chair-1")
+    tab.value(f"document.querySelector('#detail input').value = {json.dumps(hostile)}")
+    press(tab, "Rename")
+    for page in (tab, other):  # typed by one person, seen by all, as text
+        page.until(f"{names} === {json.dumps(hostile + ',couch-1')}")
+        assert page.value("window.hurt") is None
+        assert page.value("document.querySelectorAll('#objects img, #detail h2 img').length") == 0
+    press(tab, "Confirm")
+    tab.until("document.querySelector('#objects li .more').textContent.includes('chair-1, confirmed')")
+    pick(tab, "couch-1")
+    tab.value("""(() => { const list = document.querySelector('#detail select'); list.value = 'chair-1';
+        list.dispatchEvent(new Event('change')); })()""")
+    other.until("edgemap.map.objects.size === 1 && edgemap.map.objects.get('chair-1').count === 24")
+    press(tab, "Undo", "#notice")
+    other.until("edgemap.map.objects.size === 2")
+    pick(tab, "couch-1")
+    press(tab, "Delete")
+    other.until("edgemap.map.objects.size === 1")
+    tab.until("document.getElementById('detail').hidden")
+    press(tab, "Undo", "#notice")
+    tab.until("edgemap.map.objects.size === 2")
+    saved = {item.id: (item.name, item.confirmed) for item in served.page.objects}
+    assert saved == {"chair-1": (hostile, True), "couch-1": ("", False)}
+
+
+def test_what_the_robot_refuses_is_told_in_its_words(serve, look):
+    served = serve()
+    served.step(12)
+    tab = look(served)
+    pick(tab, "chair-1")
+    tab.value("document.querySelector('#detail input').value = 'a\\u202eb'")
+    press(tab, "Rename")
+    tab.until("!document.getElementById('notice').hidden")
+    assert "name" in tab.value("document.getElementById('notice').textContent")
+
+
+def test_a_zone_is_drawn_with_taps_named_and_deleted(serve, look):
+    served = serve()
+    served.step(12)
+    tab = look(served)
+    tab.until("edgemap.map.objects.size === 2 && !edgemap.map.asked")
+    tab.click("draw")
+    for x, y in ((2.2, 2.0), (2.2, 0.2), (3.8, 0.2), (3.8, 2.0)):
+        tap(tab, *tab.value(f"{MAP_CLICK}(edgemap.map.view.toScreen({x}, {y}))"))
+    tab.until("edgemap.map.corners.length === 4")
+    assert tab.value("document.querySelector('#drawing button:last-child').disabled")  # it has no name yet
+    tab.value("""(() => { const name = document.querySelector('#drawing input'); name.value = '<b>hall</b>';
+        name.dispatchEvent(new Event('input')); })()""")
+    press(tab, "Save zone", "#drawing")
+    tab.until("document.querySelector('#zones .which')?.textContent === '<b>hall</b> chair-1'")
+    (zone,) = served.page.annotations.zones
+    np.testing.assert_allclose(zone.corners_m, [(2.2, 2.0), (2.2, 0.2), (3.8, 0.2), (3.8, 2.0)], atol=0.03)
+    assert tab.value("edgemap.map.chosen") is None  # drawing picks nothing
+    press(tab, "Delete", "#zones")
+    tab.until("document.getElementById('zones').hidden")
+    press(tab, "Undo", "#notice")
+    tab.until("!document.getElementById('zones').hidden")
+    assert [zone.name for zone in served.page.annotations.zones] == ["<b>hall</b>"]

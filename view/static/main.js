@@ -1,17 +1,19 @@
 // Puts the page together: what comes from the robot goes to picture, map and panels; buttons go to the robot.
 import { api, Connection } from "/connection.js";
 import { FloorMap } from "/map.js";
-import { byId, setText } from "/dom.js";
+import { button, byId, element, setText } from "/dom.js";
 import { learnMarks } from "/marks.js";
 import { Objects } from "/objects.js";
 import { Panels } from "/panels.js";
 import { Picture } from "/picture.js";
+import { Zones } from "/zones.js";
 
 const press = (id, on) => byId(id).setAttribute("aria-pressed", on);
 
 const picture = new Picture(byId("picture"));
 const map = new FloorMap(byId("map"), (mode) => { press("fit", mode === "fit"); press("follow", mode === "follow"); }, choose);
-const objects = new Objects(choose);
+const objects = new Objects(choose, ask, notice);
+const zones = new Zones(map, ask, notice);
 const panels = new Panels();
 // For the console and the tests: pictures drawn, updates received, the last state told.
 const page = window.edgemap = { drawn: 0, updates: 0, state: "connecting", frame: -1, map };
@@ -23,7 +25,7 @@ const connection = new Connection({
     lastDrawn = -1;
     learnMarks(about);
     for (const part of [picture, map, panels]) part.about(about);
-    for (const part of [picture, map, panels, objects]) part.clear();
+    for (const part of [picture, map, panels, objects, zones]) part.clear();
     byId("about").textContent = [about.camera, about.bundle, `${about.odometry} odometry`].join("  ·  ");
     byId("pause").title = about.live ? "Hold this page; the robot goes on" : "Hold the run";
     document.title = `${about.camera} – edgemap`;
@@ -33,6 +35,7 @@ const connection = new Connection({
     map.update(news);
     panels.update(news);
     objects.update(news, map.objects, map.seen);
+    zones.update(map.zones, map.objects);
     tellState(connection.held ? "held" : news.state);
     if (news.frame !== undefined) caption(news);
     show(news, jpeg);
@@ -86,13 +89,13 @@ function choose(id) {
   objects.pick(id);
 }
 
-let noticeTimer = null;
-function notice(message) {
-  const place = byId("notice");
-  place.textContent = message;
+// A line that goes by itself, later where something can be taken back.
+function notice(message, undo = null) {
+  const place = byId("notice"), hide = () => { place.hidden = true; };
+  place.replaceChildren(element("span", message), ...(undo ? [button("Undo", () => { hide(); undo(); })] : []));
   place.hidden = false;
-  clearTimeout(noticeTimer);
-  noticeTimer = setTimeout(() => { place.hidden = true; }, 5000);
+  clearTimeout(notice.timer);
+  notice.timer = setTimeout(hide, undo ? 12000 : 5000);
 }
 
 // What the robot refuses is told in its own words.

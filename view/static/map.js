@@ -18,15 +18,17 @@ export class FloorMap {
 
   clear() {
     this.chosen = null;
+    this.corners = null; // of the zone that is being drawn
     this.forget();
   }
 
   forget() {
     this.objects = new Map();
     this.trail = [];
+    this.zones = [];
     this.sightings = [];
     this.seen = new Set();
-    this.pose = this.from = null;
+    this.pose = this.from = this.poseCovariance = null;
     this.info = this.info ?? { chi2_95: 0, view_rad: 1, lens_m: [0, 0] };
     this.redraw();
   }
@@ -37,6 +39,7 @@ export class FloorMap {
     if (news.moved) this.forget(); // all of it comes anew, in another frame
     for (const item of news.changed ?? []) this.objects.set(item.id, item);
     for (const id of news.gone ?? []) this.objects.delete(id);
+    this.zones = news.zones ?? this.zones;
     this.trail.push(...news.trail);
     this.sightings.push(...(news.sightings ?? []));
     if (news.pose) {
@@ -68,8 +71,13 @@ export class FloorMap {
     this.redraw();
   }
 
-  // The nearest object under a finger is picked; the floor lets go of it.
+  // A finger draws a zone's corner, or picks the nearest object under it; the floor lets go of it.
   tap(left, top) {
+    if (this.corners) {
+      this.corners.push(this.view.toFloor(left, top));
+      this.cornersChanged();
+      return this.redraw();
+    }
     const far = ({ x_m, y_m }) => { const [x, y] = this.view.toScreen(x_m, y_m); return Math.hypot(x - left, y - top); };
     const nearest = [...this.objects.values()].sort((a, b) => far(a) - far(b))[0];
     this.pickedBy(nearest && far(nearest) <= PICK_PX ? nearest.id : null);
@@ -80,13 +88,16 @@ export class FloorMap {
   }
 
   extent() {
-    const [x, y] = this.pose ?? [.75, 0], xs = [x - .75, x + .75], ys = [y];
+    const [x, y] = this.pose ?? [0, 0], xs = [], ys = [], limit = (variance) => Math.min(LONGEST_AXIS_M, Math.sqrt(this.info.chi2_95 * variance));
+    const [[xx], [, yy]] = this.poseCovariance ?? [[0], [0, 0]], far = Math.max(.75, limit(xx));
+    xs.push(x - far, x + far);
+    ys.push(y - limit(yy), y + limit(yy));
     for (const { x_m, y_m, radius_m, covariance_m2: [[xx], [, yy]] } of this.objects.values()) {
-      const reach = (variance) => Math.max(radius_m, Math.min(LONGEST_AXIS_M, Math.sqrt(this.info.chi2_95 * variance)));
-      const [ahead, aside] = [reach(xx), reach(yy)];
+      const [ahead, aside] = [Math.max(radius_m, limit(xx)), Math.max(radius_m, limit(yy))];
       xs.push(x_m - ahead, x_m + ahead);
       ys.push(y_m - aside, y_m + aside);
     }
+    for (const [x, y] of this.zones.flatMap(({ corners_m }) => corners_m)) { xs.push(x); ys.push(y); }
     for (const place of this.trail) { xs.push(place[0]); ys.push(place[1]); }
     const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
     return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };
@@ -110,11 +121,13 @@ export class FloorMap {
     pen.clearRect(0, 0, width, height);
     pen.lineJoin = "round";
     const step = this.grid(pen, width, height);
+    for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
     this.way(pen, robot);
     this.points(pen);
     for (const item of this.objects.values()) this.footprint(pen, item);
     if (robot) this.robot(pen, robot);
     this.things(pen, robot);
+    if (this.corners) this.zone(pen, this.corners, "", true);
     this.scaleBar(pen, height, step);
     if (moving || (this.pose && now - this.poseAt < this.glideMs)) this.redraw();
     else this.drawnAt = null;
@@ -218,6 +231,26 @@ export class FloorMap {
     for (const item of items.sort((a, b) => (b.id === this.chosen) - (a.id === this.chosen) || b.count - a.count)) this.name(pen, item, placed);
   }
 
+  // A named part of the floor; drawn: its corners so far.
+  zone(pen, corners, name, drawn = false) {
+    const places = corners.map(([x, y]) => this.view.toScreen(x, y));
+    pen.beginPath();
+    for (const place of places) pen.lineTo(...place);
+    pen.closePath();
+    Object.assign(pen, { fillStyle: this.style.zone, strokeStyle: this.style.ink, lineWidth: drawn ? 2.5 : 1.5 });
+    pen.fill();
+    pen.stroke();
+    for (const [left, top] of drawn ? places : []) pen.strokeRect(left - 4, top - 4, 8, 8);
+    if (!name) return;
+    const xs = places.map(([left]) => left), middle = (Math.min(...xs) + Math.max(...xs)) / 2;
+    const top = Math.min(...places.map(([, y]) => y)) - 4;
+    pen.font = "600 12.5px system-ui, sans-serif";
+    Object.assign(pen, { textAlign: "center", textBaseline: "bottom", lineWidth: 3.5, strokeStyle: this.style.card, fillStyle: this.style.ink });
+    pen.strokeText(name, middle, top);
+    pen.fillText(name, middle, top);
+    pen.textAlign = "start";
+  }
+
   // How much floor it takes: a disc, as nobody knows which way it faces.
   footprint(pen, { x_m, y_m, radius_m, label }) {
     pen.beginPath();
@@ -249,7 +282,7 @@ export class FloorMap {
   // Beside its dot, where no other name is; left out where there is no room.
   name(pen, item, placed) {
     const [left, top] = this.view.toScreen(item.x_m, item.y_m), chosen = item.id === this.chosen;
-    const text = nameOf(item) + (classDoubt(item) ? " ?" : "");
+    const text = nameOf(item) + (item.confirmed ? " ✓" : classDoubt(item) ? " ?" : "");
     pen.font = `${chosen ? 650 : 500} 12.5px system-ui, sans-serif`;
     const width = pen.measureText(text).width, places = [[12, 0], [-12 - width, 0], [-width / 2, -18], [-width / 2, 18]];
     const rect = ([dx, dy]) => [left + dx, top + dy - 7, left + dx + width, top + dy + 7];
@@ -286,6 +319,6 @@ function apart(a, b) { return a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] 
 
 function readStyle() {
   const style = getComputedStyle(document.documentElement), names = { grid: "--grid", gridStrong: "--grid-strong", trail: "--trail",
-    ink: "--ink", card: "--card", muted: "--muted", sight: "--sight" };
+    ink: "--ink", card: "--card", muted: "--muted", sight: "--sight", zone: "--zone" };
   return Object.fromEntries(Object.entries(names).map(([key, name]) => [key, style.getPropertyValue(name).trim()]));
 }

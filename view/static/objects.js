@@ -1,5 +1,5 @@
-// The list of objects, nearest first, and the card of the one that is picked.
-import { ago, byId, element, metres, setText } from "/dom.js";
+// The list of objects, nearest first, and the card of the one that is picked, where it is named, confirmed, merged or deleted.
+import { ago, button, byId, element, metres, setText } from "/dom.js";
 import { markPicture } from "/marks.js";
 
 export const DOUBT = .5, CLASS_DOUBT = .8;
@@ -10,9 +10,10 @@ export function nameOf(item) { return item.name || item.id; }
 export function classDoubt(item) { return Math.max(0, ...Object.values(item.labels)) < CLASS_DOUBT; }
 
 export class Objects {
-  // choose(id or null): somebody picks an object.
-  constructor(choose) {
-    this.choose = choose;
+  // choose(id or null): somebody picks an object. ask(method, path, body): a request to the robot, null where it refuses.
+  // undoable(text, act): tell what was done, and how to take it back.
+  constructor(choose, ask, undoable) {
+    Object.assign(this, { choose, ask, undoable });
     this.rows = new Map();
     this.clear();
   }
@@ -88,7 +89,7 @@ export class Objects {
     setText(far, metres(this.away(item)));
     const seen = this.seen.has(item.id) ? "in view" : ago(Math.max(0, this.stamp_s - item.last_seen_s));
     const doubt = classDoubt(item) ? shares.slice(0, 2).map(([label, share]) => `${label} ${percent(share)}`).join(" or ") : "";
-    setText(more, [doubt, hollow ? `confidence ${percent(item.confidence)}` : "", seen].filter(Boolean).join(", "));
+    setText(more, [item.name ? item.id : "", item.confirmed ? "confirmed" : "", doubt, hollow ? `confidence ${percent(item.confidence)}` : "", seen].filter(Boolean).join(", "));
     press.dataset.seen = this.seen.has(item.id);
   }
 
@@ -111,7 +112,7 @@ export class Objects {
       return;
     }
     const picture = new Image(), head = element("div", "", "head"), words = element("div", "", "words"), close = element("button", "×", "close");
-    const name = element("h2", nameOf(item)), kind = element("p", "", "muted"), facts = element("dl", "", "facts"), labels = element("div", "", "labels");
+    const name = element("h2"), kind = element("p", "", "muted"), facts = element("dl", "", "facts"), labels = element("div", "", "labels");
     picture.alt = `${item.id} in the camera's picture`;
     picture.onerror = () => { picture.hidden = true; };
     picture.src = `/api/objects/${encodeURIComponent(item.id)}/picture?at=${item.count}`;
@@ -120,15 +121,54 @@ export class Objects {
     close.onclick = () => this.choose(null);
     words.append(name, kind);
     head.append(picture, words, close);
-    place.replaceChildren(head, facts, labels);
-    this.detail = { kind, facts, labels };
+    const called = element("div", "", "name"), input = element("input"), confirm = button("Confirm", () => this.confirm());
+    Object.assign(input, { value: item.name ?? "", placeholder: "Name", maxLength: 80 });
+    input.setAttribute("aria-label", `Name of ${item.id}`);
+    input.onkeydown = ({ key }) => { if (key === "Enter") this.rename(input.value); };
+    called.append(input, button("Rename", () => this.rename(input.value)));
+    const acts = element("div", "", "acts"), into = element("select");
+    into.setAttribute("aria-label", `Merge ${item.id} into another object`);
+    into.onfocus = () => this.offerMerges(into);
+    into.onchange = () => this.merge(into.value);
+    acts.append(confirm, button("Delete", () => this.delete()), into);
+    place.replaceChildren(head, called, acts, facts, labels);
+    this.detail = { name, kind, facts, labels, confirm };
+    this.offerMerges(into);
     this.fillDetail();
+  }
+
+  rename(name) { return this.ask("PATCH", this.path(), { name: name.trim() }); }
+  confirm() { return this.ask("PATCH", this.path(), { confirmed: !this.items.get(this.chosen).confirmed }); }
+  path(id = this.chosen) { return `objects/${encodeURIComponent(id)}`; }
+
+  async delete() {
+    const id = this.chosen, name = nameOf(this.items.get(id));
+    if (await this.ask("DELETE", this.path())) this.undoable(`${name} is off the map`, () => this.ask("POST", `${this.path(id)}/restore`, {}));
+  }
+
+  async merge(into) {
+    const id = this.chosen, name = nameOf(this.items.get(id));
+    if (!into || !await this.ask("POST", `${this.path()}/merge`, { into })) return;
+    this.undoable(`${name} is now part of ${into}`, () => this.ask("POST", `${this.path(id)}/restore`, {}));
+    this.choose(into);
+  }
+
+  // The others, the nearest to this one first.
+  offerMerges(list) {
+    const item = this.items.get(this.chosen), apart = ({ x_m, y_m }) => Math.hypot(x_m - item.x_m, y_m - item.y_m);
+    const others = [...this.items.values()].filter(({ id }) => id !== item.id).sort((a, b) => apart(a) - apart(b));
+    list.replaceChildren(new Option("Same as…", ""), ...others.map((other) => new Option(`${nameOf(other)}, ${metres(apart(other))} from it`, other.id)));
+    list.disabled = !others.length;
   }
 
   fillDetail() {
     const item = this.items.get(this.chosen);
     if (!item || !this.detail) return;
-    const { kind, facts, labels } = this.detail, [[xx], [, yy]] = item.covariance_m2;
+    const { name, kind, facts, labels, confirm } = this.detail, [[xx], [, yy]] = item.covariance_m2;
+    setText(name, nameOf(item));
+    setText(confirm, item.confirmed ? "Confirmed" : "Confirm");
+    confirm.title = item.confirmed ? "Take it back" : "It is there: it will not be forgotten";
+    confirm.setAttribute("aria-pressed", Boolean(item.confirmed));
     setText(kind, item.name ? `${item.id}, ${item.label}` : item.label);
     const told = {
       "From the robot": `${this.away(item).toFixed(2)} m`,
