@@ -47,8 +47,8 @@ class Camera(Protocol):
     def read(self) -> Frame | None:
         """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.
 
-        Raises CameraFault in place of what was wrong with the delivery, and FrameTimeout where a live camera has
-        nothing yet: reading may go on. Any other CameraError is the end.
+        Raises CameraFault in place of what was wrong with the delivery, and FrameTimeout where a live or paced
+        camera has nothing yet: reading may go on. Any other CameraError is the end.
         """
         ...
 

@@ -26,7 +26,7 @@ class Hostile(BaseHTTPRequestHandler):
         self.end_headers()
         try:
             if self.path == "/drip":
-                for _ in range(100):
+                while True:
                     self.wfile.write(b"x")
                     time.sleep(0.05)
             else:
@@ -81,9 +81,7 @@ def test_a_body_without_end_stops_at_the_limit(address, tmp_path):
 
 
 def test_a_drip_stops_at_the_time_limit(address, tmp_path):
-    began_s = time.monotonic()
-    assert "too slow" in refusal(address + "/drip", tmp_path / "f", longest_s=0.2)
-    assert time.monotonic() - began_s < 4.0
+    assert "too slow" in refusal(address + "/drip", tmp_path / "f", longest_s=0.2)  # it would drip for ever
 
 
 @pytest.mark.parametrize("text", ["file:///etc/passwd", "ftp://x/y", "http://[", "x", "", "data:,x"])

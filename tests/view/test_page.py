@@ -132,7 +132,7 @@ def test_paused_time_does_not_count():
 
 
 class FiveFrames(CameraBase):
-    """Stamped 0, 1, … 4 seconds."""
+    """Stamped 0, 0.4, … 1.6 seconds."""
 
     def __init__(self):
         super().__init__("five")
@@ -140,7 +140,7 @@ class FiveFrames(CameraBase):
     def read(self):
         if self._delivered == 5:
             return None
-        return self.frame(np.zeros((4, 4, 3), np.uint8), float(self._delivered), "five")
+        return self.frame(np.zeros((4, 4, 3), np.uint8), 0.4 * self._delivered, "five")
 
 
 def indices(camera, count):
@@ -148,7 +148,7 @@ def indices(camera, count):
 
 
 def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
-    """Stamps are 1 s apart; the clock is the test's own, and sleeping moves it. A pause of 30 s between two frames."""
+    """Stamps are 0.4 s apart; the clock is the test's own, and sleeping moves it. A pause of 30 s between two."""
     now, waits = [0.0], []
 
     def sleep(seconds):
@@ -162,7 +162,7 @@ def test_after_a_pause_frames_keep_their_pace_and_none_is_lost():
     now[0] += 30.0
     pause.set(False)
     assert indices(camera, 4) == [2, 3, 4, None]
-    assert waits == pytest.approx([1.0] * 4)
+    assert waits == pytest.approx([0.4] * 4)
 
 
 def test_a_held_camera_gives_nothing_until_resumed_and_ends_when_stopped():

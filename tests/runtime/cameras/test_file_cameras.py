@@ -14,6 +14,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.fault import FrameTimeout
 from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.drives import write_drive
 from edgemap.runtime.errors import CameraError
@@ -171,6 +172,27 @@ def test_pacing_waits_for_each_stamp_and_drops_nothing(tmp_path):
     assert [camera.read().index, camera.read().index] == [2, 3]
     assert waits == pytest.approx([0.07])
     assert camera.read() is None
+
+
+def test_a_gap_in_the_stamps_keeps_nobody_waiting_for_long():
+    class Gap(CameraBase):
+        def read(self):
+            return self.frame(np.zeros((4, 6, 3), np.uint8), 100.0 * self._delivered, "gap")
+
+    now, waits = [50.0], []
+
+    def sleep(seconds):
+        waits.append(seconds)
+        now[0] += seconds
+
+    camera = PacedCamera(Gap("gap"), clock_s=lambda: now[0], sleep=sleep)
+    assert camera.read().index == 0
+    for ahead_s in ("100.0", "99.5"):
+        with pytest.raises(FrameTimeout, match=f"the next frame is {ahead_s} s ahead"):
+            camera.read()
+    now[0] += 98.9
+    assert (camera.read().index, now[0]) == (1, 150.0)
+    assert max(waits) <= 0.5
 
 
 def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():

@@ -39,7 +39,10 @@ def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):
         assert camera.intrinsics.fx == 615.2
         driver.broken = 1
         frames = drain(camera, len(pictures) + 5, told)
-    assert [fault.kind.value for fault in told][:3] == ["late", "closed", "recovered"]
+    kinds = [fault.kind.value for fault in told]  # on a busy machine it is late before that, too
+    ended = kinds.index("closed")
+    assert "late" in kinds[:ended]
+    assert "recovered" in kinds[ended:]
     stamps = np.diff([frame.stamp_s for frame in frames])
     assert (stamps > 0).all()  # the second playback's stamps begin again, the stream's do not
     assert any((frames[0].image[..., ::-1] == picture).all() for picture in pictures)
