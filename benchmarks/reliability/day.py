@@ -33,21 +33,17 @@ GROWTH_MB = 64.0  # of memory, likewise: the journal of poses takes 32 bytes a s
 
 def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
     """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
-    random = np.random.default_rng(seed)
-    angles = np.sort(random.uniform(0, 2 * math.pi, 14))
-    room = [(LABELS[i % 5], 4.5 * math.cos(a), 3.5 * math.sin(a)) for i, a in enumerate(angles)]
-    mapper, process = new_mapper(Config()), psutil.Process()
+    mapper, process, drive = new_mapper(Config()), psutil.Process(), Drive(seed)
     steps = max(PIECES, round(DAY_S * share))
-    before, rows, spent_s, largest_s = _pose(0), [], 0.0, 0.0
+    rows, spent_s, largest_s = [], 0.0, 0.0
     begun_s = time.process_time()
     for step in range(steps):
-        pose = _pose(step)
-        observed = _observed(step, pose, before, room, random)
+        observed = drive.step()
         started_s = time.process_time()
         mapper.step(observed)
         objects = mapper.objects()
         took_s = time.process_time() - started_s
-        spent_s, largest_s, before = spent_s + took_s, max(largest_s, took_s), pose
+        spent_s, largest_s = spent_s + took_s, max(largest_s, took_s)
         if (step + 1) % (steps // PIECES) == 0:
             gc.collect()
             row = {
@@ -64,6 +60,21 @@ def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
             if time.process_time() - begun_s > LIMIT_S * share:
                 break
     return _report(rows, steps)
+
+
+class Drive:
+    """Round and round: what a front end would give of each step. room: (label, x_m, y_m)."""
+
+    def __init__(self, seed: int) -> None:
+        self._random, self._steps = np.random.default_rng(seed), 0
+        angles = np.sort(self._random.uniform(0, 2 * math.pi, 14))
+        self.room = [(LABELS[i % 5], 4.5 * math.cos(a), 3.5 * math.sin(a)) for i, a in enumerate(angles)]
+
+    def step(self) -> FrameObservations:
+        """The next second."""
+        pose, before = _pose(self._steps), _pose(max(self._steps - 1, 0))
+        self._steps += 1
+        return _observed(self._steps - 1, pose, before, self.room, self._random)
 
 
 def _pose(step: int) -> SE2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 class KeyframeRule:
     """keyframe_m, keyframe_rad: path or rotation after which a pose is kept. inflation: of the odometry's own
     covariance, as its errors repeat from frame to frame; per_metre, per_radian, still_m, still_rad: standard deviations
-    added to it. maximum: keyframes, from which on the older half is thinned out."""
+    added to it. maximum: keyframes kept; with more, those of the older half that tell least are dropped."""
 
     keyframe_m: float = 0.25
     keyframe_rad: float = 0.26
@@ -159,34 +160,17 @@ class KeyframeTrajectory:
             np.concatenate([covariances, here[None]]),
         )
 
-    def thin_out(self) -> list[tuple[int, SE2, Array]]:
-        """Drop a quarter of the older half, those nearest to their neighbours; for each keyframe before, which one it
-        belongs to now, its pose in that one's frame, and the covariance of that."""
-        gone = self._dispensable(len(self.poses) // 2)
-        homes, row = [], -1
-        for old in range(len(self.poses)):
-            row += old not in gone
-            at = (self._motions[old - 1], self._covariances[old - 1]) if old in gone else (SE2(), np.zeros((3, 3)))
-            homes.append((row, *at))
+    def drop(self, gone: Set[int]) -> None:
+        """Forget keyframes, neither the first nor the last: the odometry before and after one becomes one motion."""
         motions: list[SE2] = []
         covariances: list[Array] = []
-        for old, (motion, covariance) in enumerate(zip(self._motions, self._covariances, strict=True)):
-            if old in gone:
+        for before, (motion, covariance) in enumerate(zip(self._motions, self._covariances, strict=True)):
+            if before in gone:
                 covariances[-1] = compose_covariance(motions[-1], covariances[-1], motion, covariance)
                 motions[-1] = motions[-1] @ motion
             else:
                 motions.append(motion)
                 covariances.append(covariance)
         self._motions, self._covariances = motions, covariances
-        self.poses = [pose for old, pose in enumerate(self.poses) if old not in gone]
-        self.stamps_s = [stamp_s for old, stamp_s in enumerate(self.stamps_s) if old not in gone]
-        return homes
-
-    def _dispensable(self, end: int) -> set[int]:
-        """Keyframes before `end`, no two side by side, over which the path between their neighbours is short."""
-        reaches = [math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad) for motion in self._motions[:end]]
-        gone: set[int] = set()
-        for row in sorted(range(1, end), key=lambda row: (reaches[row - 1] + reaches[row], row)):
-            if len(gone) < end // 4 and row - 1 not in gone and row + 1 not in gone:
-                gone.add(row)
-        return gone
+        self.poses = [pose for row, pose in enumerate(self.poses) if row not in gone]
+        self.stamps_s = [stamp_s for row, stamp_s in enumerate(self.stamps_s) if row not in gone]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+import math
+from collections import Counter
+from collections.abc import Generator, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,8 +32,9 @@ Work = Generator[None, None, "_Solved | None"]
 @dataclass(frozen=True, slots=True)
 class GraphRule:
     """How a drive becomes a graph. view_m: standard deviation of what an object looks like from one keyframe, beside
-    its sightings' own; merged_m: at least, of all that one keyframe saw of it after thinning. minimum: sightings that
-    make a track a landmark. maximum: tracks kept. visits: tracks of one object kept apart, older ones become one.
+    its sightings' own; merged_m: at least, of all that one keyframe saw of it in visits that were joined. minimum:
+    sightings that make a track a landmark. maximum: tracks kept. visits: tracks of one object kept apart, older ones
+    become one. views: keyframes of long ago that see an object, from which on one more of them tells nothing new.
     nearest: earlier objects weighed in one closure. every: keyframes between two closures. residual: mean squared
     residual of a track's observations above which its link is refused. gate: squared residual above which a link is
     taken back. still_m: a closure that finds no link and moves less than this leaves the poses as they are."""
@@ -41,6 +44,7 @@ class GraphRule:
     minimum: int = 5
     maximum: int = 80
     visits: int = 3
+    views: int = 6
     nearest: int = 40
     every: int = 4
     residual: float = 4.0
@@ -150,12 +154,12 @@ class PoseGraph:
         yield
         count, found = len(self._parent), {}
         groups = self.groups()
-        visible = [
-            track
+        in_view = {
+            track.number
             for track in self.tracker.in_view(self.trajectory.odometer_m)
             if track.count >= self.rule.minimum and track.last >= 0
-        ]
-        fresh = [track for track in visible if len(groups[self._root(track.number)]) == 1]
+        }
+        fresh = self._unlinked(groups, in_view)
         if candidates := self._candidates(fresh, groups):
             before = yield from self._solve({root for _, root in candidates}, 2, covariances=False)
             pairings = [
@@ -163,12 +167,16 @@ class PoseGraph:
                 for track, root in candidates
                 if track.number in before.row and root in before.row
             ]
-            solution, supported = before.solution, len(visible) - len(fresh)
+            supported = sum(len(groups[self._root(number)]) > 1 for number in in_view)
             certain = yield from certain_pairings(
-                pairings, solution.landmarks, solution.landmark_covariance, self.rule.hypotheses, supported
+                pairings,
+                before.solution.landmarks,
+                before.solution.landmark_covariance,
+                self.rule.hypotheses,
+                supported,
             )
             name = list(before.row)
-            found = {name[pairing.now]: name[pairing.before] for pairing in certain}
+            found = self._witnessed({name[pairing.now]: name[pairing.before] for pairing in certain})
             self._parent |= found
         if not self._parent and not count:
             return None
@@ -195,21 +203,57 @@ class PoseGraph:
         sides = 2.0 if self.tracker.tracks[first].prior_m2 is None else 1.0
         return sides * self.rule.track.side_m2(self.tracker.tracks[later].extent_m)
 
+    @property
+    def _is_full(self) -> bool:
+        """Whether keyframes have to go, and with them what was not recognised."""
+        return len(self.trajectory) >= self.rule.keyframes.maximum
+
+    def _unlinked(self, groups: Mapping[int, list[Track]], in_view: Set[int]) -> list[Track]:
+        """Tracks that are no object seen before, so far: those in view, most sightings first, then, before they have to
+        go, those that passed without having been recognised, the last one first."""
+        since = len(self.trajectory) // 2 if self._is_full else len(self.trajectory)
+        found = [
+            track
+            for (track, *others) in groups.values()
+            if not others and track.count >= self.rule.minimum and (track.number in in_view or track.last >= since)
+        ]
+        found.sort(key=lambda track: (0, -track.count) if track.number in in_view else (1, -track.last))
+        return found[: self.rule.hypotheses.maximum_now]
+
+    def _witnessed(self, found: Mapping[int, int]) -> dict[int, int]:
+        """Links of tracks that were seen about when enough of other objects were, which are or become linked: one
+        object alone, however often it was seen, says nothing."""
+        tracks, slack = self.tracker.tracks, self.rule.every
+        linked = {number: self._root(number) for number in (*self._parent, *self._parent.values())} | dict(found)
+
+        def witnesses(number: int, root: int) -> int:
+            first, last = tracks[number].first - slack, tracks[number].last + slack
+            near = {at for other, at in linked.items() if tracks[other].first <= last and tracks[other].last >= first}
+            return len(near | {root})
+
+        return {
+            number: root for number, root in found.items() if witnesses(number, root) >= self.rule.hypotheses.minimum
+        }
+
     def _candidates(self, fresh: Sequence[Track], groups: Mapping[int, list[Track]]) -> list[tuple[Track, int]]:
-        """Tracks in view, those seen most often, with each earlier object that they may be: of the same label, the
-        nearest ones, and not seen since."""
-        fresh = sorted(fresh, key=lambda track: -track.count)[: self.rule.hypotheses.maximum_now]
-        own = {self._root(track.number) for track in fresh}
+        """Tracks with each earlier object that they may be: of the same label, not seen since, the nearest ones; of two
+        in one place the one that was seen more often."""
+        counts = {root: sum(track.count for track in members) for root, members in groups.items()}
+        earlier = sorted((root for root in groups if counts[root] >= self.rule.minimum), key=lambda root: -counts[root])
         pairs: list[tuple[float, Track, int]] = []
-        for root, members in groups.items():
-            if root in own or sum(track.count for track in members) < self.rule.minimum:
-                continue
-            last, at = max(track.last for track in members), self.tracker.tracks[root].position_m
-            pairs += [
-                (float(np.hypot(*(track.position_m - at))), track, root)
-                for track in fresh
-                if track.label == members[0].label and last < track.first and (track.number, root) not in self._refused
-            ]
+        for track in fresh:
+            chosen: list[Array] = []
+            for root in earlier:
+                at = self.tracker.tracks[root].position_m
+                if (
+                    groups[root][0].label == track.label
+                    and max(member.last for member in groups[root]) < track.first
+                    and (track.number, root) not in self._refused
+                    and track.beside.isdisjoint(member.number for member in groups[root])
+                    and all(math.hypot(*(at - other)) > self.rule.hypotheses.same_m for other in chosen)
+                ):
+                    chosen.append(at)
+                    pairs.append((math.hypot(*(track.position_m - at)), track, root))
         pairs.sort(key=lambda pair: (pair[0], pair[1].number, pair[2]))
         near = set(list(dict.fromkeys(root for _, _, root in pairs))[: self.rule.nearest])
         return sorted(
@@ -282,36 +326,90 @@ class PoseGraph:
 
     def _bound(self) -> None:
         """Keep the graph's size: fewer keyframes of long ago, fewer tracks."""
-        if len(self.trajectory) >= self.rule.keyframes.maximum:
-            homes = self.trajectory.thin_out()
-            for track in self.tracker.tracks.values():
-                if track.first >= 0:
-                    track.first, track.last = homes[track.first][0], homes[track.last][0]
-            self._regroup({number: number for number in self.tracker.tracks}, homes)
-        into = {number: number for number in self.tracker.tracks}
+        self._drop_keyframes()
         near = {track.number for track in self.tracker.in_view(self.trajectory.odometer_m)}
-        for members in self.groups().values():
-            for track in members[1 : 1 + max(len(members) - self.rule.visits, 0)]:
-                if track.number not in near:
+        observed = {number for _, number in self._observations}
+        into = {number: number for number in self.tracker.tracks}
+
+        def leave(tracks: Iterable[Track]) -> None:
+            for track in tracks:
+                if track.number not in near and into[track.number] == track.number:
                     into[track.number] = self._merge(track)
-        own = [t for n, t in self.tracker.tracks.items() if into[n] == n and t.prior_m2 is None]
-        excess = len(own) - self.rule.maximum
+
+        for members in self.groups().values():
+            leave(members[1 : 1 + max(len(members) - self.rule.visits, 0)])
+        own = [track for track in self.tracker.tracks.values() if track.prior_m2 is None]
         linked = {*self._parent, *self._parent.values()}
-        may_go = sorted((t for t in own if t.number not in near), key=lambda t: (t.number in linked, t.count))
-        for at, track in enumerate(may_go):
-            if at < excess or (track.count < self.rule.minimum and track.number not in linked):
-                into[track.number] = self._unlink(track.number)
+        leave(track for track in own if track.number not in observed)
+        single = [track for track in own if track.number not in linked]
+        leave(track for track in single if track.count < self.rule.minimum or (self._is_full and self._is_rival(track)))
+        excess = sum(into[track.number] == track.number for track in own) - self.rule.maximum
+        own = [track for track in own if track.number not in near and into[track.number] == track.number]
+        leave(sorted(own, key=lambda track: (track.number not in self._parent, track.count))[: max(excess, 0)])
         if gone := {number for number, kept in into.items() if kept != number}:
-            for number in gone:
-                del self.tracker.tracks[number]
-            self._refused = {pair for pair in self._refused if gone.isdisjoint(pair)}
-            self._regroup(into)
+            self._replace(into, gone)
+
+    def _replace(self, into: dict[int, int], gone: Set[int]) -> None:
+        """Tracks that became part of another, or of none (-1), leave; what one keyframe saw of one track is one
+        observation."""
+        for number in into:
+            while into[number] >= 0 and into[into[number]] != into[number]:
+                into[number] = into[into[number]]
+        for number in gone:
+            if (kept := into[number]) >= 0:
+                self.tracker.tracks[kept].beside |= self.tracker.tracks[number].beside
+            del self.tracker.tracks[number]
+        for track in self.tracker.tracks.values():
+            track.beside = {into[number] for number in track.beside} - {-1, track.number}
+        self._refused = {pair for pair in self._refused if gone.isdisjoint(pair)}
+        observations: dict[tuple[int, int], _Observation] = {}
+        for (keyframe, number), item in self._observations.items():
+            if (kept := into[number]) >= 0:
+                other = observations.get((keyframe, kept))
+                observations[keyframe, kept] = item if other is None else self._joined(other, item)
+        self._observations = observations
+
+    def _is_rival(self, track: Track) -> bool:
+        """Whether a visit of long ago was never found to be the object of its label beside it, and never will be."""
+        return track.last < len(self.trajectory) // 2 and any(
+            other.label == track.label
+            and other.count > track.count
+            and other.number not in track.beside
+            and math.hypot(*(other.position_m - track.position_m)) < self.rule.track.reach_m
+            for other in self.tracker.tracks.values()
+        )
+
+    def _drop_keyframes(self) -> None:
+        """Too many: of the older half those go, with their observations, whose objects others see often enough, the
+        newest of them first. So the first ones in a place stay, and whatever is seen later is known against them."""
+        excess, half = len(self.trajectory) - self.rule.keyframes.maximum, len(self.trajectory) // 2
+        if excess <= 0:
+            return
+        seen: dict[int, set[int]] = {row: set() for row in range(1, half)}
+        for row, number in self._observations:
+            if row in seen and self.tracker.tracks[number].count >= self.rule.minimum:
+                seen[row].add(self._root(number))
+        views = Counter(root for roots in seen.values() for root in roots)
+        gone: set[int] = set()
+        for _ in range(excess):
+            scarcest = {row: min([self.rule.views, *(views[root] for root in roots)]) for row, roots in seen.items()}
+            gone.add(row := max(scarcest, key=lambda row: (scarcest[row], row)))
+            views.subtract(seen.pop(row))
+        self.trajectory.drop(gone)
+        now = (np.cumsum([row not in gone for row in range(len(self.trajectory) + excess)]) - 1).tolist()
+        for track in self.tracker.tracks.values():
+            if track.first >= 0:
+                track.first, track.last = now[track.first], now[track.last]
+        self._observations = {
+            (now[row], number): item for (row, number), item in self._observations.items() if row not in gone
+        }
 
     def _merge(self, track: Track) -> int:
-        """One visit becomes part of the one that it is linked to; that one's number."""
-        kept = self.tracker.tracks[self._unlink(track.number)]
-        kept.count, kept.last = kept.count + track.count, max(kept.last, track.last)
-        return kept.number
+        """One visit becomes part of the one that it is linked to; that one's number, -1 where there is none."""
+        if (number := self._unlink(track.number)) >= 0:
+            kept = self.tracker.tracks[number]
+            kept.count, kept.last = kept.count + track.count, max(kept.last, track.last)
+        return number
 
     def _unlink(self, number: int) -> int:
         """A track leaves its links to its parent, or to the first that is linked to it; that one's number, else -1."""
@@ -322,39 +420,12 @@ class PoseGraph:
         self._parent.pop(home, None) if home in children else None
         return home
 
-    def _regroup(self, into: Mapping[int, int], homes: Sequence[tuple[int, SE2, Array]] | None = None) -> None:
-        """Observations of tracks that became part of another, or were dropped (-1), from keyframes that belong to
-        another now: what one keyframe saw of one track is one observation."""
-        observations: dict[tuple[int, int], _Observation] = {}
-        for (keyframe, number), item in self._observations.items():
-            kept = number
-            while kept >= 0 and into[kept] != kept:
-                kept = into[kept]
-            if kept < 0:
-                continue
-            if homes is not None and homes[keyframe][0] != keyframe:
-                keyframe, place, covariance = homes[keyframe]
-                item = _seen_before(item, place, covariance)
-            if (other := observations.get((keyframe, kept))) is not None:
-                item = self._joined(other, item)
-            observations[keyframe, kept] = item
-        self._observations = observations
-
     def _joined(self, first: _Observation, second: _Observation) -> _Observation:
         total = first.information + second.information
         weighted = first.information @ first.position_m + second.information @ second.position_m
         position = np.asarray(np.linalg.solve(total, weighted), dtype=np.float64)
         bound = 1.0 / self.rule.merged_m**2 / float(np.linalg.eigvalsh(total)[-1])
         return _Observation(position, total * min(1.0, bound), (first.bias_m + second.bias_m) / 2.0)
-
-
-def _seen_before(item: _Observation, place: SE2, covariance: Array) -> _Observation:
-    """An observation as if made from an earlier pose, from which its own is known with a covariance (3, 3)."""
-    turn = place.rotation()
-    lever_x_m, lever_y_m = turn @ item.position_m
-    wrt_pose = np.array([[1.0, 0.0, -lever_y_m], [0.0, 1.0, lever_x_m]])
-    own = turn @ inverse(item.information) @ turn.T + wrt_pose @ covariance @ wrt_pose.T
-    return _Observation(place.apply(item.position_m), inverse(own), turn @ item.bias_m)
 
 
 def _bias(sighting: Sighting) -> Array:

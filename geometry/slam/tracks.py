@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,8 @@ class TrackRule:
 @dataclass(slots=True, eq=False)
 class Track:
     """One object while it stays in view. position_m: (2,) map frame. first, last: keyframes, -1 for one of an earlier
-    map, whose prior covariance (2, 2) m^2 is `prior_m2`. seen_at_m: the odometer at the last sighting."""
+    map, whose prior covariance (2, 2) m^2 is `prior_m2`. seen_at_m: the odometer at the last sighting. beside: tracks
+    of its label that were in one frame with it, and so are other objects."""
 
     number: int
     label: str
@@ -49,6 +50,7 @@ class Track:
     seen_at_m: float
     count: int = 0
     prior_m2: Array | None = None
+    beside: set[int] = field(default_factory=set)
 
 
 class Tracker:
@@ -89,6 +91,8 @@ class Tracker:
             track.count, track.last, track.seen_at_m = track.count + 1, keyframe, odometer_m
             track.position_m = track.position_m + (position - track.position_m) / min(track.count, self.rule.averaged)
             tracks.append(track)
+        for track in tracks:
+            track.beside.update(t.number for t in tracks if t.label == track.label and t is not track)
         return tracks
 
     def _matched(

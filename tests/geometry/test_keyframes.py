@@ -77,18 +77,21 @@ def test_the_covariance_of_a_point_is_that_of_its_pose_by_its_lever():
     np.testing.assert_allclose(found, np.diag([0.01, 0.02 + 0.04]), atol=1e-12)
 
 
-def test_thinning_out_keeps_ends_and_places():
-    complete, thin = driven(40), driven(40)
-    homes = thin.thin_out()
-    assert len(thin) < len(complete)
-    assert thin.pose.vector() == pytest.approx(complete.pose.vector())
-    for old, (home, place, covariance) in enumerate(homes):
-        assert (thin.poses[home] @ place).vector() == pytest.approx(complete.poses[old].vector())
-        assert (np.trace(covariance) > 0.0) == (place != SE2())
-    where = SE2()
-    for motion, pose in zip(thin.factors().motions, thin.poses[1:], strict=True):
+def test_what_is_dropped_leaves_the_others_where_they_are():
+    complete, fewer = driven(40), driven(40)
+    gone = {3, 4, 5, 9, len(complete) - 2}
+    fewer.drop(gone)
+    kept = [row for row in range(len(complete)) if row not in gone]
+    assert fewer.stamps_s == [complete.stamps_s[row] for row in kept]
+    assert [pose.vector().tolist() for pose in fewer.poses] == [complete.poses[row].vector().tolist() for row in kept]
+    where, factors = SE2(), fewer.factors()
+    for motion, pose in zip(factors.motions, fewer.poses[1:], strict=True):
         where = where @ SE2(*motion)
         assert where.vector() == pytest.approx(pose.vector())
+    # Odometry over four motions is known worse than over one of them.
+    assert np.trace(np.linalg.inv(factors.information[2])) > 3 * np.trace(
+        np.linalg.inv(complete.factors().information[3])
+    )
 
 
 def test_odometry_that_says_it_is_certain_is_not_believed():
