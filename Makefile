@@ -6,7 +6,7 @@ STAMP := $(VENV)/.edgemap-setup
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view test lint audit mutants docs bench reliability paper-tables demo release clean
+.PHONY: setup system run view foxglove test lint audit mutants docs bench reliability paper-tables demo release clean
 
 setup: system $(STAMP)
 
@@ -40,6 +40,10 @@ view: setup
 test: setup
 	@scripts/system-packages chromium mosquitto mosquitto-clients g++ libfastrtps-dev libfastcdr-dev
 	$(BIN)/python -m pytest
+
+# The demo live in Foxglove's protocol, on ws://127.0.0.1:8765.
+foxglove: setup
+	$(BIN)/edgemap run --foxglove
 
 lint: setup
 	$(BIN)/ruff check

@@ -140,13 +140,24 @@ def _print_json(path: Path, answers: Answers) -> None:
 
 
 def _draw(path: Path, objects: list[MapObject], out: Path | None, with_sightings: bool) -> Path:
-    from edgemap.plots.floor_map import plot_map
+    """The picture's path. Without matplotlib (extra plot) it is an .svg of the centres, as the report draws them."""
+    from importlib.util import find_spec
 
     folder = path if path.is_dir() else path.parent
+    stem = folder / ("map" if path.is_dir() else path.stem)
     is_run = (folder / "sightings.jsonl").is_file()
     way = _way(folder) if is_run else None
+    if find_spec("matplotlib") is None and (out is None or out.suffix.lower() == ".svg"):
+        from edgemap.runtime.map_file import write_atomically
+        from edgemap.runtime.notebook import map_svg
+
+        drawing = out or stem.with_suffix(".svg")
+        write_atomically(drawing, map_svg(objects, way.poses if way else ()))
+        return drawing
+    from edgemap.plots.floor_map import plot_map
+
     seen = _read_sightings(folder) if is_run and with_sightings else []
-    return plot_map(out or (folder / f"{'map' if path.is_dir() else path.stem}.png"), objects, seen, way)
+    return plot_map(out or stem.with_suffix(".png"), objects, seen, way)
 
 
 def _way(folder: Path) -> Trajectory | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,6 @@ class MapObjects(list[MapObject]):
 def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) -> str:
     """The map as the report draws it, and one row per object. The drawing is a picture of its own, so that its styles
     stay out of the page."""
-    from edgemap.runtime.report.floor_svg import floor_svg
     from edgemap.runtime.report.markup import el, joined
 
     poses: list[SE2] = []
@@ -38,11 +37,7 @@ def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) ->
         stamps_s = trajectory.stamps_s
         rows = trajectory.at(stamps_s[:: max(1, len(stamps_s) // MOST_POSES)])
         poses = [SE2(*row) for row in rows.tolist()]
-    # Without its rules for narrow screens, where numbers stand for names: there is no legend here.
-    style = (Path(__file__).parent / "report" / "report.css").read_text().partition("@media screen and (max-width")[0]
-    head, _, rest = floor_svg(objects, poses).partition(">")
-    head = head.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
-    address = "data:image/svg+xml;base64," + b64encode(f"{head}><style>{style}</style>{rest}".encode()).decode()
+    address = "data:image/svg+xml;base64," + b64encode(map_svg(objects, poses).encode()).decode()
     heads = ("object", "x", "y", "± (95 %)", "seen", "confidence")
     rows_of = [
         el("tr", [el("td", text) for text in (
@@ -54,6 +49,17 @@ def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) ->
         el("img", src=address, alt=f"map of {len(objects)} objects", style="width:100%;max-width:720px"),
         el("table", el("tr", [el("th", head) for head in heads]), rows_of),
     )
+
+
+def map_svg(objects: Sequence[MapObject], poses: Sequence[SE2]) -> str:
+    """The report's drawing of the map as an SVG file of its own."""
+    from edgemap.runtime.report.floor_svg import floor_svg
+
+    # Without its rules for narrow screens, where numbers stand for names: there is no legend here.
+    style = (Path(__file__).parent / "report" / "report.css").read_text().partition("@media screen and (max-width")[0]
+    head, _, rest = floor_svg(objects, poses).partition(">")
+    head = head.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+    return f"{head}><style>{style}</style>{rest}"
 
 
 def png(picture: NDArray[np.uint8]) -> bytes:
