@@ -47,6 +47,7 @@ class SideBySide:
 
     def __init__(self, odometries: Mapping[Any, Odometry]) -> None:
         self.odometries, self.motions = dict(odometries), dict[Any, Motion]()
+        self.needs_features = any(odometry.needs_features for odometry in self.odometries.values())
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """All of them; the first one's motion."""

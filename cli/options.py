@@ -317,6 +317,8 @@ _OUTSIDE = frozenset(
         "config",
         "out",
         "realtime",
+        "cpu",
+        "temperature",
         "view",
         "view_host",
         "view_port",

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.budget import CpuShare, Temperature, budgeted, read_share
 from edgemap.cli.options import (
     BundleName,
     CameraFile,
@@ -111,6 +112,8 @@ def command(
     threads: Threads = None,
     precision: PrecisionName = "default",
     engine: EngineName = "default",
+    cpu: CpuShare = None,
+    temperature: Temperature = None,
     strict: Annotated[
         bool, arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
     ] = False,
@@ -146,7 +149,8 @@ def command(
 
     at_least(1, frames=frames)
     check_name(recording)
-    watched = foxglove is not None or ros2
+    share = read_share(cpu)
+    watched = foxglove is not None or ros2 or share is not None or temperature is not None
     tuned = load_config(config)[0] if config else Config()
     with open_described(camera, camera_file, (realtime or watched) and not view, frames, tuned.camera) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
@@ -183,13 +187,18 @@ def command(
                 best_effort=ros2_best_effort, odom_tf=odom_tf,
             )  # fmt: skip
             notifier = ServiceNotifier()
-            files = RunFolder(folder, floor, record)
+            seen = budgeted(source, share, temperature, config)
+            files = RunFolder(folder, floor, record | {"cpu": share, "efforts": seen.efforts})
             edits.listeners.append(files.edited)
+
+            def beat(text: str) -> None:
+                notifier.beat(text + seen.status)
+
             # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
             sinks: list[Sink] = [progress, latest, *tape, *publishers, *live, *page.sinks, files, report]
             with stop_on_signals() as stop:
                 try:
-                    done = run(page.camera(source, stop), slam, sinks, frames, stop, strict, notifier.beat, edits)
+                    done = run(page.camera(seen, stop), slam, sinks, frames, stop, strict, beat, edits)
                 except EdgemapError as error:
                     if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                         raise

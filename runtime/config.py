@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
@@ -15,11 +15,12 @@ from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.registration.alignment import AlignmentRule
 from edgemap.geometry.slam.pose_graph import GraphRule
 from edgemap.runtime.attitude.inertial import AttitudeRule
+from edgemap.runtime.budget import Effort
 from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.health import HealthRule
 from edgemap.runtime.odometry import OdometryRules
 from edgemap.runtime.plain_yaml import read_yaml
-from edgemap.runtime.reading import decode_json, one_line, read_bytes, user_path
+from edgemap.runtime.reading import Strict, convert, decode_json, one_line, read_bytes, user_path
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
@@ -75,6 +76,22 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     if not isinstance(options, dict):
         raise ConfigError(f"{path}: options is a {type(options).__name__}, not a mapping of flags")
     return _merged(Config(), document.get("config") or {}, f"{path}: config"), options
+
+
+def load_efforts(path: Path) -> list[Effort]:
+    """What a budget decided in the run that a run.json tells of, in order; none for a YAML file. Raises ConfigError."""
+    path = path / "run.json" if path.is_dir() else path
+    if path.suffix != ".json":
+        return []
+    document = decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
+    rows = convert(document.get("efforts", []), list[_Effort], f"{path}: efforts", ConfigError)
+    return [Effort(**msgspec.structs.asdict(row)) for row in rows]
+
+
+class _Effort(Strict):
+    since: Annotated[int, msgspec.Meta(ge=0, le=1 << 53)]
+    search_every: Annotated[int, msgspec.Meta(ge=1, le=1000)]
+    take_every: Annotated[int, msgspec.Meta(ge=1, le=1000)]
 
 
 def _merged(default: Any, given: Any, where: str) -> Any:

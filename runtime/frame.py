@@ -18,6 +18,7 @@ class Frame:
     index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, never decreasing.
     image: (H, W, 3) uint8, BGR as OpenCV keeps it. name: where it came from, for messages.
     imu: inertial samples since the previous delivered frame, up to this stamp; none where the source brings none.
+    search: whether its objects are looked for; a budget decides that, and a recording keeps it.
     attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
     Raises ValueError where the image is not (H, W, 3) uint8.
     """
@@ -28,6 +29,7 @@ class Frame:
     name: str = ""
     imu: ImuSamples = field(default_factory=ImuSamples.none)
     attitude: Attitude | None = None
+    search: bool = True
 
     def _repr_png_(self) -> bytes:
         """In a notebook: the picture."""

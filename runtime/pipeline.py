@@ -17,6 +17,7 @@ from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.health import HealthMonitor, HealthRule, PictureHealth
+from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.rest import RestMonitor
@@ -75,10 +76,9 @@ class Pipeline:
         if at_rest:
             return self._stand(frame, health, camera)
         motion = self._move_blind(frame, health) if health.blind else None
-        if motion is not None and not (health.stale and self._at_rest()):
-            stages_ms = self._watch.stages_ms
-            none = Detections.none(self._names), []
-            return FrameObservations(frame.index, frame.stamp_s, *none, motion, stages_ms, health, camera, looked=False)
+        if not self._searches(frame, health):
+            motion = motion or self._move(frame, {})
+            return self._unsearched(frame, Detections.none(self._names), motion, health, camera)
         tensor, placement = self._preprocess(frame.image)
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
@@ -87,10 +87,7 @@ class Pipeline:
         stage("decode")
         sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s)
         stage("floor")
-        if motion is None:
-            self._since_seen = SE2()
-            motion = self.odometry.step(frame, outputs).checked(self.odometry.name)
-        stage("odometry")
+        motion = motion or self._move(frame, outputs)
         stages_ms = self._watch.stages_ms
         return FrameObservations(frame.index, frame.stamp_s, detections, sightings, motion, stages_ms, health, camera)
 
@@ -98,10 +95,27 @@ class Pipeline:
         """No network runs and nothing is counted again; the first frame that differs is compared with the last one."""
         motion = self.odometry.rest(frame.stamp_s)
         self._watch.stage("odometry")
-        return FrameObservations(
-            frame.index, frame.stamp_s, self._found, [], motion, self._watch.stages_ms, health, camera,
-            looked=False, at_rest=True,
-        )  # fmt: skip
+        return replace(self._unsearched(frame, self._found, motion, health, camera), at_rest=True)
+
+    def _searches(self, frame: Frame, health: PictureHealth) -> bool:
+        """Whether the backbone runs: not on what shows nothing new of where the robot is, nor where a budget forbids it
+        and the odometry can do without."""
+        sees = not health.blind or (health.stale and self._at_rest())
+        return sees and (frame.search or self.odometry.needs_features)
+
+    def _unsearched(
+        self, frame: Frame, boxes: Detections, motion: Motion, health: PictureHealth, camera: FloorCamera
+    ) -> FrameObservations:
+        """A frame that adds no observation to the map."""
+        stages_ms = self._watch.stages_ms
+        return FrameObservations(frame.index, frame.stamp_s, boxes, [], motion, stages_ms, health, camera, looked=False)
+
+    def _move(self, frame: Frame, features: Tensors) -> Motion:
+        """The odometry's step, with the backbone's outputs where it ran."""
+        self._since_seen = SE2()
+        motion = self.odometry.step(frame, features).checked(self.odometry.name)
+        self._watch.stage("odometry")
+        return motion
 
     def _move_blind(self, frame: Frame, health: PictureHealth) -> Motion:
         """The odometry goes on with what needs no picture."""

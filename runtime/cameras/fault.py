@@ -8,7 +8,7 @@ from edgemap.runtime.errors import CameraError
 
 
 class FaultKind(StrEnum):
-    """What was wrong. `RECOVERED` tells of the end of an outage and counts as no fault."""
+    """What was wrong. `RECOVERED` tells of the end of an outage, `EFFORT` of a budget's decision: news, no faults."""
 
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error
@@ -22,6 +22,7 @@ class FaultKind(StrEnum):
     GREY = "grey"  # a colour camera that turns grey
     DAMAGED = "damaged"  # a picture that cannot be decoded
     RECOVERED = "recovered"
+    EFFORT = "effort"
 
 
 class CameraState(StrEnum):
@@ -41,8 +42,8 @@ class CameraFault(CameraError):
 
     @property
     def counted(self) -> bool:
-        """Whether this is a fault, and not the news that one has ended."""
-        return self.kind is not FaultKind.RECOVERED
+        """Whether this is a fault, and not news."""
+        return self.kind not in (FaultKind.RECOVERED, FaultKind.EFFORT)
 
 
 class FrameTimeout(CameraError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import ns_of, to_s
-from edgemap.runtime.messages.topics import STAMPS
+from edgemap.runtime.messages.topics import SEARCHED, STAMPS
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
@@ -48,7 +49,7 @@ class RecordingCamera(CameraBase):
         try:
             self.topic = self._choose(topic)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
-            self._exact = _exact_stamps(recording)
+            self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
             self._ahead = self._decode()
@@ -80,7 +81,8 @@ class RecordingCamera(CameraBase):
                 FaultKind.CLOCK, f"{name}: at {to_s(stamp_ns):.6f} s, not after {to_s(self._last_ns):.6f} s, skipped"
             )
         self._last_ns = stamp_ns
-        return self.frame(image, self._exact.get(stamp_ns, to_s(stamp_ns)), name)
+        frame = self.frame(image, self._exact.get(stamp_ns, to_s(stamp_ns)), name)
+        return replace(frame, search=stamp_ns not in self._unsearched)
 
     def close(self) -> None:
         """Close the file."""
@@ -150,6 +152,14 @@ class RecordingCamera(CameraBase):
         times = [log_ns for (log_ns, _), _ in zip(messages, range(30), strict=False)]
         span_s = to_s(times[-1] - times[0])
         return (len(times) - 1) / span_s if len(times) > 1 and math.isfinite(span_s) and span_s > 0 else None
+
+
+def _unsearched(recording: McapReading) -> frozenset[int]:
+    """Stamps of the pictures that a budget did not have searched, ns."""
+    if RECORD not in recording.metadata or SEARCHED not in recording.topics:
+        return frozenset()
+    told = islice(recording.messages(SEARCHED), ROW_LIMIT)
+    return frozenset(log_ns for log_ns, decode in told if float(decode().data) == 0.0)
 
 
 def _exact_stamps(recording: McapReading) -> dict[int, float]:

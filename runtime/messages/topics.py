@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
+SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
 WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
 OBJECTS, MARKERS = "/map/objects", "/map/markers"
@@ -11,6 +12,7 @@ KINDS = {
     PICTURES: "sensor_msgs/msg/CompressedImage",
     INFO: "sensor_msgs/msg/CameraInfo",
     STAMPS: "std_msgs/msg/Float64",
+    SEARCHED: "std_msgs/msg/Float64",
     WHEEL: "nav_msgs/msg/Odometry",
     TRUTH: "nav_msgs/msg/Odometry",
     TF: "tf2_msgs/msg/TFMessage",

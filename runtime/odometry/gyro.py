@@ -16,7 +16,7 @@ UNKNOWN_M = 10.0  # standard deviation of a step's translation
 class GyroOdometry:
     """The rotation of `Frame.attitude`, whose bias is learnt at rest; a step without one is blind."""
 
-    name = "gyro"
+    name, needs_features = "gyro", False
 
     def __init__(self) -> None:
         self.reset("start")

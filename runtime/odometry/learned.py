@@ -35,6 +35,8 @@ class LearnedOdometry:
     Raises OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
     """
 
+    needs_features = True
+
     def __init__(
         self,
         bundle: Bundle,

@@ -84,7 +84,7 @@ class PlanarOdometry:
     A step that finds no motion is blind: `Coasting` guesses.
     """
 
-    name = "planar"
+    name, needs_features = "planar", False
 
     def __init__(
         self,

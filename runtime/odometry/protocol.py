@@ -67,12 +67,17 @@ def blind_motion(fault: str) -> Motion:
 
 
 class Odometry(Protocol):
-    """Fed every frame in order. The first step after construction or a reset gives identity, covariance unknown."""
+    """Fed every frame in order. The first step after construction or a reset gives identity, covariance unknown.
+
+    needs_features: whether it has nothing to go by where the backbone did not run.
+    """
 
     name: str
+    needs_features: bool
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
-        """The motion since the frame of the previous step. features: the backbone's outputs of this frame."""
+        """The motion since the frame of the previous step. features: the backbone's outputs of this frame, empty where
+        it did not run."""
         ...
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:

@@ -58,6 +58,8 @@ class RecordedOdometry:
     names it, and measures again where it covers both ends of a step.
     """
 
+    needs_features = False
+
     def __init__(
         self, trajectory: Trajectory, name: str, drift: DriftRate | None = None, edge_s: float = EDGE_S
     ) -> None:

@@ -20,7 +20,7 @@ class RestingOdometry:
     """An odometry whose small motions wait and are told together as soon as they are a motion: nothing is lost."""
 
     def __init__(self, odometry: Odometry) -> None:
-        self.name = odometry.name
+        self.name, self.needs_features = odometry.name, odometry.needs_features
         self._odometry = odometry
         self._waiting = SE2()
 

@@ -10,7 +10,7 @@ from edgemap.runtime.messages import build
 from edgemap.runtime.messages.build import IDS, FrameIds
 from edgemap.runtime.messages.stamps import to_ns, to_s
 from edgemap.runtime.messages.stream import MessageStream, Outgoing
-from edgemap.runtime.messages.topics import KINDS, OBJECTS, STAMPS, TRUTH, WHEEL
+from edgemap.runtime.messages.topics import KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
 from edgemap.runtime.recordings.writer import McapFile
 from edgemap.runtime.slam import StepResult
@@ -55,6 +55,8 @@ class Recorder:
             track.write_until(self._file, stamp_ns)
         if to_s(stamp_ns) != frame.stamp_s:  # finer than a nanosecond: the replay shall have it all the same
             self._file.write(STAMPS, KINDS[STAMPS], stamp_ns, {"data": frame.stamp_s})
+        if not frame.search:
+            self._file.write(SEARCHED, KINDS[SEARCHED], stamp_ns, {"data": 0.0})
         for outgoing in self._stream.picture(frame):
             self._write(outgoing)
         self.frames += 1

@@ -30,7 +30,7 @@ class Straight(CameraBase):
 class Reader:
     """Says 0.2 m ahead each time, and remembers what it was fed; asks for features where wanted."""
 
-    name = "reader"
+    name, needs_features = "reader", False
 
     def __init__(self, feature=None, fault_at=None):
         self.seen, self.feature, self.fault_at = [], feature, fault_at

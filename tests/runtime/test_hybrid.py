@@ -15,7 +15,7 @@ FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
 
 
 class Scripted:
-    name = "scripted"
+    name, needs_features = "scripted", False
 
     def __init__(self, *motions):
         self.motions, self.resets = list(motions), 0

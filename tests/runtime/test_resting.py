@@ -18,7 +18,7 @@ FRAME = Frame(0, 0.0, np.zeros((2, 2, 3), dtype=np.uint8))
 class Given:
     """Tells the motions it was given."""
 
-    name = "given"
+    name, needs_features = "given", False
 
     def __init__(self, motions):
         self._motions = iter(motions)

@@ -1,0 +1,211 @@
+"""A budget does less where it must, more where there is room, says so, and what it decided can be replayed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.noise import noise
+from support.recordings import FACTS, drain, record
+
+from edgemap.cli.budget import read_share
+from edgemap.cli.errors import OptionError
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.budget import LADDER, Budget, Effort, hottest_c
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.cameras.budgeted import BudgetedCamera
+from edgemap.runtime.cameras.fault import CameraFault, FaultKind
+from edgemap.runtime.config import ConfigError, load_efforts
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.odometry.protocol import Motion, no_motion
+
+
+class Robot:
+    """A camera of 10 Hz and a step on clocks of their own: a frame searched takes 20 ms, another one 7 ms."""
+
+    def __init__(self, share, limit_c=None, heat_c=0.0):
+        self.now_s = self.used_s = 0.0
+        self.searched_s, self.plain_s, self.heat_c = 0.020, 0.007, heat_c
+        self.budget = Budget(share, limit_c, lambda: self.now_s, lambda: self.used_s, lambda: self.heat_c)
+        self.effort, self.index, self.told = Effort(), 0, []
+
+    def drive(self, seconds):
+        """The efforts that were decided meanwhile, and the share of a core of the last two seconds."""
+        decided, start_s = [], self.now_s
+        while self.now_s < start_s + seconds:
+            if start_s + seconds - self.now_s > 2.0:
+                used_s = self.used_s
+            if found := self.budget.decide():
+                self.effort = replace(found[0], since=self.index)
+                decided.append((found[0].search_every, found[0].take_every))
+                self.told.append(found[1])
+            if self.effort.takes(self.index):
+                search = self.effort.searches(self.index)
+                self.budget.frame(search)
+                self.used_s += self.searched_s if search else self.plain_s
+            self.index, self.now_s = self.index + 1, self.now_s + 0.1
+        return decided, (self.used_s - used_s) / 2.0
+
+
+def test_the_search_goes_first_then_frames_and_it_settles_within_the_share():
+    robot = Robot(0.10)
+    decided, share = robot.drive(60.0)
+    assert decided == [(2, 1), (3, 1), (5, 1)]
+    assert share <= 0.105
+    assert robot.told[0] == "20 % of a core, 10 allowed"
+    robot = Robot(0.04)
+    assert robot.drive(60.0)[0] == [(2, 1), (3, 1), (5, 1), (3, 2), (2, 3), (2, 4)]
+    assert robot.drive(60.0) == ([], pytest.approx(0.034, abs=0.007))
+
+
+def test_within_the_share_nothing_changes_and_where_frames_become_cheap_everything_is_done_again():
+    assert Robot(0.25).drive(60.0)[0] == []
+    robot = Robot(0.10)
+    robot.drive(30.0)
+    robot.searched_s, robot.plain_s = 0.008, 0.003
+    assert robot.drive(60.0)[0] == [(3, 1), (2, 1), (1, 1)]
+
+
+def test_less_than_the_last_step_cannot_be_done_and_that_is_said_once():
+    robot = Robot(0.01)
+    robot.drive(60.0)
+    assert [text for text in robot.told if text.endswith("less than this cannot be done")] == robot.told[-1:]
+
+
+def test_heat_asks_for_less_every_ten_seconds_until_it_is_five_degrees_cooler():
+    robot = Robot(None, 80.0, heat_c=85.0)
+    assert robot.drive(29.0)[0] == [(2, 1), (3, 1)]
+    robot.heat_c = 77.0
+    assert robot.drive(30.0)[0] == []
+    robot.heat_c = 74.0
+    assert robot.drive(30.0)[0] == [(2, 1), (1, 1)]
+    assert robot.told[0] == "85 C, 80 allowed"
+
+
+def test_the_hottest_zone_counts_and_one_that_is_off_does_not(tmp_path):
+    assert hottest_c(tmp_path) is None
+    for number, text in enumerate(("41000\n", "63500\n", "")):
+        (tmp_path / f"thermal_zone{number}").mkdir()
+        (tmp_path / f"thermal_zone{number}" / "temp").write_text(text)
+    assert hottest_c(tmp_path) == 63.5
+
+
+@pytest.mark.parametrize(("text", "share"), [("30%", 0.3), ("0.3", 0.3), ("150%", 1.5), (None, None)])
+def test_a_share_is_read(text, share):
+    assert read_share(text) == share
+
+
+@pytest.mark.parametrize("text", ["30", "0", "-1", "nan", "much", "1e9%"])
+def test_what_is_no_share_is_refused(text):
+    with pytest.raises(OptionError, match="expected a share of one core, 30% or"):
+        read_share(text)
+
+
+class Counting(CameraBase):
+    """Numbered pictures with one inertial sample each."""
+
+    def __init__(self, count):
+        super().__init__("counting")
+        self.left, self.size = count, (64, 64)
+
+    def read(self):
+        if self.left == 0:
+            return None
+        self.left -= 1
+        frame = self.frame(noise(self._delivered), self._delivered / 10, "x")
+        sample = ImuSamples(np.array([frame.stamp_s]), np.zeros((1, 3)), np.zeros((1, 3)))
+        return replace(frame, imu=sample)
+
+
+REPLAYED = [Effort(4, 2, 1), Effort(8, 2, 3)]
+
+
+def test_frames_are_taken_and_marked_and_no_inertial_sample_is_lost():
+    camera = BudgetedCamera(Counting(20), replayed=REPLAYED)
+    frames = drain(camera)
+    assert camera.status == ", 1 of 3 frames taken, 1 of 2 searched"
+    assert [round(10 * frame.stamp_s) for frame in frames] == [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 14, 17]
+    assert [frame.search for frame in frames] == [True] * 5 + [False, True, False, True, False, True, False]
+    assert [frame.index for frame in frames] == list(range(12))
+    assert sum(len(frame.imu) for frame in frames) == 18
+    assert camera.efforts == [
+        {"since": 4, "search_every": 2, "take_every": 1},
+        {"since": 8, "search_every": 2, "take_every": 3},
+    ]
+
+
+def test_a_decision_is_told_as_news_and_no_fault():
+    robot = Robot(0.10)
+    camera = BudgetedCamera(Counting(60), robot.budget)
+    told = []
+    for _ in range(60):
+        try:
+            camera.read()
+        except CameraFault as news:
+            told.append(news)
+        robot.now_s, robot.used_s = robot.now_s + 0.1, robot.used_s + 0.02
+    assert [(news.kind, news.counted) for news in told] == [(FaultKind.EFFORT, False)] * 2
+    assert str(told[0]) == "budget: 20 % of a core, 10 allowed: every frame taken, 1 of 2 searched"
+
+
+def test_decisions_come_back_from_a_run_json_and_from_a_recording(tmp_path):
+    camera = BudgetedCamera(Counting(20), replayed=REPLAYED)
+    frames = drain(camera)
+    (tmp_path / "run.json").write_text(json.dumps({"options": {}, "efforts": camera.efforts}))
+    assert load_efforts(tmp_path) == load_efforts(tmp_path / "run.json") == REPLAYED
+    (tmp_path / "run.json").write_text(json.dumps({"efforts": [{"since": 0, "search_every": 0, "take_every": 1}]}))
+    with pytest.raises(ConfigError, match="search_every"):
+        load_efforts(tmp_path)
+    taped = record(tmp_path / "a.mcap", FACTS, [replace(one, image=one.image[:48]) for one in frames], lossless=True)
+    with open_camera(str(taped)) as tape:
+        played = drain(BudgetedCamera(tape))
+    assert [(frame.index, frame.search) for frame in played] == [(frame.index, frame.search) for frame in frames]
+
+
+class Ahead:
+    """Says how far the robot went since it was last asked: 0.1 m a frame."""
+
+    def __init__(self, needs_features, sigma_m):
+        self.name, self.needs_features = "ahead", needs_features
+        self._variance, self._last = sigma_m**2, 0
+
+    def step(self, frame, features):
+        done, self._last = frame.index - self._last, frame.index
+        return Motion(SE2(0.1 * done), np.eye(3) * self._variance)
+
+    def step_blind(self, stamp_s, reason, attitude=None):
+        raise AssertionError(reason)
+
+    def still(self, stamp_s, attitude):
+        return None
+
+    def rest(self, stamp_s):
+        return no_motion()
+
+    def reset(self, reason):
+        pass
+
+
+def test_who_needs_features_sleeps_without_them_and_then_tells_the_last_step_alone():
+    needy = Ahead(True, 0.001)
+    hybrid = HybridOdometry([Member(needy, "camera"), Member(Ahead(False, 0.05), "wheels")])
+    assert not hybrid.needs_features
+    assert HybridOdometry([Member(needy, "camera")]).needs_features
+    motions = []
+    for index in range(7):
+        frame = Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8))
+        motions.append(hybrid.step(frame, {"features": np.zeros(1, np.float32)} if index % 3 == 0 else {}))
+    assert [motion.motion.x_m for motion in motions[1:]] == pytest.approx([0.1] * 6)
+    # Asleep the wheels alone tell; awake again, the two steps that they told are part of what is not known.
+    assert motions[1].covariance[0, 0] == pytest.approx(0.05**2, rel=0.01)
+    assert motions[3].covariance[0, 0] < motions[2].covariance[0, 0]
+
+
+def test_no_step_of_the_ladder_takes_more_than_the_one_before():
+    def cost(effort):
+        return (7 + 13 / effort.search_every) / effort.take_every
+
+    assert [cost(effort) for effort in LADDER] == sorted(map(cost, LADDER), reverse=True)
