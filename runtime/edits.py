@@ -62,7 +62,7 @@ class Edits:
 
     def apply(self, mapper: Mapper, frames: int) -> list[str]:
         """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns what recorded
-        edits failed at, in a line each."""
+        edits and listeners failed at, in a line each."""
         failed: list[str] = []
         answers: list[tuple[Future[str], str]] = []
         changed = False
@@ -87,7 +87,10 @@ class Edits:
             self._note(edit, frames)
         if changed or answers:
             for listener in self.listeners:
-                listener(mapper.objects(), mapper.annotations())
+                try:
+                    listener(mapper.objects(), mapper.annotations())
+                except Exception as error:  # as with sinks: whoever listens, the run goes on
+                    failed.append(f"edited map: {type(error).__name__}: {' '.join(str(error).split())}")
         for future, answer in answers:  # last, so that whoever waited finds the edited map
             future.set_result(answer)
         return failed

@@ -266,3 +266,15 @@ def test_a_map_with_damaged_annotations_is_refused(tmp_path):
             load_annotated_map(tmp_path)
     (tmp_path / "map.json").write_text(json.dumps(good | {"something": "new"}))
     assert load_annotated_map(tmp_path)[1] == Annotations((zone,))
+
+
+def test_a_listener_that_fails_is_told_and_the_others_hear_of_the_edit():
+    def gone(*_):
+        raise RuntimeError("Event loop is closed")
+
+    edits, heard = Edits(), []
+    edits.listeners += [gone, lambda _, annotations: heard.append(annotations.zones[0].name)]
+    asked = edits.submit(Edit("zone", name="hall", corners_m=SQUARE))
+    assert edits.apply(Mapper(), 0) == ["edited map: RuntimeError: Event loop is closed"]
+    assert heard == ["hall"]
+    assert asked.result(0)
