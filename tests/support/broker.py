@@ -9,6 +9,7 @@ import time
 from typing import Any
 
 PATH = "/usr/sbin:/usr/bin:/usr/local/bin"  # Debian keeps the broker where only root's shell looks
+READY = "ready"  # a retained topic of the tests' own
 MISSING = [name for name in ("mosquitto", "mosquitto_pub", "mosquitto_sub") if shutil.which(name, path=PATH) is None]
 
 
@@ -28,13 +29,16 @@ class Broker:
         program = shutil.which("mosquitto", path=PATH)
         assert program is not None
         self._process = subprocess.Popen([program, "-c", str(self._config)], stderr=subprocess.DEVNULL)
-        until_s = time.monotonic() + 10
-        while time.monotonic() < until_s:
+        until_s = time.monotonic() + 60
+        while True:
             with socket.socket() as probe:
                 if probe.connect_ex(("127.0.0.1", self.port)) == 0:
-                    return
+                    break
+            if time.monotonic() > until_s:
+                raise RuntimeError("mosquitto does not start")
             time.sleep(0.02)
-        raise RuntimeError("mosquitto does not start")
+        address = ["-h", "127.0.0.1", "-p", str(self.port)]
+        subprocess.run(["mosquitto_pub", *address, "-t", READY, "-m", "yes", "-r"], check=True)
 
     def stop(self):
         if self._process is not None:
@@ -42,19 +46,23 @@ class Broker:
             self._process.wait()
             self._process = None
 
-    def retained(self, topic="#"):
-        """Topic to payload of what a newcomer is told."""
-        lines = self._read("-t", topic, "--retained-only", "-W", "1").splitlines()
-        return dict(line.split("\t", 1) for line in lines)
+    def retained(self, topic="#", until=lambda told: True):
+        """Topic to payload of what a newcomer is told, once that is as `until` wants it: publishers do not wait."""
+        until_s = time.monotonic() + 60
+        while True:
+            lines = self._read("-t", topic, "-t", READY, "--retained-only", "-W", "1").splitlines()
+            told = dict(line.split("\t", 1) for line in lines)
+            heard = told.pop(READY, None)  # else the reader was not served within its second
+            if (heard and until(told)) or time.monotonic() > until_s:
+                return told
 
     def listen(self, topic) -> Any:
         """A process that prints one `topic<TAB>payload` line a message, once it is subscribed."""
         address = ["-h", "127.0.0.1", "-p", str(self.port)]
-        subprocess.run(["mosquitto_pub", *address, "-t", "ready", "-m", "yes", "-r"], check=True)
-        command = ["mosquitto_sub", *address, "-t", "ready", "-t", topic, "-F", "%t\t%p"]
+        command = ["mosquitto_sub", *address, "-t", READY, "-t", topic, "-F", "%t\t%p"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert process.stdout is not None
-        assert process.stdout.readline() == "ready\tyes\n"
+        assert process.stdout.readline() == f"{READY}\tyes\n"
         return process
 
     def _read(self, *options):

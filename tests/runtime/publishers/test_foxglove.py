@@ -35,20 +35,20 @@ class Client:
         self.time_ns, self.statuses = 0, []
 
     def _json(self, operation):
-        message = json.loads(self._socket.recv(timeout=5))
+        message = json.loads(self._socket.recv(timeout=60))
         assert message["op"] == operation
         return message
 
     def subscribe(self, *topics):
         ids = [{"id": 100 + self.channels[topic]["id"], "channelId": self.channels[topic]["id"]} for topic in topics]
         self._socket.send(json.dumps({"op": "subscribe", "subscriptions": ids}))
-        self._socket.ping().wait(5)  # the server has taken it in
+        self._socket.ping().wait(60)  # the server has taken it in
 
     def until(self, stamp_s):
         """(topic, stamp in ns, data) of all messages before the server's time reaches the stamp."""
         found, names = [], {100 + channel["id"]: topic for topic, channel in self.channels.items()}
         while self.time_ns < round(stamp_s * 1e9):
-            message = self._socket.recv(timeout=5)
+            message = self._socket.recv(timeout=60)
             if isinstance(message, str):
                 self.statuses.append(json.loads(message))
             elif message[0] == 2:

@@ -36,7 +36,7 @@ def sink_of(node: Node, *arguments, **options) -> Ros2Sink:
 
 def taken(reader: Any, count: int) -> list:
     found: list = []
-    until_s = time.monotonic() + 5.0
+    until_s = time.monotonic() + 60.0
     while len(found) < count and time.monotonic() < until_s:
         if reader.wait(0.1):
             found += reader.take()
