@@ -16,6 +16,7 @@ from edgemap.runtime.cameras.reading import next_frame
 from edgemap.runtime.drives.pictures import decode_picture
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.trajectory import PoseTrack
 
 NOISE = 2.0  # grey levels a pixel, standard deviation
 PICTURES = 16  # that differ, in turn
@@ -29,7 +30,7 @@ class StandingCamera(CameraAround):
 
     def __init__(self, camera: Camera, rate_hz: float) -> None:
         super().__init__(camera)
-        self.wheel: Path | None = None
+        self.wheel: Path | PoseTrack | None = None
         first = next_frame(camera, lambda _: None)
         if first is None:
             raise CameraError(f"{camera.name}: no frames")

@@ -106,7 +106,8 @@ def _by_room(
         _tell(fit.mount, *fit.sigma)
         _compare_gravity(fit.mount, up)
         return lens, (_with_lever_arm(fit.mount, known), fit.record())
-    return lens, _by_edges(camera, camera_file, lens, known, height, wheel, up, frames)
+    recorded = wheel if isinstance(wheel, Path) else None
+    return lens, _by_edges(camera, camera_file, lens, known, height, recorded, up, frames)
 
 
 def _by_edges(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.bundle import Bundle
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.cameras.recovery import RecoveryRule
+    from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.compute import Pace
     from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.engine_choice import EngineChoice
@@ -31,7 +32,7 @@ CameraSpec = Annotated[
         metavar="SPEC",
         help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
         "an rtsp:// or http(s):// stream; a video file; a folder of pictures; a recording FILE.mcap[#/topic]; "
-        "sim:SEED (a rendered home); "
+        "a ROS 2 topic ros2:/camera/image_raw; sim:SEED (a rendered home); "
         "KIND:DIR with KIND kitti, tum, c2w, drive, euroc or locobot. "
         "`edgemap cameras` lists those that are here.",
     ),
@@ -275,10 +276,12 @@ def open_described(
     realtime: bool = False,
     frames: int | None = None,
     recovery: RecoveryRule | None = None,
+    topics: SensorTopics | None = None,
 ) -> Camera:
     """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size.
 
-    frames: how long `sim:SEED` drives; other sources are as long as they are. recovery: of live devices.
+    frames: how long `sim:SEED` drives; other sources are as long as they are. recovery: of live devices. topics:
+    further sensors.
     """
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
@@ -288,11 +291,10 @@ def open_described(
 
         return open_simulated(spec, frames, realtime, camera_file and read_camera_yaml(camera_file))
     if camera_file is None:
-        return open_camera(spec, realtime=realtime, recovery=recovery)
+        return open_camera(spec, realtime=realtime, recovery=recovery, topics=topics)
     described = read_camera_yaml(camera_file)
-    return open_camera(
-        spec, realtime=realtime, intrinsics=described.intrinsics, mount=described.mount, recovery=recovery
-    )
+    lens, seat = described.intrinsics, described.mount
+    return open_camera(spec, realtime=realtime, intrinsics=lens, mount=seat, recovery=recovery, topics=topics)
 
 
 def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:

@@ -61,7 +61,8 @@ def command(
     check_name(out)
     track = wheel_track(wheel)
     with open_described(camera, camera_file, realtime) as source:
-        track = wheel_track(source.wheel) if track is None else track
+        if track is None and isinstance(source.wheel, Path):
+            track = wheel_track(source.wheel)
         lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
         facts = Facts(source.name, lens, read_mount(mount, source.mount), source.rate_hz)
         recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
@@ -99,13 +100,9 @@ def check_name(path: Path | None) -> None:
 
 def wheel_track(spec: str | Path | None) -> Trajectory | None:
     """Wheel odometry of a CSV or a recording. Raises CameraError."""
-    from edgemap.runtime.drives.wheel_csv import read_wheel_csv
-    from edgemap.runtime.recordings.wheel import is_recording, read_wheel
-    from edgemap.runtime.trajectory import Trajectory
+    from edgemap.runtime.odometry import wheel_trajectory
 
-    if spec is None:
-        return None
-    return read_wheel(str(spec)) if is_recording(str(spec)) else Trajectory(*read_wheel_csv(Path(spec)))
+    return None if spec is None else wheel_trajectory(spec)
 
 
 def recording_sinks(
@@ -120,5 +117,5 @@ def recording_sinks(
         return []
     wheel = odometry.removeprefix("wheel:") if odometry.startswith("wheel:") else source.wheel
     facts = Facts(source.name, floor.intrinsics, floor.mount, source.rate_hz, decisions)
-    track = wheel_track(wheel)
+    track = wheel_track(wheel) if isinstance(wheel, str | Path) else None  # poses that come live are not recorded
     return [RecordingSink(lambda: Recorder(path, facts, lossless=lossless, wheel=track, truth=source.truth))]

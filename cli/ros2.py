@@ -32,6 +32,21 @@ OdomTf = Annotated[
     bool,
     arg(help="With --ros2: --no-odom-tf where the robot itself publishes odom -> base; map -> odom builds on that."),
 ]
+WheelTopic = Annotated[
+    str | None,
+    arg(
+        metavar="/TOPIC",
+        help="Wheel odometry (nav_msgs/Odometry) for --odometry hybrid: a topic of the recording, or a live ROS 2 one.",
+    ),
+]
+ImuTopic = Annotated[
+    str | None,
+    arg(
+        metavar="/TOPIC",
+        help="Inertial samples (sensor_msgs/Imu): a topic of the recording, or a live ROS 2 one. tf must join its "
+        "frame to the camera's.",
+    ),
+]
 FRAMES = "map,odom,base_link,camera_optical_frame"
 
 
@@ -53,8 +68,13 @@ def ros2_sinks(
     from edgemap.runtime.ros2.node import shared_node
     from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
 
+    options = Ros2Options(namespace, FrameIds(*frame_names(frames)), pictures, best_effort, odom_tf)
+    return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"))]
+
+
+def frame_names(frames: str) -> list[str]:
+    """The four of `--ros2-frames`. Raises OptionError."""
     names = [name.strip() for name in frames.split(",")]
     if len(names) != 4 or not all(names) or len(set(names)) != 4:
         raise OptionError(f"--ros2-frames {frames}: four different names, as in {FRAMES}")
-    options = Ros2Options(namespace, FrameIds(*names), pictures, best_effort, odom_tf)
-    return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"))]
+    return names

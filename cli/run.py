@@ -34,12 +34,15 @@ from edgemap.cli.options import (
 from edgemap.cli.publishers import Foxglove, MqttBroker, MqttName, Rerun, open_publishers
 from edgemap.cli.ros2 import (
     FRAMES,
+    ImuTopic,
     OdomTf,
     Ros2,
     Ros2BestEffort,
     Ros2Frames,
     Ros2Namespace,
     Ros2Pictures,
+    WheelTopic,
+    frame_names,
     ros2_sinks,
 )
 from edgemap.cli.saved_map import EditsFile, Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
@@ -109,6 +112,8 @@ def command(
     ros2_namespace: Ros2Namespace = "edgemap",
     ros2_frames: Ros2Frames = FRAMES,
     odom_tf: OdomTf = True,
+    wheel_topic: WheelTopic = None,
+    imu_topic: ImuTopic = None,
     threads: Threads = None,
     precision: PrecisionName = "default",
     engine: EngineName = "default",
@@ -135,6 +140,7 @@ def command(
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
+    from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.edits import Edits, load_edits
@@ -152,7 +158,9 @@ def command(
     share = read_share(cpu)
     watched = foxglove is not None or ros2 or share is not None or temperature is not None
     tuned = load_config(config)[0] if config else Config()
-    with open_described(camera, camera_file, (realtime or watched) and not view, frames, tuned.camera) as source:
+    topics = SensorTopics(wheel_topic, imu_topic, frame_names(ros2_frames)[3])
+    paced = (realtime or watched) and not view
+    with open_described(camera, camera_file, paced, frames, tuned.camera, topics) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
         loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine, recorded=source.decisions)
         least = least_score(confidence, loaded)

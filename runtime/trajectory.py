@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,24 @@ from edgemap.runtime.reading import read_bytes
 
 TUM = NumberTable((STAMP, *columns("x_m y_m z_m qx qy qz qw")))
 QUATERNION_TOLERANCE = 0.02  # of its length: files keep few digits
+
+
+class PoseTrack(Protocol):
+    """Poses over time that can be looked up: a Trajectory, or one that still grows."""
+
+    @property
+    def stamps_s(self) -> NDArray[np.float64]:
+        """Stamps of the poses that are known, s, strictly increasing."""
+        ...
+
+    @property
+    def poses(self) -> tuple[SE2, ...]:
+        """The poses that are known."""
+        ...
+
+    def at(self, stamp_s: float, tolerance_s: float = ...) -> SE2:
+        """The pose at a stamp. Raises OdometryError where there is none."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

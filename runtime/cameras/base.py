@@ -17,7 +17,7 @@ from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 
 class CameraBase:
@@ -37,7 +37,7 @@ class CameraBase:
         self.truth: Trajectory | None = None
         self.attitudes: AttitudeTrack | None = None
         self.imu: ImuSamples | None = None
-        self.wheel: Path | None = None
+        self.wheel: Path | PoseTrack | None = None
         self.decisions: Decisions | None = None
         self._delivered, self._sampled_s = 0, -math.inf
 

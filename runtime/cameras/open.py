@@ -10,13 +10,14 @@ from edgemap.runtime.cameras.device import Driver
 from edgemap.runtime.cameras.plugins import load_kind, plugin_kinds
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.cameras.recovery import RecoveryRule
+from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import user_path
 
 UNDERSTOOD = (
     "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
     "a video file, a folder of pictures, "
-    "a recording FILE.mcap[#/topic], "
+    "a recording FILE.mcap[#/topic], a topic ros2:/camera/image_raw, "
     "or KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo"
 )
 STREAMS = ("rtsp", "rtsps", "http", "https")
@@ -31,13 +32,20 @@ def open_camera(
     intrinsics: Intrinsics | None = None,
     mount: Mount | None = None,
     recovery: RecoveryRule | None = None,
+    topics: SensorTopics | None = None,
 ) -> Camera:
     """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
 
-    realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices.
-    Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
+    realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices. topics: further
+    sensors, on ROS 2 topics. Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
     """
     camera = _open(spec, intrinsics, mount, recovery)
+    if topics is not None and (topics.wheels or topics.imu):
+        try:
+            camera = _with_topics(camera, topics)
+        except BaseException:
+            camera.close()
+            raise
     if realtime and not camera.live:
         from edgemap.runtime.cameras.paced import PacedCamera
 
@@ -62,6 +70,11 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None, recover
         from edgemap.runtime.cameras.stream import StreamDriver
 
         return _open_live(StreamDriver(spec), intrinsics, mount, recovery)
+    if kind == "ros2":
+        from edgemap.runtime.ros2.camera import Ros2Camera
+        from edgemap.runtime.ros2.node import shared_node
+
+        return Ros2Camera(shared_node(), rest, intrinsics, mount, recovery)
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.cameras.recording import RecordingCamera
 
@@ -102,6 +115,18 @@ def _open_realsense(
         return RealSenseRecording(user_path(rest), name, intrinsics, mount)
     driver = RealSenseDriver(name, rest or None)
     return ImuCamera(_open_live(driver, intrinsics, mount, recovery), driver.imu)
+
+
+def _with_topics(camera: Camera, topics: SensorTopics) -> Camera:
+    from edgemap.runtime.cameras.recording import RecordingCamera
+
+    if isinstance(camera, RecordingCamera):
+        camera.choose(topics.wheels, topics.imu)
+        return camera
+    from edgemap.runtime.ros2.node import shared_node
+    from edgemap.runtime.ros2.sources import Ros2SensorsCamera
+
+    return Ros2SensorsCamera(camera, shared_node(), topics)
 
 
 def _open_live(

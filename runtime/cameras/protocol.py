@@ -11,7 +11,7 @@ from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 
 @runtime_checkable
@@ -23,8 +23,8 @@ class Camera(Protocol):
     size: (width, height) of the pictures that it delivers, px. frame_count: None for live sources.
     truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
     the poses are planar. wheel: wheel odometry that came with the pictures,
-    a CSV or a recording, None where there is none. decisions: of the run that made this recording, None where there are
-    none.
+    a CSV, a recording or poses that come live, None where there is none. decisions: of the run that made this
+    recording, None where there are none.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Camera(Protocol):
     frame_count: int | None
     truth: Trajectory | None
     attitudes: AttitudeTrack | None
-    wheel: Path | None
+    wheel: Path | PoseTrack | None
     decisions: Decisions | None
 
     @property

@@ -20,10 +20,11 @@ from edgemap.runtime.messages.topics import SEARCHED, STAMPS
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
-from edgemap.runtime.recordings.foreign import lens_of, mount_of
+from edgemap.runtime.recordings.foreign import info_topics, lens_of, mount_of, tf_of
+from edgemap.runtime.recordings.imu import imu_of, recorded_imu
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.recordings.reader import McapReading
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
@@ -89,6 +90,14 @@ class RecordingCamera(CameraBase):
         self._open = False
         self._recording.close()
 
+    def choose(self, wheels: str | None = None, imu: str | None = None) -> None:
+        """Take wheel odometry or inertial samples from these topics of the file. Raises CameraError."""
+        if wheels is not None:
+            self.wheel = Path(f"{self._path}#{wheels}")
+        if imu is not None:
+            optical = self._ahead[2] if self._ahead else ""
+            self.imu = imu_of(self._recording, tf_of(self._recording), optical, imu)
+
     def _choose(self, topic: str) -> str:
         topics = self._recording.topics
         pictures = [name for name, found in topics.items() if found.kind in PICTURE_KINDS and found.count]
@@ -125,7 +134,8 @@ class RecordingCamera(CameraBase):
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
             self.rate_hz, self.decisions = facts.rate_hz, facts.decisions
-            self.wheel: Path | None = self._path if WHEEL_FILE in recording.attachments else None
+            self.imu = recorded_imu(recording)
+            self.wheel: Path | PoseTrack | None = self._path if WHEEL_FILE in recording.attachments else None
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(
                     recording.attachments[TRUTH_FILE], f"{self._path}: {TRUTH_FILE}"
@@ -133,15 +143,16 @@ class RecordingCamera(CameraBase):
             return
         if intrinsics is None and (info := self._info()) is not None:
             self.intrinsics = lens_of(info, "rect" in self.topic, f"{self._path}")
+        tree = tf_of(recording)
         if mount is None:
-            self.mount = mount_of(recording, frame_id)
+            self.mount = mount_of(tree, frame_id)
+        self.imu = imu_of(recording, tree, frame_id)
         self.rate_hz = self._rate_hz()
 
     def _info(self) -> Any:
         """The CameraInfo beside the pictures (image_transport's custom), or the only one in the file; else None."""
         infos = [name for name, found in self._recording.topics.items() if found.kind == INFO_KIND and found.count]
-        parts = self.topic.split("/")
-        beside = [name for cut in (1, 2) if (name := "/".join([*parts[:-cut], "camera_info"])) in infos]
+        beside = [name for name in info_topics(self.topic) if name in infos]
         chosen = beside or (infos if len(infos) == 1 else [])
         found = next(self._recording.messages(chosen[0]), None) if chosen else None
         return found[1]() if found else None

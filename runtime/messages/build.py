@@ -65,6 +65,17 @@ def camera_info(stamp_ns: int, lens: Intrinsics, ids: FrameIds = IDS) -> Message
     }
 
 
+def imu(stamp_ns: int, gyro_rad_s: list[float], accel_m_s2: list[float], ids: FrameIds = IDS) -> Message:
+    """`sensor_msgs/Imu` in the optical frame. Orientation is not known, which the first -1 says."""
+    gyro, accel = (dict(zip("xyz", values, strict=True)) for values in (gyro_rad_s, accel_m_s2))
+    return {
+        "header": header(stamp_ns, ids.optical),
+        "orientation_covariance": [-1.0] + [0.0] * 8,
+        "angular_velocity": gyro,
+        "linear_acceleration": accel,
+    }
+
+
 def mount_transform(stamp_ns: int, mount: Mount, ids: FrameIds = IDS) -> Message:
     """`geometry_msgs/TransformStamped` base_link -> camera_optical_frame."""
     x, y, z, w = Rotation.from_matrix(mount.rotation_base_optical()).as_quat().tolist()

@@ -5,6 +5,7 @@ from __future__ import annotations
 PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
 SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
 WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"
+IMU = "/imu"
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
 OBJECTS, MARKERS = "/map/objects", "/map/markers"
 
@@ -17,6 +18,7 @@ KINDS = {
     TRUTH: "nav_msgs/msg/Odometry",
     TF: "tf2_msgs/msg/TFMessage",
     TF_STATIC: "tf2_msgs/msg/TFMessage",
+    IMU: "sensor_msgs/msg/Imu",
     POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     ODOMETRY: "nav_msgs/msg/Odometry",
     BOXES: "vision_msgs/msg/Detection2DArray",

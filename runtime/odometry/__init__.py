@@ -92,7 +92,9 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
         doubt = doubts.flow_doubt * (doubts.outside_flow_doubt if carried else 1.0)
         members.append(Member(flow, "camera", doubt))
     if wheels and camera.wheel is not None:
-        recorded = open_odometry(f"wheel:{camera.wheel}", bundle, camera, floor, rules=rules)
+        given = camera.wheel
+        track = wheel_trajectory(given) if isinstance(given, Path) else given
+        recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
         members.append(Member(recorded, "wheels", doubts.wheels_doubt))
     members.append(Member(GyroOdometry(), GYRO, doubts.gyro_doubt, optional=True))
     return members

@@ -14,7 +14,7 @@ from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import STILL_M, STILL_RAD, Motion, blind_motion, no_motion
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.trajectory import PoseTrack
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class RecordedOdometry:
     needs_features = False
 
     def __init__(
-        self, trajectory: Trajectory, name: str, drift: DriftRate | None = None, edge_s: float = EDGE_S
+        self, trajectory: PoseTrack, name: str, drift: DriftRate | None = None, edge_s: float = EDGE_S
     ) -> None:
         self.name = name
         self._trajectory = trajectory

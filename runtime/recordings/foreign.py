@@ -1,4 +1,4 @@
-"""Lens and mount out of the ROS 2 messages of a recording that somebody else made."""
+"""Lens and mount out of ROS 2 messages that somebody else made."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.messages.tf_tree import TfTree
+from edgemap.runtime.messages.topics import TF, TF_STATIC
 from edgemap.runtime.reading import one_line
 from edgemap.runtime.recordings.reader import McapReading
-from edgemap.runtime.trajectory import QUATERNION_TOLERANCE
 
 FLOOR_FRAME = "base_footprint"  # REP-120: base_link may stand anywhere above the floor, this one stands on it
-FARTHEST_M = 1000.0
-TF_MESSAGES, TF_FRAMES = 200, 10_000  # looked through for the mount
+TF_MESSAGES = 200  # of each topic, looked through for the tree
 
 
 def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
@@ -50,42 +49,32 @@ def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
         raise CameraError(f"{name}: CameraInfo: {error}") from None
 
 
-def mount_of(recording: McapReading, frame_id: str) -> Mount | None:
-    """Where tf puts the pictures' frame above base_footprint; None where tf does not say so.
+def info_topics(pictures: str) -> list[str]:
+    """Where the CameraInfo of a topic with pictures may be, as image_transport has it: beside it, or one level up."""
+    parts = pictures.split("/")
+    return ["/".join([*parts[:-cut], "camera_info"]) for cut in (1, 2)]
 
-    A tree that only has base_link gives none: how high that is above the floor stands nowhere.
-    """
-    parents: dict[str, tuple[str, Any]] = {}
-    for topic in ("/tf_static", "/tf"):
+
+def tf_of(recording: McapReading) -> TfTree:
+    """The tf tree of a recording, by its first messages. Raises CameraError."""
+    tree = TfTree(str(recording.path))
+    for topic in (TF_STATIC, TF):
         if topic not in recording.topics:
             continue
         for number, (_, decode) in enumerate(recording.messages(topic)):
-            for transform in decode().transforms:
-                child, parent = transform.child_frame_id.lstrip("/"), transform.header.frame_id.lstrip("/")
-                parents.setdefault(child, (parent, transform.transform))
-            if number >= TF_MESSAGES or len(parents) >= TF_FRAMES:
+            tree.add(decode())
+            if number >= TF_MESSAGES or tree.full:
                 break
-    rotation, place = np.eye(3), np.zeros(3)
-    frame = frame_id.lstrip("/")
-    for _ in range(len(parents) + 1):
-        if frame == FLOOR_FRAME:
-            return _mount(rotation, place)
-        if frame not in parents:
-            return None
-        frame, step = parents[frame]
-        quaternion = [step.rotation.x, step.rotation.y, step.rotation.z, step.rotation.w]
-        translation_m = [step.translation.x, step.translation.y, step.translation.z]
-        if (
-            not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE
-            or not max(map(abs, translation_m)) < FARTHEST_M
-        ):
-            raise CameraError(
-                f"{recording.path}: tf to {frame}: translation {translation_m} m, quaternion {quaternion}: no transform"
-            )
-        turn = Rotation.from_quat(quaternion).as_matrix()
-        place = turn @ place + translation_m
-        rotation = turn @ rotation
-    return None
+    return tree
+
+
+def mount_of(tree: TfTree, frame_id: str) -> Mount | None:
+    """Where tf puts the pictures' frame above base_footprint; None where tf does not say so.
+
+    A tree that only has base_link gives none: how high that is above the floor stands nowhere. Raises CameraError.
+    """
+    found = tree.pose(FLOOR_FRAME, frame_id)
+    return _mount(*found) if found else None
 
 
 def _mount(rotation_base_optical: Any, place_m: Any) -> Mount | None:

@@ -10,7 +10,7 @@ from edgemap.runtime.messages import build
 from edgemap.runtime.messages.build import IDS, FrameIds
 from edgemap.runtime.messages.stamps import to_ns, to_s
 from edgemap.runtime.messages.stream import MessageStream, Outgoing
-from edgemap.runtime.messages.topics import KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
+from edgemap.runtime.messages.topics import IMU, KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
 from edgemap.runtime.recordings.writer import McapFile
 from edgemap.runtime.slam import StepResult
@@ -57,6 +57,10 @@ class Recorder:
             self._file.write(STAMPS, KINDS[STAMPS], stamp_ns, {"data": frame.stamp_s})
         if not frame.search:
             self._file.write(SEARCHED, KINDS[SEARCHED], stamp_ns, {"data": 0.0})
+        samples = frame.imu
+        for at_s, gyro, accel in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
+            at_ns = to_ns(float(at_s))
+            self._file.write(IMU, KINDS[IMU], at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
         for outgoing in self._stream.picture(frame):
             self._write(outgoing)
         self.frames += 1

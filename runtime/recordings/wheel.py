@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.wheel_csv import check_speed
 from edgemap.runtime.errors import CameraError, OdometryError
+from edgemap.runtime.messages.poses import planar_pose
 from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import ODOMETRY, TRUTH
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.facts import WHEEL_FILE, read_trajectory_file
 from edgemap.runtime.recordings.reader import McapReading
-from edgemap.runtime.trajectory import QUATERNION_TOLERANCE, Trajectory
+from edgemap.runtime.trajectory import Trajectory
 
 KIND = "nav_msgs/Odometry"
-FARTHEST_M = 1e6
 
 
 def is_recording(spec: str) -> bool:
@@ -47,7 +44,7 @@ def read_wheel(spec: str) -> Trajectory:
         for log_ns, decode in recording.messages(topic or found[0]):
             message = decode()
             stamp_ns = ns_of(message.header.stamp) or log_ns
-            poses[stamp_ns] = _pose(message.pose.pose, f"{file}: {topic or found[0]} at {to_s(stamp_ns):.3f} s")
+            poses[stamp_ns] = planar_pose(message.pose.pose, f"{file}: {topic or found[0]} at {to_s(stamp_ns):.3f} s")
             if len(poses) > ROW_LIMIT:
                 raise CameraError(f"{file}: {topic or found[0]}: more than {ROW_LIMIT:,} poses")
         stamps = sorted(poses)
@@ -61,12 +58,3 @@ def read_wheel(spec: str) -> Trajectory:
         raise CameraError(f"{file}: {error}") from None
     finally:
         recording.close()
-
-
-def _pose(pose: Any, where: str) -> SE2:
-    x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
-    norm, values = math.hypot(x, y, z, w), (pose.position.x, pose.position.y)
-    if not abs(norm - 1.0) < QUATERNION_TOLERANCE or not all(abs(value) <= FARTHEST_M for value in values):
-        raise CameraError(f"{where}: no pose: position {values} m, quaternion of length {norm:.3f}")
-    x, y, z, w = (value / norm for value in (x, y, z, w))
-    return SE2(*values, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

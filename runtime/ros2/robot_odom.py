@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.errors import OdometryError
+from edgemap.runtime.errors import CameraError, OdometryError
 from edgemap.runtime.messages.build import FrameIds
+from edgemap.runtime.messages.poses import planar
 from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import KINDS, TF
+from edgemap.runtime.ros2.growing_track import GrowingTrack
 from edgemap.runtime.ros2.node import Node, Reliability
-from edgemap.runtime.ros2.pose_track import PoseTrack, planar
 
 
 class RobotOdom:
@@ -16,7 +19,7 @@ class RobotOdom:
 
     def __init__(self, node: Node, frames: FrameIds) -> None:
         self.offset_s = 0.0
-        self._frames, self._track = frames, PoseTrack()
+        self._frames, self._track = frames, GrowingTrack()
         self._tf = node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500)
 
     def __call__(self, stamp_s: float) -> SE2 | None:
@@ -25,7 +28,9 @@ class RobotOdom:
             for step in message.transforms:
                 if (step.header.frame_id, step.child_frame_id) == (self._frames.odom, self._frames.base):
                     moved = step.transform
-                    self._track.push(to_s(ns_of(step.header.stamp)), planar(moved.translation, moved.rotation))
+                    with suppress(CameraError):  # what is no transform is none
+                        pose = planar(moved.translation, moved.rotation, TF)
+                        self._track.push(to_s(ns_of(step.header.stamp)), pose)
         try:
             return self._track.at(stamp_s + self.offset_s)
         except OdometryError:

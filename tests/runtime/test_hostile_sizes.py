@@ -19,6 +19,7 @@ from edgemap.runtime.default_bundle import LENS, default_bundle
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.memory import bounded_memory
 from edgemap.runtime.messages.definitions import definition
+from edgemap.runtime.messages.tf_tree import TfTree
 from edgemap.runtime.recordings import chunks, foreign
 from edgemap.runtime.recordings.facts import Facts
 from edgemap.runtime.recordings.pictures import raw_picture
@@ -113,10 +114,9 @@ def test_a_camera_that_looks_straight_down_by_tf_has_a_mount_or_none(tmp_path):
         rest = Rotation.from_matrix(half.as_matrix().T @ down)
         turns = [dict(zip("xyzw", turn.as_quat().tolist(), strict=True)) for turn in (half, rest)]
         tf = {"transforms": [transform("middle", foreign.FLOOR_FRAME, turns[0]), transform("lens", "middle", turns[1])]}
-        recording = SimpleNamespace(
-            path="a", topics={"/tf": None}, messages=lambda _, tf=tf: [(1, lambda: as_namespace(tf))]
-        )
-        foreign.mount_of(recording, "lens")  # type: ignore[arg-type]
+        tree = TfTree("a")
+        tree.add(as_namespace(tf))
+        foreign.mount_of(tree, "lens")
         product = (
             Rotation.from_quat(list(turns[0].values())).as_matrix()
             @ Rotation.from_quat(list(turns[1].values())).as_matrix()

@@ -77,6 +77,15 @@ def odometry(stamp_ns: int, x: float, y: float, yaw: float) -> Any:
     )  # fmt: skip
 
 
+def imu(stamp_ns: int, gyro: tuple[float, float, float], accel: tuple[float, float, float]) -> Any:
+    """sensor_msgs/Imu of a part `imu_link`."""
+    rate, force = (make("geometry_msgs/msg/Vector3", *values) for values in (gyro, accel))
+    return make(
+        "sensor_msgs/msg/Imu", header(stamp_ns, "imu_link"), make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+        np.array([-1.0] + [0.0] * 8), rate, np.zeros(9), force, np.zeros(9),
+    )  # fmt: skip
+
+
 def write_bag(folder: Path, messages: list[tuple[str, int, Any]], compression: str | None = None) -> Path:
     """(topic, log time in ns, message) into a bag; the path of the MCAP file inside its folder."""
     writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)

@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.decisions import Decisions
@@ -241,3 +242,17 @@ def test_a_full_disk_is_one_line_and_leaves_what_was_written(tmp_path):
     assert run.stdout.strip().endswith("a.mcap: cannot be written (File too large)"), run.stderr
     with open_camera(str(tmp_path / "a.mcap")) as camera:
         assert camera.frame_count > 50
+
+
+def test_inertial_samples_are_replayed_bit_for_bit(tmp_path):
+    random = np.random.default_rng(1)
+    frames = []
+    for frame in noise(3):
+        stamps_s = np.round(frame.stamp_s - np.array([0.02, 0.01, 0.0]), 6)
+        frames.append(replace(frame, imu=ImuSamples(stamps_s, random.normal(size=(3, 3)), random.normal(size=(3, 3)))))
+    with open_camera(str(record(tmp_path / "a.mcap", FACTS, frames))) as camera:
+        played = drain(camera)
+    for frame, again in zip(frames, played, strict=True):
+        np.testing.assert_array_equal(again.imu.stamps_s, frame.imu.stamps_s)
+        np.testing.assert_array_equal(again.imu.gyro_rad_s, frame.imu.gyro_rad_s)
+        np.testing.assert_array_equal(again.imu.accel_m_s2, frame.imu.accel_m_s2)

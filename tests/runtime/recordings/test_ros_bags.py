@@ -11,11 +11,12 @@ import pytest
 pytest.importorskip("rosbags")
 
 from support.recordings import drain
-from support.ros_bag import camera_info, compressed, image, odometry, tf, transform, write_bag
+from support.ros_bag import camera_info, compressed, image, imu, odometry, tf, transform, write_bag
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.recordings.wheel import read_wheel
 
@@ -83,6 +84,37 @@ def test_lens_and_mount_are_found(tmp_path):
         mount = camera.mount
     found = (mount.height_m, mount.pitch_rad, mount.roll_rad, mount.forward_m, mount.left_m)
     np.testing.assert_allclose(found, [0.6, np.radians(12), 0.0, 0.2, 0.03], atol=1e-9)
+
+
+def imu_bag(folder, linked=True):
+    """Four pictures at 10 Hz and an IMU at 100 Hz on a level robot, its own x axis to the robot's left."""
+    parts = [transform("base_link", "cam_optical", (0.2, 0.0, 0.5), (-90, 0, -90))]
+    parts += [transform("base_link", "imu_link", (0.0, 0.0, 0.1), (0, 0, 90))] * linked
+    messages = [("/tf_static", T0, tf(*parts))]
+    for i in range(40):
+        stamp = T0 + i * 10**7
+        messages.append(("/imu/data", stamp, imu(stamp, (0.01 * i, 0.2, 0.3), (0.5, 0.0, 9.81))))
+    messages += [("/cam/image_raw", T0 + i * 10**8, image(T0 + i * 10**8, BGR, "bgr8")) for i in range(4)]
+    return write_bag(folder, messages)
+
+
+def test_inertial_samples_come_with_the_pictures_in_optical_axes(tmp_path):
+    frames = play(imu_bag(tmp_path / "bag"))
+    assert [len(frame.imu) for frame in frames] == [1, 10, 10, 10]
+    samples = frames[2].imu
+    # The IMU's x is left: the robot's -y in optical x. Its y points backwards: optical -z. z is up: optical -y.
+    np.testing.assert_allclose(samples.gyro_rad_s[0], [-0.11, -0.3, -0.2], atol=1e-9)
+    np.testing.assert_allclose(samples.accel_m_s2[0], [-0.5, -9.81, 0.0], atol=1e-9)
+    assert samples.stamps_s[-1] == frames[2].stamp_s
+
+
+def test_an_imu_that_tf_does_not_join_is_left_out_unless_it_was_asked_for(tmp_path):
+    path = imu_bag(tmp_path / "bag", linked=False)
+    assert not any(len(frame.imu) for frame in play(path))
+    with pytest.raises(CameraError, match=r"tf does not join the frame of /imu/data to the pictures' \(cam_optical\)"):
+        open_camera(str(path), topics=SensorTopics(imu="/imu/data"))
+    with pytest.raises(CameraError, match=r"no sensor_msgs/Imu topic /imu \(there are: /imu/data\)"):
+        open_camera(str(path), topics=SensorTopics(imu="/imu"))
 
 
 def test_a_height_over_base_link_alone_is_no_mount(tmp_path):

@@ -2,7 +2,8 @@
 // information. Fields are (de)serialised by Fast CDR from the structs below; nothing is shared with edgemap.
 //
 //   fastdds_peer subscribe SECONDS TOPIC,TYPE,QOS,COUNT...   one JSON line for each message, until all counts are reached
-//   fastdds_peer publish SECONDS TOPIC,TYPE,QOS,COUNT[,FILE]...   COUNT messages at 20 Hz once somebody listens
+//   fastdds_peer publish SECONDS TOPIC,TYPE,QOS,COUNT[,FILE]...   COUNT messages at 20 Hz once somebody listens, each
+//       stamped 100 s + 50 ms * ticks since the start, and with contents made of the ticks
 //
 // QOS: reliable, best_effort or latched (reliable and transient local). ROS_DOMAIN_ID names the domain.
 #include <fastcdr/Cdr.h>
@@ -57,6 +58,9 @@ struct Header {
     int32_t sec = 0; uint32_t nanosec = 0; std::string frame;
     FIELDS { a(sec); a(nanosec); a(frame); }
 };
+Header stamped(int tick, const char* frame) {
+    return {100 + tick / 20, uint32_t(tick % 20) * 50000000u, frame};
+}
 struct Xyz {
     double x = 0, y = 0, z = 0;
     FIELDS { a(x); a(y); a(z); }
@@ -102,8 +106,10 @@ struct TFMessage {
     std::vector<TransformStamped> transforms;
     FIELDS { a.sequence(transforms); }
     void fill(int i, const std::string&) {
-        transforms.resize(1);
-        transforms[0] = {{100, uint32_t(i) * 50000000u, "odom"}, "base_link", {0.1 * i, 0.2, 0}, {0, 0, 0, 1}};
+        transforms.resize(3);
+        transforms[0] = {stamped(i, "odom"), "base_link", {0.1 * i, 0.2, 0}, {0, 0, 0, 1}};
+        transforms[1] = {stamped(i, "base_footprint"), "front_optical", {0.1, 0, 0.6}, {-0.5, 0.5, -0.5, 0.5}};
+        transforms[2] = {stamped(i, "base_footprint"), "imu_link", {0, 0, 0.2}, {0, 0, 0, 1}};
     }
     std::string json_text() const {
         std::string found;
@@ -119,7 +125,7 @@ struct Odometry {
     Xyz linear, angular; std::array<double, 36> twist_covariance{};
     FIELDS { header.fields(a); a(child); pose.fields(a); linear.fields(a); angular.fields(a); a(twist_covariance); }
     void fill(int i, const std::string&) {
-        header = {100, uint32_t(i) * 50000000u, "odom"};
+        header = stamped(i, "odom");
         child = "base_link";
         pose.pose.at = {0.01 * i, -0.005 * i, 0};
         pose.pose.q = {0, 0, 0.0499791692706783, 0.998750260394966};  // 0.1 rad about z
@@ -135,7 +141,7 @@ struct CompressedImage {
     Header header; std::string format; std::vector<uint8_t> data;
     FIELDS { header.fields(a); a(format); a(data); }
     void fill(int i, const std::string& file) {
-        header = {100, uint32_t(i) * 50000000u, "front_optical"};
+        header = stamped(i, "front_optical");
         format = "rgb8; jpeg compressed bgr8";
         std::ifstream stream(file, std::ios::binary);
         data.assign(std::istreambuf_iterator<char>(stream), {});
@@ -153,7 +159,7 @@ struct Image {
     std::vector<uint8_t> data;
     FIELDS { header.fields(a); a(height); a(width); a(encoding); a(big); a(step); a(data); }
     void fill(int i, const std::string&) {
-        header = {100, uint32_t(i) * 50000000u, "front_optical"};
+        header = stamped(i, "front_optical");
         height = 48; width = 64; encoding = "rgb8"; step = 200;  // 192 and padding
         data.assign(height * step, 0);
         for (uint32_t y = 0; y < height; ++y)
@@ -174,7 +180,7 @@ struct CameraInfo {
         header.fields(a); a(height); a(width); a(model); a(d); a(k); a(r); a(p);
         a(bin_x); a(bin_y); a(roi_x); a(roi_y); a(roi_h); a(roi_w); a(rectify);
     }
-    void fill(int i, const std::string&) { header = {100, uint32_t(i) * 50000000u, "front_optical"}; }
+    void fill(int i, const std::string&) { header = stamped(i, "front_optical"); }
     std::string json_text() const { return json(header) + ", \"k\": " + json(k); }
 };
 struct Imu {
@@ -182,7 +188,7 @@ struct Imu {
     Header header; Quaternion q; std::array<double, 9> c0{}, c1{}, c2{}; Xyz gyro, accel;
     FIELDS { header.fields(a); q.fields(a); a(c0); gyro.fields(a); a(c1); accel.fields(a); a(c2); }
     void fill(int i, const std::string&) {
-        header = {100, uint32_t(i) * 50000000u, "imu_link"};
+        header = stamped(i, "imu_link");
         gyro = {0.01, 0.02, 0.1 * i};
         accel = {0.1, 0.2, 9.81};
     }
@@ -260,7 +266,7 @@ struct Port {  // one topic, in one direction
     Spec spec;
     int done = 0;
     virtual ~Port() = default;
-    virtual void poll() = 0;
+    virtual void poll(int tick) = 0;
     virtual bool finished() { return done >= spec.count; }
 };
 template <class T> struct Reading : Port {
@@ -273,7 +279,7 @@ template <class T> struct Reading : Port {
         reliability(qos, s.qos);
         reader = subscriber->create_datareader(topic, qos);
     }
-    void poll() override {
+    void poll(int) override {
         T message;
         SampleInfo info;
         while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK)
@@ -297,12 +303,13 @@ template <class T> struct Writing : Port {
         qos.publish_mode().kind = ASYNCHRONOUS_PUBLISH_MODE;  // large ones go in fragments
         writer = publisher->create_datawriter(topic, qos);
     }
-    void poll() override {
+    void poll(int tick) override {
         PublicationMatchedStatus status;
         writer->get_publication_matched_status(status);
         if ((status.current_count == 0 && spec.qos != "latched") || finished()) return;
         T message;
-        message.fill(done++, spec.file);
+        message.fill(tick, spec.file);
+        ++done;
         writer->write(&message);
     }
 };
@@ -339,13 +346,15 @@ int main(int count, char** arguments) {
         ports.push_back(publishes ? open<Writing>(participant, publisher, s) : open<Reading>(participant, subscriber, s));
     }
     bool finished = false;
+    int tick = 0;
     while (!finished && std::chrono::steady_clock::now() < until) {
         finished = true;
         for (auto& port : ports) {
-            port->poll();
+            port->poll(tick);
             finished = finished && port->finished();
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(publishes ? 50 : 1));
+        ++tick;
     }
     if (publishes) std::this_thread::sleep_until(until);  // late joiners
     std::_Exit(finished ? 0 : 1);  // without the orderly end, which takes Fast DDS a second

@@ -21,13 +21,21 @@ from support.recordings import LENS, MOUNT
 from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
+from edgemap.runtime.cameras.reading import next_frame
+from edgemap.runtime.cameras.sensor_topics import SensorTopics
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.ros2.camera import Ros2Camera
 from edgemap.runtime.ros2.discovery import Discovery
 from edgemap.runtime.ros2.node import Node, Reliability, node_for
 from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+from edgemap.runtime.ros2.sources import Ros2SensorsCamera, WheelTopic
 
 SOURCE = Path(__file__).with_name("fastdds_peer.cpp")
 DOMAIN = 1 + os.getpid() % 100  # runs beside this one have their own
@@ -178,11 +186,65 @@ def test_edgemap_reads_what_fast_dds_publishes(program, node, tmp_path):
                 if reader.wait(0.02):
                     heard[name] += reader.take()
     assert {name: len(messages) for name, messages in heard.items()} == {name: spec[2] for name, spec in topics.items()}
-    odometry, sample, link = heard["odom"][4], heard["imu"][4], heard["tf"][4].transforms[0]
-    assert (odometry.header.stamp.sec, odometry.header.stamp.nanosec) == (100, 200_000_000)
-    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
-    assert (odometry.pose.pose.position.x, odometry.pose.pose.position.y) == (0.04, -0.02)
-    assert odometry.pose.pose.orientation.w == pytest.approx(math.cos(0.05))
-    assert (sample.header.frame_id, sample.angular_velocity.z, sample.linear_acceleration.z) == ("imu_link", 0.4, 9.81)
-    assert (link.header.frame_id, link.child_frame_id, link.transform.translation.x) == ("odom", "base_link", 0.4)
+    for odometry, sample, message in zip(heard["odom"], heard["imu"], heard["tf"], strict=True):
+        link = message.transforms[0]
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+        assert odometry.pose.pose.position.x == pytest.approx(0.01 * tick(odometry))
+        assert odometry.pose.pose.position.y == pytest.approx(-0.005 * tick(odometry))
+        assert odometry.pose.pose.orientation.w == pytest.approx(math.cos(0.05))
+        assert (sample.header.frame_id, sample.linear_acceleration.z) == ("imu_link", 9.81)
+        assert sample.angular_velocity.z == pytest.approx(0.1 * tick(sample))
+        assert (link.header.frame_id, link.child_frame_id) == ("odom", "base_link")
+        assert link.transform.translation.x == pytest.approx(0.1 * tick(link))
     assert bytes(heard["picture"][0].data) == encoded.tobytes()
+
+
+def tick(message) -> int:
+    """Of the program's clock, by a message's stamp."""
+    return round((message.header.stamp.sec - 100) * 20 + message.header.stamp.nanosec / 5e7)
+
+
+def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node):
+    """Padded rows, lens from CameraInfo, mount and the IMU's axes from tf, wheels between their stamps."""
+    wanted = (
+        "rt/front/image_raw,Image,reliable,400",
+        "rt/front/camera_info,CameraInfo,reliable,400",
+        "rt/odom,Odometry,reliable,400",
+        "rt/imu,Imu,reliable,400",
+        "rt/tf_static,TFMessage,latched,1",
+    )
+    with Peer(program, "publish", *wanted, seconds=25.0), Ros2Camera(node, "/front/image_raw") as pictures:
+        assert pictures.intrinsics == Intrinsics(64, 48, 58.25, 58.5, 31.5, 23.5)
+        assert pictures.mount is not None
+        assert (pictures.mount.height_m, pictures.mount.forward_m) == pytest.approx((0.6, 0.1))
+        assert pictures.mount.pitch_rad == pytest.approx(0.0, abs=1e-9)
+        camera = Ros2SensorsCamera(pictures, node, SensorTopics("/odom", "/imu"))
+        assert isinstance(camera.wheel, WheelTopic)
+        odometry = RecordedOdometry(camera.wheel, "wheels")
+        moved, frames = [], []
+        while len(frames) < 8:
+            frame = next_frame(camera, lambda fault: pytest.fail(str(fault)))
+            assert frame is not None
+            frames.append(frame)
+            moved.append(odometry.step(frame, {}))
+    for frame in frames:
+        at = round((frame.stamp_s - 100.0) * 20)
+        np.testing.assert_array_equal(frame.image[5, 7], [at % 256, 25, 28])  # BGR of (4 x, 5 y, ticks)
+    steps = np.diff([frame.stamp_s for frame in frames[-5:]])
+    for step_s, motion in zip(steps, moved[-4:], strict=True):
+        # 0.01 m along x and -0.005 m along y for each 50 ms, seen from a robot turned by 0.1 rad
+        expected = SE2(0.0, 0.0, 0.1).inverse() @ SE2(0.2 * step_s, -0.1 * step_s, 0.0)
+        assert (motion.motion.x_m, motion.motion.y_m) == pytest.approx((expected.x_m, expected.y_m), abs=1e-6)
+        assert not motion.fault
+    samples = ImuSamples.joined([frame.imu for frame in frames])
+    assert len(samples) > 3
+    ticks = (samples.stamps_s - 100.0) * 20
+    expected_gyro = np.column_stack([np.full(len(ticks), -0.02), -0.1 * ticks, np.full(len(ticks), 0.01)])
+    np.testing.assert_allclose(samples.gyro_rad_s, expected_gyro, atol=1e-6)
+    np.testing.assert_allclose(samples.accel_m_s2, [[-0.2, -9.81, 0.1]] * len(samples), atol=1e-9)
+
+
+def test_a_topic_that_nobody_publishes_is_one_line(node, monkeypatch):
+    monkeypatch.setattr("edgemap.runtime.ros2.camera.PUBLISHER_S", 0.1)
+    with pytest.raises(CameraError, match=r"nobody publishes /nothing/here within 0 s \(topics with pictures: "):
+        Ros2Camera(node, "/nothing/here")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +11,21 @@ from numpy.typing import NDArray
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import OdometryError
 
-KEPT = 2000
+KEPT = 500
 AHEAD_S = 0.2  # beyond the newest pose, at the speed of the last two
 
 
-class PoseTrack:
+class GrowingTrack:
     """The newest poses, by stamps that only go forward. A pose that is older than the newest one begins anew: a clock
     that was set back."""
 
     def __init__(self) -> None:
         self._stamps: list[float] = []
         self._poses: list[SE2] = []
+
+    @property
+    def _newest_s(self) -> float:
+        return self._stamps[-1] if self._stamps else -math.inf
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -66,9 +69,3 @@ class PoseTrack:
             return before.interpolate(now, share)
         step = before.inverse() @ now
         return now @ SE2(*((share - 1.0) * step.vector()))
-
-
-def planar(position: Any, orientation: Any) -> SE2:
-    """A ROS position and quaternion, seen from above."""
-    x, y, z, w = (float(getattr(orientation, axis)) for axis in "xyzw")
-    return SE2(float(position.x), float(position.y), math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))
