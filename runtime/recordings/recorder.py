@@ -59,6 +59,8 @@ class Recorder:
             self._file.write(SEARCHED, KINDS[SEARCHED], stamp_ns, {"data": 0.0})
         samples = frame.imu
         for at_s, gyro, accel in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
+            if at_s < 0.0:
+                continue  # before a stream that starts at zero: no ROS time
             at_ns = to_ns(float(at_s))
             self._file.write(IMU, KINDS[IMU], at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
         for outgoing in self._stream.picture(frame):
