@@ -36,7 +36,7 @@ class MqttPublisher:
     def __init__(
         self, host: str, port: int, robot: str, user: str | None = None, password: str | None = None, version: str = ""
     ) -> None:
-        need("mqtt", "--mqtt", ("paho.mqtt",))
+        need("mqtt", "--mqtt", ("paho",))
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
 

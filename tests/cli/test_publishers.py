@@ -75,3 +75,29 @@ def test_addresses(text, address):
 def test_addresses_that_are_none(text):
     with pytest.raises(OptionError, match=r"--x .* expected HOST or HOST:PORT"):
         host_and_port(text, "--x", 9)
+
+
+@pytest.mark.parametrize(
+    ("option", "package"), [("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho")]
+)
+def test_without_the_extra_one_line_names_it(tmp_path, painted_bundle, option, package):
+    """In a process in which the package is not to be found, as on a robot with the base install."""
+    code = (
+        "import sys\n"
+        "class Hide:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name.partition('.')[0] == {package!r}:\n"
+        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
+        "sys.meta_path.insert(0, Hide())\n"
+        "import importlib.util as u\nfind = u.find_spec\n"
+        f"def hidden(name, *a):\n    return None if name == {package!r} else find(name, *a)\n"
+        "u.find_spec = hidden\n"
+        "from edgemap.cli import main\n"
+        f"main(['run', '--bundle', {str(painted_bundle)!r}, '--out', {str(tmp_path / 'run')!r}, {option!r}])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert f"{option.partition('=')[0]} needs {package}" in line
+    assert "pip install" in line
+    assert not (tmp_path / "run").exists()
