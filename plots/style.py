@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib as mpl
@@ -13,8 +14,11 @@ from matplotlib.figure import Figure
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.colours import label_colour
+from edgemap.runtime.errors import DiskError
+from edgemap.runtime.map_file import write_atomically
 
 mpl.use("Agg")
+mpl.rcParams["text.parse_math"] = False  # labels and ids come from files: a dollar sign is one
 
 __all__ = ["Axes", "Figure", "floor_axes", "label_colours", "plt", "save"]
 
@@ -51,9 +55,13 @@ def save(figure: Figure, path: Path) -> Path:
         raise PlotError(f"{path}: pictures are .png or .svg")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=130, facecolor=PAPER, bbox_inches="tight")
+        drawn = BytesIO()
+        figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=130, facecolor=PAPER, bbox_inches="tight")
+        write_atomically(path, drawn.getvalue())  # a link in a folder of a stranger's is replaced, not written through
     except OSError as error:
         raise PlotError(f"{path}: cannot be written ({error.strerror})") from None
+    except DiskError as error:
+        raise PlotError(str(error)) from None
     finally:
         plt.close(figure)
     return path

@@ -10,7 +10,7 @@ from edgemap.runtime.errors import DiskError
 
 def append(path: Path, data: bytes, create: bool = True) -> None:
     """Write all of it. create: make the file where it is not there. Raises DiskError where nothing was written."""
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | (os.O_CREAT if create else 0)
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_CREAT if create else 0)
     try:
         handle = os.open(path, flags, 0o644)
         try:

@@ -96,7 +96,8 @@ def write_atomically(path: Path, text: str | bytes) -> None:
         except (AttributeError, IsADirectoryError, OSError) as error:
             if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
                 raise
-            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+            temporary.unlink(missing_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
             os.close(_write(os.open(temporary, flags, 0o644), data))
         try:
             temporary.replace(path)

@@ -92,7 +92,7 @@ class Viewer:
         while True:
             try:
                 ask = msgspec.json.decode(await self._socket.receive_text(), type=Ask)
-            except (msgspec.MsgspecError, KeyError):  # KeyError: a binary message
+            except (msgspec.MsgspecError, KeyError, TypeError):  # the latter two: a binary message
                 await self._socket.close(1003)
                 return
             except RecursionError:  # a field that nobody knows, nested too deeply to be skipped

@@ -12,6 +12,7 @@ PARTS: dict[str, str] = {
     "kills": "kill -9 in the middle of a run",
     "day": "a day of driving, compressed",
     "readers": "hostile files: every reader on mutated documents",
+    "generated": "hostile files and requests drawn from the formats' grammars",
 }
 
 

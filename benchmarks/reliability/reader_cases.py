@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -13,16 +12,7 @@ import cv2
 import numpy as np
 
 from edgemap.benchmarks.reliability.mutations import json_bytes, mutated_bytes, mutated_rows, mutated_tree
-
-
-@dataclass(frozen=True)
-class ReaderCase:
-    """make: a mutated document. read: writes it into a folder (on a memory disk) and reads it."""
-
-    name: str
-    make: Callable[[Random], Any]
-    read: Callable[[Path, Any], object]
-
+from edgemap.benchmarks.reliability.workers import ReaderCase
 
 OBJECTS = [
     {

@@ -46,7 +46,7 @@ class RecordingCamera(CameraBase):
             raise CameraError(f"{path}: no such file")
         self._path, self._open = path, True
         self._recording = recording = McapReading(path)
-        self._last_ns: int | None = None
+        self._last_s = -math.inf
         try:
             self.topic = self._choose(topic)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
@@ -77,13 +77,11 @@ class RecordingCamera(CameraBase):
             return None
         stamp_ns, image, _ = decoded
         name = f"{self.name}#{self._delivered}"
-        if self._last_ns is not None and stamp_ns <= self._last_ns:
-            raise CameraFault(
-                FaultKind.CLOCK, f"{name}: at {to_s(stamp_ns):.6f} s, not after {to_s(self._last_ns):.6f} s, skipped"
-            )
-        self._last_ns = stamp_ns
-        frame = self.frame(image, self._exact.get(stamp_ns, to_s(stamp_ns)), name)
-        return replace(frame, search=stamp_ns not in self._unsearched)
+        stamp_s = self._exact.get(stamp_ns, to_s(stamp_ns))
+        if stamp_s <= self._last_s:
+            raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
+        self._last_s = stamp_s
+        return replace(self.frame(image, stamp_s, name), search=stamp_ns not in self._unsearched)
 
     def close(self) -> None:
         """Close the file."""

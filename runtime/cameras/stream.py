@@ -8,9 +8,9 @@ from urllib.parse import urlsplit
 import cv2
 
 from edgemap.runtime.cameras.device import Picture
-from edgemap.runtime.cameras.video import quietly
 from edgemap.runtime.cameras.webcam import CaptureDevice
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.quiet import quietly
 
 OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
 

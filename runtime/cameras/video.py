@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -20,12 +17,12 @@ from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.memory import bounded_memory
+from edgemap.runtime.quiet import quietly
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05
 FALLBACK_RATE_HZ = 30.0
 MEMORY_BYTES = 1 << 30  # that opening, or a single frame, may take beyond what the process has
-LOG_SILENT = 0  # OpenCV's LOG_LEVEL_SILENT
 
 
 class VideoCamera(CameraBase):
@@ -122,16 +119,3 @@ def _open_quietly(path: Path) -> cv2.VideoCapture:
     known = cv2.videoio_registry.getBackends()
     with quietly(), bounded_memory(MEMORY_BYTES):
         return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in known else cv2.CAP_ANY)
-
-
-@contextmanager
-def quietly() -> Iterator[None]:
-    """What fails is said in our own line, so OpenCV's and FFmpeg's are kept off the terminal."""
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    logging: Any = getattr(cv2.utils, "logging", cv2)  # OpenCV before 4.10 keeps both functions at its top
-    level = logging.getLogLevel()
-    logging.setLogLevel(LOG_SILENT)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(level)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, SIDE_LIMIT, picture_size
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.quiet import quietly
 from edgemap.runtime.reading import read_bytes
 
 PICTURE_BYTES = 256 << 20
@@ -63,7 +64,8 @@ def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
     if size is not None and (size[0] * size[1] > PIXEL_LIMIT or max(size) > SIDE_LIMIT):
         raise CameraError(f"{name}: picture of {size[0]}x{size[1]} px, at most {PIXEL_LIMIT:,} px are decoded")
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if size is not None else None
+        with quietly():
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if size is not None else None
     except cv2.error:
         image = None
     if image is None:

@@ -172,15 +172,17 @@ class McapReading:
             self.attachments[record.name] = record.data
 
     def _up_to_the_cut(self, records: Iterator[Any]) -> Iterator[Any]:
+        damage = _damage()  # asked for now: at the interpreter's end nothing can be imported
         try:
             yield from records
-        except _damage():
+        except damage:
             return
 
     def _guarded(self, items: Iterator[Any]) -> Iterator[Any]:
+        damage = _damage()
         try:
             yield from items
-        except _damage() as error:
+        except damage as error:
             raise CameraError(f"{self.path}: damaged recording ({_what(error)})") from None
 
     def _guarded_call(self, function: Callable[..., Any], *arguments: Any) -> Any:

@@ -68,7 +68,10 @@ class RunFolder:
             self._lock = _lock(folder)
         except OSError as error:
             raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
-        if (folder / "run.json").exists():
+        if any(
+            (folder / name).is_symlink() or (folder / name).exists()
+            for name in ("run.json", "trajectory.tum", "sightings.jsonl")
+        ):
             os.close(self._lock)
             raise RunFolderError(f"{folder} already holds a run; choose another --out")
         try:
@@ -85,8 +88,8 @@ class RunFolder:
         """
         if self._frames == 0:
             picture = draw_floor_grid(result.frame.image, self._camera)
-            with suppress(cv2.error):
-                cv2.imwrite(str(self.folder / "mount.jpg"), picture)
+            with suppress(cv2.error, DiskError):
+                write_atomically(self.folder / "mount.jpg", cv2.imencode(".jpg", picture)[1].tobytes())
         self._frames += 1
         self._stamp_s = stamp_s = result.frame.stamp_s
         self._objects, self._merged, self._annotations = objects, result.merged, result.update.annotations

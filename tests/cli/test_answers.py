@@ -139,3 +139,17 @@ def test_doctor_knows_every_extra_and_every_package_of_it():
         if extra not in ("all", "dev")
     }
     assert {extra: set(modules.values()) for extra, (_, modules) in EXTRAS.items()} == extras
+
+
+def test_a_strangers_map_is_drawn_whatever_its_names_and_links_say(tmp_path):
+    """Dollar signs are no formulas, and map.png beside the map is replaced where it links to a file of the user's."""
+    pytest.importorskip("matplotlib")
+    kept = tmp_path / "kept"
+    kept.write_text("mine")
+    (tmp_path / "map.png").symlink_to(kept)
+    objects = [CHAIR | {"id": "$\\frac{", "label": "$\\x$"}]
+    (tmp_path / "map.json").write_text(json.dumps({"format": "edgemap.map/1", "objects": objects}))
+    main(["map", "show", str(tmp_path / "map.json")])
+    assert kept.read_text() == "mine"
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "map.png").is_symlink()

@@ -186,3 +186,15 @@ def test_without_frames_the_pose_goes_on_the_covariance_grows_and_the_map_stays(
     result, _ = steps.next()
     assert result.pose_map_base.x_m == pytest.approx(before.x_m + 0.6 + 0.05)
     assert result.pose_covariance.trace() > sizes[-1]
+
+
+@pytest.mark.parametrize("name", ["run.json", "trajectory.tum", "sightings.jsonl"])
+def test_a_folder_with_a_file_of_the_runs_is_left_alone_links_too(tmp_path, name):
+    """A folder that somebody else packed may hold links to files of ours."""
+    folder, kept = tmp_path / "run", tmp_path / "kept"
+    folder.mkdir()
+    kept.write_text("mine\n")
+    (folder / name).symlink_to(kept)
+    with pytest.raises(RunFolderError, match="already holds a run"):
+        RunFolder(folder, FLOOR, {})
+    assert kept.read_text() == "mine\n"
