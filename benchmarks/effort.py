@@ -22,6 +22,7 @@ from edgemap.runtime.budget import LADDER, Effort
 from edgemap.runtime.bundle import Bundle, load_bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.budgeted import BudgetedCamera
+from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.compute import one_blas_thread
 from edgemap.runtime.default_bundle import default_bundle
 from edgemap.runtime.drives import open_drive
@@ -65,7 +66,7 @@ def main() -> None:
     given = parser.parse_args()
     one_blas_thread()
     document: dict[str, list[dict[str, Any]]] = {}
-    for spec in given.drives:
+    for spec in (f"drive:{DEMO}" if drive == "demo" else drive for drive in given.drives):
         bundle = load_bundle(bundle_folder(default_bundle(spec)[0]), 1)
         has_wheels = open_camera(spec).wheel is not None
         document[spec] = [

@@ -8,6 +8,7 @@ keeps its id. Everything moves with the pose that it was seen from.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -64,6 +65,8 @@ class FloorMap:
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
         self._shown: dict[str, MapObject] = {}
+        self._order: list[tuple[tuple[str, int], str]] = []  # of what is shown, sorted
+        self._ordered: list[MapObject] = []  # in that order
         self._listed: list[MapObject] | None = []
 
     @classmethod
@@ -120,7 +123,7 @@ class FloorMap:
         """Objects with enough evidence, one in each place, ordered by id."""
         self._refresh()
         if self._listed is None:
-            self._listed = [self._shown[identity] for identity in sorted(self._shown, key=id_order)]
+            self._listed = self._ordered.copy()
         return self._listed
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
@@ -327,11 +330,19 @@ class FloorMap:
                 self._overlaps.set(Candidate(identity, item.label, own.position_m, width_m, evidence))
         self._changed = {}
         for identity in self._overlaps.settle():
-            self._shown.pop(identity, None)
             members = self._overlaps.members.get(identity)
-            if members and (shown := self._as_map_object(members)) is not None:
-                self._shown[identity] = shown
+            self._show(identity, self._as_map_object(members) if members else None)
         self._listed = None
+
+    def _show(self, identity: str, shown: MapObject | None) -> None:
+        """Show an object, or no longer, in its place in the order: a large map is not sorted again."""
+        key = id_order(identity), identity
+        at, known = bisect_left(self._order, key), identity in self._shown
+        if shown is None and known:
+            del self._shown[identity], self._order[at], self._ordered[at]
+        elif shown is not None:
+            self._shown[identity] = shown
+            self._order[at : at + known], self._ordered[at : at + known] = [key], [shown]
 
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where they have not enough evidence together."""
