@@ -122,7 +122,7 @@ def chart(marks: Sequence[Markup], top: float, unit: str, span_s: float, told: s
 
 def _time_marks(span_s: float) -> list[Markup]:
     """Round times along the axis, and where they stand."""
-    step = nice_top(span_s / 5.0)
+    step = _round_up(span_s / 5.0, (1.0, 2.0, 2.5, 5.0, 10.0))
     count = math.floor(span_s / step + 1e-9) if span_s > 0 else 0
     marks = []
     for n in range(count + 1):
@@ -141,11 +141,16 @@ def duration(seconds: float) -> str:
 
 
 def nice_top(value: float) -> float:
-    """The smallest of 1, 2, 2.5, 5 times a power of ten that is not below the value; 1 for nothing."""
+    """Where an axis ends: the first number with a round half that is not below the value; 1 for nothing."""
+    return _round_up(value, (1.0, 1.2, 1.6, 2.0, 2.4, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0))
+
+
+def _round_up(value: float, steps: Sequence[float]) -> float:
+    """The smallest of these times a power of ten that is not below the value; 1 for nothing."""
     if not value > 0 or not math.isfinite(value):
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
-    return next(step * power for step in (1.0, 2.0, 2.5, 5.0, 10.0) if step * power >= value * (1 - 1e-9))
+    return next(step * power for step in steps if step * power >= value * (1 - 1e-9))
 
 
 def _middles(stretches: Sequence[Window]) -> np.ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
@@ -16,6 +17,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.colours import label_colour
 from edgemap.runtime.report.labels import place_labels
 from edgemap.runtime.report.markup import Markup, el, joined, polyline
+from edgemap.runtime.report.tables import mark_shape
 
 WIDEST_PX, TALLEST_PX, MARGIN_M = 960.0, 720.0, 0.5
 LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
@@ -45,17 +47,20 @@ def floor_svg(
     way: Sequence[SE2],
     true_way: Sequence[SE2] = (),
     evaluation_rows: Sequence[EvaluationRow] = (),
+    zones: Sequence[Zone] = (),
 ) -> Markup:
-    """Objects with size, 95 % ellipse and id; the trajectory with start and end; the true objects; grid and scale."""
-    sheet = _sheet(objects, way, true_way, evaluation_rows)
+    """Objects with size, 95 % ellipse and name; the trajectory with start and end; the true objects; zones; grid and
+    scale."""
+    sheet = _sheet(objects, way, true_way, evaluation_rows, zones)
     marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top
     spots = [sheet.at(item.position_m) for item in objects]
-    marked = [(item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
+    marked = [(item.name or item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
     names = place_labels(marked, sheet.width_px, sheet.height_px)
     texts = [_name(item, spot) for item, spot in zip(objects, names, strict=True)]
     return el(
         "svg",
         _grid(sheet),
+        [_zone(sheet, zone) for zone in zones],
         [_truth(sheet, evaluation_row, objects) for evaluation_row in evaluation_rows],
         _line(sheet, true_way, "true-way", "true trajectory"),
         _line(sheet, way, "way", "trajectory"),
@@ -72,9 +77,13 @@ def floor_svg(
 
 
 def _sheet(
-    objects: Sequence[MapObject], way: Sequence[SE2], true_way: Sequence[SE2], evaluation_rows: Sequence[EvaluationRow]
+    objects: Sequence[MapObject],
+    way: Sequence[SE2],
+    true_way: Sequence[SE2],
+    evaluation_rows: Sequence[EvaluationRow],
+    zones: Sequence[Zone],
 ) -> Sheet:
-    points = [np.zeros((1, 2))]
+    points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in zones)]
     points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (way, true_way) if poses]
     for item in objects:
         reach = max(radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
@@ -125,12 +134,21 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
 def _spot(sheet: Sheet, item: MapObject) -> Markup:
     """The object's place, over all that is drawn of its neighbours."""
     x, y = sheet.at(item.position_m)
-    return el("circle", cx=x, cy=y, r=4.5, class_="spot", style=f"color:{label_colour(item.label)}")
+    return mark_shape(item.label, x, y, 5.0, class_="spot", style=f"color:{label_colour(item.label)}")
+
+
+def _zone(sheet: Sheet, zone: Zone) -> Markup:
+    corners = sheet.at(np.array(zone.corners_m))
+    x, y = (corners[:, 0].min() + corners[:, 0].max()) / 2.0, corners[:, 1].min() - 5.0
+    name = el("text", zone.name, x=x, y=y, text_anchor="middle", class_="name")
+    return el("g", el("polygon", points=polyline(corners)), name, class_="zone")
 
 
 def _name(item: MapObject, spot: tuple[float, float, str]) -> Markup:
-    """The id beside its object; on a narrow screen the number alone, its colour tells the label."""
+    """The name beside its object; of an id on a narrow screen the number alone, its mark tells the label."""
     x, y, anchor = spot
+    if item.name:
+        return el("text", item.name, x=x, y=y, text_anchor=anchor, class_="name")
     word, dash, number = item.id.rpartition("-")
     return el("text", el("tspan", word + dash, class_="word"), number, x=x, y=y, text_anchor=anchor, class_="name")
 

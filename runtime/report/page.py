@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow, tally
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
@@ -28,7 +29,7 @@ _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 @dataclass(frozen=True, slots=True)
 class Findings:
     """All that a report tells. record: what run.json holds. truth: of the base from its start, None where unknown.
-    verdicts: empty where no truth is known. mount_jpeg: the first picture with horizon and metre grid."""
+    evaluation_rows: empty where no truth is known. mount_jpeg: the first picture with horizon and metre grid."""
 
     record: dict[str, Any]
     objects: list[MapObject]
@@ -37,6 +38,7 @@ class Findings:
     truth: Trajectory | None = None
     evaluation_rows: list[EvaluationRow] | None = None
     mount_jpeg: bytes | None = None
+    zones: tuple[Zone, ...] = ()
 
 
 def report_page(found: Findings) -> str:
@@ -58,14 +60,13 @@ def report_page(found: Findings) -> str:
         _masthead(found, title),
         _tiles(found, errors_m),
         _floor(found, way, true_way),
-        _verdicts(found),
         _objects(found),
         _trajectory(way, errors_m),
         _timeline(found),
         _latency(found),
         _mount(found),
         _section("Faults", tables.fault_list(found.record), name="wide"),
-        _section("Configuration", tables.settings_table(found.record), name="wide"),
+        _folded("Configuration", tables.settings_table(found.record)),
         el(
             "footer", "Written by edgemap run. Positions in the map frame: origin at the first pose, x forward, y left."
         ),
@@ -140,7 +141,13 @@ def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -
         {item.label for item in found.objects} | {row.label for row in found.evaluation_rows or [] if row.true_m}
     )
     legend = [el("li", tables.swatch(label), label) for label in labels]
-    keys = [el("li", el("i", class_="key ellipse"), "95 % ellipse"), el("li", el("i", class_="key way"), "trajectory")]
+    keys = [
+        el("li", el("i", class_="key disc"), "floor it takes, as a circle"),
+        el("li", el("i", class_="key ellipse"), "95 % ellipse"),
+        el("li", el("i", class_="key way"), "trajectory"),
+        el("li", el("i", class_="key start"), "start"),
+        el("li", el("i", class_="key robot"), "end, and where it faces"),
+    ]
     known = [pose for pose in true_way if pose is not None]
     if known:
         keys.append(el("li", el("i", class_="key true-way"), "true trajectory"))
@@ -148,26 +155,26 @@ def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -
         keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
     if any(row.state == "missed" for row in found.evaluation_rows or []):
         keys.append(el("li", el("b", "×", class_="key-missed"), "missed"))
-    drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, found.evaluation_rows or ())
+    if found.zones:
+        keys.append(el("li", el("i", class_="key zone"), "zone"))
+    rows = found.evaluation_rows or ()
+    drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, rows, found.zones)
     return _section("From above", el("figure", drawing, el("ul", legend, keys, class_="legend")), name="wide")
 
 
-def _verdicts(found: Findings) -> Markup | None:
-    if not found.evaluation_rows:
-        return None
-    errors = [row.error_m for row in found.evaluation_rows if row.state == "found" and row.error_m is not None]
-    median = f"; median error of those found {np.median(errors):.2f} m" if errors else ""
-    text = f"{tally(found.evaluation_rows)}{median}. Found: same class within 0.5 m; misplaced: within 1.5 m."
-    return _section(
-        "Against the truth", el("p", text, class_="note"), tables.verdict_table(found.evaluation_rows), name="wide"
-    )
-
-
 def _objects(found: Findings) -> Markup:
-    if not found.objects:
+    rows = found.evaluation_rows or []
+    if not found.objects and not rows:
         return _section("Objects", el("p", "Nothing was mapped.", class_="note"))
-    table = tables.objects_table(found.objects, found.crops, found.evaluation_rows or (), found.history.start_s)
-    return _section("Objects", table, name="wide")
+    note = el("p", _judgement(rows), class_="note") if rows else None
+    table = tables.objects_table(found.objects, found.crops, rows, found.history.start_s)
+    return _section("Objects", note, table, name="wide")
+
+
+def _judgement(rows: list[EvaluationRow]) -> str:
+    errors = [row.error_m for row in rows if row.state == "found" and row.error_m is not None]
+    median = f"; median error of those found {np.median(errors):.2f} m" if errors else ""
+    return f"Against the truth: {tally(rows)}{median}. Found: same class within 0.5 m; misplaced: within 1.5 m."
 
 
 def _trajectory(way: list[PoseSample], errors_m: list[float]) -> Markup | None:
@@ -211,3 +218,8 @@ def _mount(found: Findings) -> Markup | None:
 
 def _section(title: str, *children: Markup | None, name: str | None = None) -> Markup:
     return el("section", el("h2", title), joined(*children), class_=name)
+
+
+def _folded(title: str, *children: Markup) -> Markup:
+    """A section that opens when asked; printers and searches find it all the same."""
+    return el("section", el("details", el("summary", el("h2", title)), joined(*children)), class_="wide")

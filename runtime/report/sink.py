@@ -10,7 +10,7 @@ import cv2
 
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.map_file import load_map, write_atomically
+from edgemap.runtime.map_file import load_annotated_map, write_atomically
 from edgemap.runtime.report.crops import BestCrops
 from edgemap.runtime.report.history import History
 from edgemap.runtime.report.page import Findings, report_page
@@ -68,13 +68,15 @@ class ReportFile:
             self.failure = f"{self.path} was not written ({type(error).__name__}: {error})"
 
     def _findings(self) -> Findings:
-        objects = load_map(self._folder)
+        objects, annotations = load_annotated_map(self._folder)
         record = json.loads((self._folder / "run.json").read_text())
         if self._judge:
             self.evaluation_rows = self._judge(objects, self._history.frames)
         self._crops.keep({item.id for item in objects}, record.get("merged", {}))
         crops = self._crops.of([item.id for item in objects])
-        return Findings(record, objects, self._history, crops, self._truth, self.evaluation_rows, self._mount())
+        return Findings(record, objects, self._history, crops, self._truth, self.evaluation_rows, self._mount(),
+            annotations.zones,
+        )  # fmt: skip
 
     def _mount(self) -> bytes | None:
         """mount.jpg, small."""

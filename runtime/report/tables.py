@@ -1,4 +1,4 @@
-"""The report's tables: objects with their pictures, verdicts against the truth, stages, faults, configuration."""
+"""The report's tables: objects with their pictures and their truth, stages, faults, configuration."""
 
 from __future__ import annotations
 
@@ -9,17 +9,26 @@ import numpy as np
 
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.colours import label_colour
+from edgemap.runtime.colours import SHAPES, label_colour, label_mark
 from edgemap.runtime.report.charts import STAGE_COLOURS, duration
 from edgemap.runtime.report.crops import Crop
-from edgemap.runtime.report.markup import Markup, data_uri, el, joined
+from edgemap.runtime.report.markup import Markup, data_uri, el, joined, polyline
 
 MOST_FAULTS = 60
 
 
+def mark_shape(label: str, x: float, y: float, radius: float, **attributes: object) -> Markup:
+    """The mark of a label as an SVG shape; its colour is `color` of what it stands in."""
+    corners = SHAPES[label_mark(label).shape]
+    if not corners:
+        return el("circle", cx=x, cy=y, r=radius, **attributes)
+    return el("polygon", points=polyline((x + radius * u, y + radius * v) for u, v in corners), **attributes)
+
+
 def swatch(label: str) -> Markup:
-    """A dot of the label's colour."""
-    return el("i", class_="swatch", style=f"background:{label_colour(label)}")
+    """The mark of a label, as large as a letter."""
+    shape = mark_shape(label, 8.0, 8.0, 5.0, fill="currentColor")
+    return el("svg", shape, class_="swatch", viewBox="0 0 16 16", style=f"color:{label_colour(label)}")
 
 
 def pill(state: str) -> Markup:
@@ -30,16 +39,20 @@ def pill(state: str) -> Markup:
 def objects_table(
     objects: Sequence[MapObject], crops: Mapping[str, Crop], evaluation_rows: Sequence[EvaluationRow], start_s: float
 ) -> Markup:
-    """A row per object; cards on a narrow screen."""
-    verdict_of = {
-        evaluation_row.object_id: evaluation_row for evaluation_row in evaluation_rows if evaluation_row.object_id
-    }
-    rows = [_object_row(item, crops.get(item.id), verdict_of.get(item.id), start_s) for item in objects]
-    heads = ("", "object", "x, y", "±", "size", "seen", "confidence", "first – last")
+    """A row per object, with what the truth says of it where any is known, then what is missed; cards on a narrow
+    screen."""
+    judged = bool(evaluation_rows)
+    row_of = {row.object_id: row for row in evaluation_rows if row.object_id}
+    rows = [_object_row(item, crops.get(item.id), row_of.get(item.id), judged, start_s) for item in objects]
+    rows += [_missed_row(row) for row in evaluation_rows if row.object_id is None]
+    truth = ("error", "in its 95 % ellipse") if judged else ()
+    heads = ("", "object", "x, y", "±", *truth, "size", "seen", "confidence", "first – last")
     return el("table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="objects")
 
 
-def _object_row(item: MapObject, crop: Crop | None, evaluation_row: EvaluationRow | None, start_s: float) -> Markup:
+def _object_row(
+    item: MapObject, crop: Crop | None, evaluation_row: EvaluationRow | None, judged: bool, start_s: float
+) -> Markup:
     sigma_m = float(np.sqrt(max(np.trace(item.covariance_m2) / 2.0, 0.0)))
     shown = (
         el("img", src=data_uri(crop.jpeg), alt=f"{item.id} in frame {crop.frame}", loading="lazy")
@@ -47,13 +60,16 @@ def _object_row(item: MapObject, crop: Crop | None, evaluation_row: EvaluationRo
         else el("span", "no picture", class_="nothing")
     )
     times = f"{duration(round(item.first_seen_s - start_s, 1))} – {duration(round(item.last_seen_s - start_s, 1))}"
+    said = [item.id if item.name else "", "confirmed" if item.confirmed else ""]
     return el(
         "tr",
         el("td", shown, class_="crop"),
-        el("td", swatch(item.label), el("b", item.id), " " if evaluation_row else None,
-           pill(evaluation_row.state) if evaluation_row else None, class_="who"),
+        el("td", swatch(item.label), el("b", item.name or item.id), " " if evaluation_row else None,
+           pill(evaluation_row.state) if evaluation_row else None,
+           el("small", ", ".join(filter(None, said))) if any(said) else None, class_="who"),
         _cell("x, y", f"{item.position_m[0]:.2f}, {item.position_m[1]:.2f} m"),
         _cell("±", f"{sigma_m:.2f} m"),
+        *(_truth_cells(evaluation_row) if judged else ()),
         _cell("size", f"{item.width_m:.2f} × {item.height_m:.2f} m"),
         _cell("seen", f"{item.count}×"),
         _cell("confidence", el("meter", value=f"{item.confidence:.3f}", min=0, max=1), f" {item.confidence:.2f}"),
@@ -61,30 +77,23 @@ def _object_row(item: MapObject, crop: Crop | None, evaluation_row: EvaluationRo
     )  # fmt: skip
 
 
-def verdict_table(evaluation_rows: Sequence[EvaluationRow]) -> Markup:
-    """Found, misplaced, missed and extra objects."""
-    rows = [
-        el(
-            "tr",
-            el("td", pill(evaluation_row.state)),
-            el("td", swatch(evaluation_row.label), evaluation_row.object_id or evaluation_row.label, class_="who"),
-            _cell("error", "–" if evaluation_row.error_m is None else f"{evaluation_row.error_m:.2f} m"),
-            _cell(
-                "in its ellipse", "–" if evaluation_row.covered is None else ("yes" if evaluation_row.covered else "no")
-            ),
-            _cell(
-                "true x, y",
-                "–"
-                if evaluation_row.true_m is None
-                else f"{evaluation_row.true_m[0]:.2f}, {evaluation_row.true_m[1]:.2f} m",
-            ),
-        )
-        for evaluation_row in evaluation_rows
-    ]
-    heads = ("", "object", "error", "in its 95 % ellipse", "true x, y")
+def _missed_row(row: EvaluationRow) -> Markup:
+    """A true object that the map lacks."""
+    place = "" if row.true_m is None else f"{row.true_m[0]:.2f}, {row.true_m[1]:.2f} m"
     return el(
-        "table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="plain verdicts"
+        "tr",
+        el("td", el("span", "not mapped", class_="nothing"), class_="crop"),
+        el("td", swatch(row.label), el("b", row.label), " ", pill(row.state), class_="who"),
+        _cell("true x, y", place),
+        el("td", colspan=7),
+        class_="missed",
     )
+
+
+def _truth_cells(row: EvaluationRow | None) -> tuple[Markup, Markup]:
+    error = "–" if row is None or row.error_m is None else f"{row.error_m:.2f} m"
+    covered = "–" if row is None or row.covered is None else ("yes" if row.covered else "no")
+    return _cell("error", error), _cell("in its ellipse", covered)
 
 
 def stage_table(stages_ms: Mapping[str, Mapping[str, float]], total: Mapping[str, float]) -> Markup:

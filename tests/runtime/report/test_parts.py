@@ -134,8 +134,11 @@ def item(identity, x, y, covariance):
 
 def test_forward_is_up_and_left_is_left():
     """An object 2 m ahead and one 2 m to the left: the first is drawn above the start, the second left of it."""
-    svg = floor_svg([item("a-1", 2, 0, np.eye(2) * 0.01), item("b-1", 0, 2, np.eye(2) * 0.01)], [SE2(), SE2(0.5, 0, 0)])
-    spots = [tuple(map(float, found)) for found in re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="4.5"', svg)]
+    svg = floor_svg(
+        [item("chair-1", 2, 0, np.eye(2) * 0.01), item("chair-2", 0, 2, np.eye(2) * 0.01)], [SE2(), SE2(0.5, 0, 0)]
+    )
+    drawn = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="5" class="spot"', svg)
+    spots = [tuple(map(float, found)) for found in drawn]
     start = tuple(map(float, re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="6" class="start"', svg)[0]))
     (ahead_x, ahead_y), (left_x, left_y) = spots
     assert ahead_x == pytest.approx(start[0], abs=0.2)
@@ -166,6 +169,8 @@ def test_durations(seconds, text):
     assert duration(seconds) == text
 
 
-@pytest.mark.parametrize(("value", "top"), [(0.24, 0.25), (3.0, 5.0), (10.0, 10.0), (0.0, 1.0), (26, 50.0)])
-def test_axes_end_at_round_numbers(value, top):
+@pytest.mark.parametrize(
+    ("value", "top"), [(0.24, 0.24), (0.051, 0.06), (3.0, 3.0), (10.0, 10.0), (0.0, 1.0), (26, 30.0)]
+)
+def test_axes_end_at_round_numbers_near_the_data(value, top):
     assert nice_top(value) == pytest.approx(top)

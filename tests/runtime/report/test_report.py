@@ -121,6 +121,10 @@ def test_it_says_what_map_json_says(bundle, tmp_path):
         assert name in text
         assert all(f"{figures[key]:.2f}" in text for key in ("p50", "p95", "p99"))
     assert "1 found, 1 missed" in text
+    assert [tag for tag, _ in page_of(tmp_path / "r").tags].count("table") == 3  # objects, stages, configuration
+    assert all(
+        told in text for told in ("0.25 m", "yes", "bed", "1.00, 2.00 m")
+    )  # the truth stands in the objects' table
     assert "0.290 m at the end" in text  # 29 frames of 1 cm to the side
 
 
