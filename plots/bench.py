@@ -30,7 +30,7 @@ def plot_bench(path: Path, document: dict[str, Any]) -> Path:
 
 
 def plot_map_size(path: Path, rows: list[dict[str, Any]]) -> Path:
-    """Draw a frame's map update over the objects on the map, a line for each number of observations of one; the path."""
+    """Draw a frame's map update over the objects on the map, a line for each number of observations; the path."""
     figure, axis = plt.subplots(figsize=(5.0, 3.6), layout="constrained")
     times = sorted({round(row["observations"] / row["objects"]) for row in rows})
     for seen in times:
