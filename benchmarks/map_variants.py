@@ -107,9 +107,7 @@ def map_drive(
                 for spec, wheels in sources
             }
         )
-        estimated, given = (
-            open_attitude(spec, camera, floor.mount, imu, config.attitude) for spec in ("estimated", "truth")
-        )
+        estimated, given = (open_attitude(spec, camera, floor, imu, config.attitude) for spec in ("estimated", "truth"))
         pipeline = Pipeline(
             bundle,
             floor,

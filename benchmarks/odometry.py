@@ -81,7 +81,7 @@ def score_drive(
             odometry = f"wheel:{camera.wheel}"
         floor = FloorCamera(camera.intrinsics, camera.mount)
         motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
-        attitude = open_attitude(odometry, camera, camera.mount, selection.imu)
+        attitude = open_attitude(odometry, camera, floor, selection.imu)
         followed = follow(
             camera, motion, FeatureSource(bundle), attitude=attitude, first=selection.first, every=selection.every,
             frames=selection.frames, progress=progress,

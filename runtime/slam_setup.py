@@ -48,7 +48,7 @@ def build_slam(
         floor,
         odometry,
         rule=replace(config.floor, mapped=options.mapped),
-        attitude=open_attitude(options.odometry, camera, floor.mount, options.imu, config.attitude),
+        attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude),
         confidence=options.confidence,
         health=config.health,
     )

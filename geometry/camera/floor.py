@@ -15,6 +15,7 @@ from edgemap.geometry.errors import GeometryError
 
 Array = NDArray[np.float64]
 
+FARTHEST_HEIGHTS = 20.0  # of the nearest floor in the picture; at 3 degrees below the horizon boxes tell no distance
 LOWEST_M = 0.02  # of a lens above the floor in one frame
 STEEPEST_RAD = math.radians(89.0)  # beyond it a picture has no floor ahead
 
@@ -35,12 +36,14 @@ class FloorCamera:
         if self.attitude is not None:
             return
         bottom = [(u, self.intrinsics.height - 1.0) for u in (0.0, self.intrinsics.cx, self.intrinsics.width - 1.0)]
-        if self.rays_base(bottom)[:, 2].min() >= 0.0:
+        rays = self.rays_base(bottom)
+        falls = -rays[:, 2] / np.maximum(np.linalg.norm(rays[:, :2], axis=1), 1e-9)
+        if falls.max() * FARTHEST_HEIGHTS < 1.0:
             pitch_deg = math.degrees(self.mount.pitch_rad)
             half_deg = math.degrees(math.atan2(self.intrinsics.height - 1.0 - self.intrinsics.cy, self.intrinsics.fy))
             raise GeometryError(
                 f"mount: pitch {pitch_deg:.1f} deg (positive is down) with {half_deg:.1f} deg of view below the "
-                "optical axis sees no floor; the camera looks at the sky"
+                f"optical axis sees no floor within {FARTHEST_HEIGHTS:g} camera heights; the camera looks at the sky"
             )
 
     def at(self, attitude: Attitude) -> FloorCamera:

@@ -10,6 +10,7 @@ import numpy as np
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.inertial import InertialNoise, InertialState, inertial_start, inertial_step
 from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.attitude.checked_mount import MountRule
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.attitude.sources import NODDING_RAD
 from edgemap.runtime.frame import Frame
@@ -25,7 +26,8 @@ class AttitudeRule:
     offset_rad: of that constant. farthest_rad: what is tilted more is no offset, but a camera that is held otherwise.
     nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. judged_s: of samples, before
     the mount is called wrong. steady_rad: standard deviation of tilt below which a camera is mounted, not carried.
-    wrong_rad: more than the accelerometer's offset. noise: of the sensor and the filter.
+    wrong_rad: more than the accelerometer's offset. noise: of the sensor and the filter. check:
+    of the mount, by the pictures.
     mount_sigma_rad: of the mount's angles where nothing measures tilt: a robot on wheels that brakes on hard floors.
     """
 
@@ -38,6 +40,7 @@ class AttitudeRule:
     wrong_rad: float = math.radians(4.5)
     mount_sigma_rad: float = NODDING_RAD
     noise: InertialNoise = field(default_factory=InertialNoise)
+    check: MountRule = field(default_factory=MountRule)
 
 
 class ConstantTilt:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.attitude.checked_mount import CheckedMount
 from edgemap.runtime.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
@@ -10,12 +11,13 @@ from edgemap.runtime.cameras.protocol import Camera
 
 
 def open_attitude(
-    odometry: str, camera: Camera, mount: Mount, imu: bool = True, rule: AttitudeRule | None = None
+    odometry: str, camera: Camera, floor: FloorCamera, imu: bool = True, rule: AttitudeRule | None = None
 ) -> AttitudeSource:
     """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
-    frames bring any and `imu` allows it, else the mount."""
+    frames bring any and `imu` allows it, else the mount; either about a mount that the room's edges check."""
     if odometry == "truth" and camera.attitudes is not None:
-        return RecordedAttitude(camera.attitudes, mount)
+        return RecordedAttitude(camera.attitudes, floor.mount)
     rule = rule or AttitudeRule()
-    still = MountAttitude(mount, rule.mount_sigma_rad)
-    return InertialAttitude(mount, still, rule) if imu else still
+    still = MountAttitude(floor.mount, rule.mount_sigma_rad)
+    known = InertialAttitude(floor.mount, still, rule) if imu else still
+    return CheckedMount(floor.mount, floor.intrinsics, known, rule.check)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -36,7 +37,11 @@ class Segments:
 
 def find_segments(image: NDArray[np.uint8], lens: Intrinsics) -> Segments:
     """Line segments of a BGR picture (LSD: Grompone von Gioi et al. 2012), short ones left out."""
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return segments_of(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), lens)
+
+
+def segments_of(grey: MatLike, lens: Intrinsics) -> Segments:
+    """The same of a grey picture of the lens's size."""
     lines = cv2.createLineSegmentDetector().detect(grey)[0]
     ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, dtype=np.float64).reshape(-1, 2, 2)
     sides = ends[:, 1] - ends[:, 0]

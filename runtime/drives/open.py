@@ -11,6 +11,7 @@ import msgspec
 from edgemap.runtime.drives.c2w import read_c2w
 from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.euroc import read_euroc
+from edgemap.runtime.drives.imu_csv import read_imu_csv
 from edgemap.runtime.drives.kitti import read_kitti
 from edgemap.runtime.drives.locobot import read_locobot
 from edgemap.runtime.drives.own import read_own
@@ -34,14 +35,17 @@ READERS: dict[str, Callable[[Path], Drive]] = {
 def open_drive(spec: str) -> Drive:
     """Read the drive `KIND:DIR`, KIND one of `READERS`. Pictures are found, not decoded.
 
-    What the readers do not know themselves is the same for every KIND: the objects of `objects.json`.
+    What the readers do not know themselves is the same for every KIND: the objects of `objects.json`, and the
+    samples of `imu.csv`.
     Raises CameraError, one line with the path and the numbers, for an unknown KIND and for anything missing or wrong.
     """
     kind, colon, folder = spec.partition(":")
     if not colon or not folder or kind not in READERS:
         raise CameraError(f"data {spec!r} is not KIND:DIR with KIND one of {', '.join(READERS)}")
     drive = READERS[kind](user_path(folder))
-    objects = drive.folder / "objects.json"
-    if drive.objects or not objects.is_file():
-        return drive
-    return replace(drive, objects=tuple(msgspec.structs.asdict(record) for record in read_objects(objects)))
+    objects, imu = drive.folder / "objects.json", drive.folder / "imu.csv"
+    if not drive.objects and objects.is_file():
+        drive = replace(drive, objects=tuple(msgspec.structs.asdict(record) for record in read_objects(objects)))
+    if drive.imu is None and imu.is_file():
+        drive = replace(drive, imu=read_imu_csv(imu))
+    return drive

@@ -1,0 +1,82 @@
+"""Where up is by a room's straight edges in one picture: verticals, and two level directions at right angles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.inertial import rotation_of
+
+Array = NDArray[np.float64]
+
+STEP_RAD, COARSE_RAD = math.radians(2.0), math.radians(2.5)  # between directions tried, and how near edges count then
+NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane misses by less, at last
+ANNEALING = (2.0, 1.5, 1.0, 1.0, 1.0)
+SIGMA_RAD = math.radians(0.7)  # of an edge of REFERENCE_RAD; shorter ones are less certain
+REFERENCE_RAD = 0.15
+FEWEST, LEAST_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
+LEAST_SHARE = 0.4  # of all edges' length that the three directions explain
+
+
+def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array | None:
+    """Up, (3,) unit vector of the optical frame, as edges show it near an expected one; None where too few agree.
+
+    normals: (N, 3) of the planes through lens and edge, optical frame. lengths: (N,) rad. The best of a grid by the
+    length of upright edges, then all three directions of the room together by robust least squares (a Manhattan world:
+    Coughlan and Yuille 1999).
+    """
+    if len(lengths) < FEWEST:
+        return None
+    directions = _directions(normals, lengths, _most_upright(normals, lengths, expected, reach_rad))
+    upright, explained = lengths > 0.0, 0.0
+    weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
+    for scale in ANNEALING:
+        misses = normals @ directions.T
+        kind = np.abs(misses).argmin(axis=1)
+        miss = misses[np.arange(len(kind)), kind]
+        share = np.clip(1.0 - (miss / (scale * 2.0 * NEAR_RAD)) ** 2, 0.0, 1.0) ** 2
+        slopes = np.cross(directions[kind], normals)
+        weighted = slopes * (weight * share)[:, None]
+        step = -np.linalg.solve(weighted.T @ slopes + np.eye(3), weighted.T @ miss)
+        directions = directions @ rotation_of(np.asarray(step, dtype=np.float64)[None])[0].T
+        near = np.abs(miss) < NEAR_RAD
+        upright, explained = near & (kind == 0), float(lengths[near].sum() / lengths.sum())
+    enough = upright.sum() >= FEWEST and lengths[upright].sum() > LEAST_LENGTH_RAD and explained > LEAST_SHARE
+    return directions[0] if enough else None
+
+
+def _most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:
+    """Of directions about the expected one, that in whose planes most edges lie, by length."""
+    steps = math.ceil(reach_rad / STEP_RAD)
+    offsets = np.arange(-steps, steps + 1) * STEP_RAD
+    right, away = _level_axes(expected)
+    a, b = (values.ravel() for values in np.meshgrid(offsets, offsets))
+    tried = expected + a[:, None] * right + b[:, None] * away
+    tried /= np.linalg.norm(tried, axis=1, keepdims=True)
+    support = lengths @ np.clip(1.0 - (normals @ tried.T / COARSE_RAD) ** 2, 0.0, 1.0)
+    likely = np.exp(-1.5 * (a**2 + b**2) / reach_rad**2)
+    return tried[int((support * likely).argmax())]
+
+
+def _directions(normals: Array, lengths: Array, up: Array) -> Array:
+    """Up and the two level directions that most other edges lie along, rows of (3, 3)."""
+    right, away = _level_axes(up)
+    level = np.cross(normals, up)
+    size = np.linalg.norm(level, axis=1)
+    angles = np.arctan2(level @ away, level @ right)
+    clear = (size > math.sin(math.radians(10.0))) & (np.abs(normals @ up) > math.sin(NEAR_RAD))
+    tried = np.linspace(0.0, math.pi / 2.0, 90, endpoint=False)
+    off = (angles[None, :] - tried[:, None] + math.pi / 4.0) % (math.pi / 2.0) - math.pi / 4.0
+    votes = (np.exp(-0.5 * (off / NEAR_RAD) ** 2) * (lengths * clear)).sum(axis=1)
+    heading = float(tried[votes.argmax()])
+    first = math.cos(heading) * right + math.sin(heading) * away
+    return np.stack([up, first, np.cross(up, first)])
+
+
+def _level_axes(up: Array) -> tuple[Array, Array]:
+    """Two level directions at right angles, optical frame: to the right as seen, and away from the lens."""
+    away = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    away = away / max(float(np.linalg.norm(away)), 1e-9)
+    return np.asarray(np.cross(away, up), dtype=np.float64), away

@@ -1,0 +1,97 @@
+"""A mount is checked against the room's edges: on the demo's pictures, and in a room drawn from its corners."""
+
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.room_edges import room_up
+from edgemap.runtime.attitude.checked_mount import CheckedMount
+from edgemap.runtime.attitude.sources import MountAttitude
+from edgemap.runtime.calibration.level import pitch_roll, up_optical
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.errors import EdgemapError
+
+
+def edges(pitch_deg, roll_deg, rng, count=12, outliers=8):
+    """Planes, (N, 3), through a lens and edges of a room along three directions, and others; lengths (N,)."""
+    up = up_optical(math.radians(pitch_deg), math.radians(roll_deg))
+    away = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    away /= np.linalg.norm(away)
+    right = np.cross(away, up)
+    turn = math.radians(25.0)
+    first = math.cos(turn) * right + math.sin(turn) * away
+    normals = []
+    for direction in (up, first, np.cross(up, first)):
+        points = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), np.ones(count)])
+        normals.append(np.cross(points, direction))
+    normals.append(rng.normal(size=(outliers, 3)))
+    normals = np.concatenate(normals)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True) + rng.normal(0.0, 0.004, normals.shape)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.uniform(0.08, 0.3, len(normals))
+
+
+@pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
+def test_up_of_a_room_seven_degrees_from_where_it_is_expected(pitch, roll):
+    normals, lengths = edges(pitch, roll, np.random.default_rng(3))
+    found = room_up(normals, lengths, up_optical(math.radians(pitch - 5.0), math.radians(roll + 5.0)), math.radians(12))
+    assert found is not None
+    assert np.degrees(pitch_roll(found)) == pytest.approx((pitch, roll), abs=0.5)
+
+
+def test_edges_without_order_or_too_few_say_nothing():
+    rng = np.random.default_rng(0)
+    normals = rng.normal(size=(30, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    up = up_optical(0.2, 0.0)
+    assert room_up(normals, np.full(30, 0.2), up, math.radians(6)) is None
+    assert room_up(normals[:3], np.full(3, 0.2), up, math.radians(6)) is None
+
+
+def told(off_deg, frames=80, still=False):
+    """Faults with the stamps of their frames, and the last attitude, for the demo under a mount so far off."""
+    faults, attitude = [], None
+    with open_camera("demo") as camera:
+        mount = replace(camera.mount, pitch_rad=camera.mount.pitch_rad + math.radians(off_deg))
+        source = CheckedMount(mount, camera.intrinsics, MountAttitude(mount))
+        first = camera.read()
+        for index in range(frames):
+            frame = first if still else camera.read()
+            attitude = source.step(replace(frame, index=index, stamp_s=index / 10))
+            faults += [(index / 10, attitude.fault)] if attitude.fault else []
+    return faults, attitude
+
+
+def test_the_right_mount_is_no_fault_and_holds():
+    faults, attitude = told(0.0)
+    assert not faults
+    assert (attitude.pitch_rad, attitude.source) == (math.radians(11.5), "mount")
+
+
+@pytest.mark.parametrize("off_deg", [5.5, -5.5])
+def test_a_pitch_5_degrees_wrong_is_one_fault_that_names_the_likelier_and_is_mended(off_deg):
+    faults, attitude = told(off_deg)
+    assert len(faults) == 1
+    stamp_s, text = faults[0]
+    assert stamp_s < 20.0
+    assert f"mount: pitch {11.5 + off_deg:.1f} and roll 0.0 deg given, the room's edges say pitch 11." in text
+    assert math.degrees(attitude.pitch_rad) == pytest.approx(11.5, abs=0.6)
+
+
+def test_one_picture_of_a_robot_at_rest_is_one_view():
+    assert told(5.5, still=True)[0] == []
+
+
+def test_a_mount_that_never_sees_the_floor_is_refused_with_its_numbers():
+    with open_camera("demo") as camera:
+        for pitch_deg in (-25.0, -21.0):  # 22.2 deg of view below the axis
+            mount = replace(camera.mount, pitch_rad=math.radians(pitch_deg))
+            with pytest.raises(
+                EdgemapError, match=rf"pitch {pitch_deg:.1f} deg .* 22\.\d deg of view below .* no floor"
+            ):
+                FloorCamera(camera.intrinsics, mount)
+        FloorCamera(camera.intrinsics, replace(camera.mount, pitch_rad=math.radians(-18.0)))
