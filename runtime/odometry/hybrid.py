@@ -75,31 +75,34 @@ class HybridOdometry:
         if not members:
             raise ValueError("a hybrid odometry needs members")
         self._members = tuple(members)
-        self.needs_features = all(member.odometry.needs_features for member in members)
+        self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
+        self.needs_features = len(self._needy) == len(members)
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         # Planar computes in Python while the flow head's network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
         self._beside = ThreadPoolExecutor(1, "odometry")
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
-        """Every member's motion since the last frame, as one. Without features those who need them sleep; their next
-        motion is since they last were awake, of which what the others measured meanwhile is taken off."""
-        needy = {index for index, member in enumerate(self._members) if member.odometry.needs_features}
-        asleep = set() if features else needy
+        """Every member's motion since the last frame, as one.
+
+        Without features those who need them sleep until two frames in a row have some: a network that was trained on
+        neighbouring frames errs over longer ones, and says so too late.
+        """
+        asleep = set() if features and self._fed else self._needy
+        self._fed = bool(features)
         awake = [index for index in range(len(self._members)) if index not in asleep]
+        for index in self._slept - asleep:
+            self._members[index].odometry.reset("slept")
         first, *others = awake
         waiting = [self._beside.submit(self._members[index].odometry.step, frame, features) for index in others]
         motions = [Motion(blind=True)] * len(self._members)
         motions[first] = self._members[first].odometry.step(frame, features)
         for index, future in zip(others, waiting, strict=True):
             motions[index] = future.result()
-        for index in awake:
-            if index in self._missed:
-                motions[index] = _less(motions[index], self._missed.pop(index))
-        joined = self._joined(frame.stamp_s, motions)
-        for index in asleep:
-            self._missed[index] = _then(self._missed.get(index), joined)
-        return joined
+        for index in self._slept - asleep:
+            motions[index] = Motion(blind=True)
+        self._slept = asleep
+        return self._joined(frame.stamp_s, motions)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
@@ -127,7 +130,7 @@ class HybridOdometry:
         self._coasting.reset()
         self._measured: set[int] = set()
         self._told_s: dict[int, float] = {}
-        self._missed: dict[int, Motion] = {}  # by those who sleep
+        self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
         self._conflicts, self._first = 0, True
 
     def _joined(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
@@ -174,22 +177,6 @@ class HybridOdometry:
                 self._told_s[index] = stamp_s
                 texts.append(motion.fault)
         return "; ".join(texts)
-
-
-def _then(before: Motion | None, motion: Motion) -> Motion:
-    """One motion after another."""
-    if before is None:
-        return motion
-    return replace(
-        motion, motion=before.motion @ motion.motion, covariance=before.covariance + motion.covariance,
-    )  # fmt: skip
-
-
-def _less(whole: Motion, missed: Motion) -> Motion:
-    """A motion without its beginning, which others measured."""
-    return replace(
-        whole, motion=missed.motion.inverse() @ whole.motion, covariance=whole.covariance + missed.covariance
-    )
 
 
 def _turned(guess: Motion, gyro: MotionEstimate) -> Motion:

@@ -57,7 +57,7 @@ def test_the_search_goes_first_then_frames_and_it_settles_within_the_share():
     assert share <= 0.105
     assert robot.told[0] == "20 % of a core, 10 allowed"
     robot = Robot(0.04)
-    assert robot.drive(60.0)[0] == [(2, 1), (3, 1), (5, 1), (3, 2), (2, 3), (2, 4)]
+    assert robot.drive(60.0)[0] == [(2, 1), (3, 1), (5, 1), (2, 2), (2, 3), (2, 4)]
     assert robot.drive(60.0) == ([], pytest.approx(0.034, abs=0.007))
 
 
@@ -166,15 +166,16 @@ def test_decisions_come_back_from_a_run_json_and_from_a_recording(tmp_path):
 
 
 class Ahead:
-    """Says how far the robot went since it was last asked: 0.1 m a frame."""
+    """Says 0.1 m a frame, and remembers at which frames it was asked, and after how many resets."""
 
     def __init__(self, needs_features, sigma_m):
-        self.name, self.needs_features = "ahead", needs_features
-        self._variance, self._last = sigma_m**2, 0
+        self.name, self.needs_features, self.resets, self.asked = "ahead", needs_features, 0, []
+        self._variance = sigma_m**2
 
     def step(self, frame, features):
-        done, self._last = frame.index - self._last, frame.index
-        return Motion(SE2(0.1 * done), np.eye(3) * self._variance)
+        assert features or not self.needs_features
+        self.asked.append((frame.index, self.resets))
+        return Motion(SE2(0.1), np.eye(3) * self._variance)
 
     def step_blind(self, stamp_s, reason, attitude=None):
         raise AssertionError(reason)
@@ -186,22 +187,23 @@ class Ahead:
         return no_motion()
 
     def reset(self, reason):
-        pass
+        self.resets += 1
 
 
-def test_who_needs_features_sleeps_without_them_and_then_tells_the_last_step_alone():
-    needy = Ahead(True, 0.001)
-    hybrid = HybridOdometry([Member(needy, "camera"), Member(Ahead(False, 0.05), "wheels")])
+def test_who_needs_features_sleeps_until_two_frames_in_a_row_have_some():
+    needy, wheels = Ahead(True, 0.001), Ahead(False, 0.05)
+    hybrid = HybridOdometry([Member(needy, "camera"), Member(wheels, "wheels")])
     assert not hybrid.needs_features
-    assert HybridOdometry([Member(needy, "camera")]).needs_features
-    motions = []
-    for index in range(7):
+    assert HybridOdometry([Member(Ahead(True, 0.1), "camera")]).needs_features
+    before, motions = needy.resets, []
+    for index, searched in enumerate([1, 1, 0, 1, 0, 1, 1, 1]):
         frame = Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8))
-        motions.append(hybrid.step(frame, {"features": np.zeros(1, np.float32)} if index % 3 == 0 else {}))
-    assert [motion.motion.x_m for motion in motions[1:]] == pytest.approx([0.1] * 6)
-    # Asleep the wheels alone tell; awake again, the two steps that they told are part of what is not known.
-    assert motions[1].covariance[0, 0] == pytest.approx(0.05**2, rel=0.01)
-    assert motions[3].covariance[0, 0] < motions[2].covariance[0, 0]
+        motions.append(hybrid.step(frame, {"features": np.zeros(1, np.float32)} if searched else {}))
+    assert needy.asked == [(0, before), (1, before), (6, before + 1), (7, before + 1)]
+    assert [motion.motion.x_m for motion in motions[1:]] == pytest.approx([0.1] * 7)
+    told = [motion.covariance[0, 0] < 0.01**2 for motion in motions]
+    assert told == [False, True, False, False, False, False, False, True]
+    assert not any(motion.fault for motion in motions)
 
 
 def test_no_step_of_the_ladder_takes_more_than_the_one_before():
