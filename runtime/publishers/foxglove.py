@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.colours import label_colour
 from edgemap.runtime.errors import PublishError
@@ -18,6 +20,8 @@ SENT = (
     topics.PICTURES, topics.INFO, topics.TF, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS,
 )  # fmt: skip
 LETTER_PX, LINE_PX = 14.0, 2.0
+BACKLOG = 128  # messages kept for a client that is slow: a second or two at 10 Hz
+CLOSE_LIMIT_S = 2.0  # for a client that does not answer; the server's own patience is 40 s
 
 
 class FoxgloveServer:
@@ -34,13 +38,14 @@ class FoxgloveServer:
         from foxglove.channels import ImageAnnotationsChannel
 
         self.name = "Foxglove"
-        self._stream = stream
+        self._stream, self._closed = stream, False
         self._context = context = foxglove.Context()  # channels and server do not keep it alive
         foxglove.set_log_level("ERROR")
         try:
             self._server = foxglove.start_server(
-                name="edgemap", host=host, port=port, context=context, capabilities=[foxglove.Capability.Time]
-            )
+                name="edgemap", host=host, port=port, context=context, capabilities=[foxglove.Capability.Time],
+                message_backlog_size=BACKLOG,
+            )  # fmt: skip
         except (RuntimeError, OverflowError) as error:
             raise PublishError(f"--foxglove {host}:{port}: {error}") from None
         self.url = f"ws://{host}:{self._server.port}"
@@ -75,7 +80,11 @@ class FoxgloveServer:
 
     def close(self) -> None:
         """Let the clients go; may be called twice."""
-        self._server.stop()
+        if not self._closed:
+            self._closed = True
+            farewell = threading.Thread(target=self._server.stop, name="Foxglove farewell", daemon=True)
+            farewell.start()
+            farewell.join(CLOSE_LIMIT_S)
 
 
 def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a type of an extra)

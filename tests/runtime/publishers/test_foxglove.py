@@ -3,6 +3,7 @@
 import json
 import math
 import struct
+import time
 from contextlib import closing
 
 import cv2
@@ -140,6 +141,24 @@ def test_without_subscribers_nothing_is_built(server, monkeypatch):
     with closing(Client(server.url)) as viewer:
         Steps().into(server, 12)
         assert viewer.until(1.1) == []
+
+
+@pytest.mark.timeout(25)
+def test_a_client_that_stops_reading_holds_up_neither_the_run_nor_its_end():
+    """The server by itself waits 40 s for such a client's farewell."""
+    server = FoxgloveServer("127.0.0.1", 0, MessageStream(LENS, MOUNT))
+    connection = client.connect(server.url, subprotocols=["foxglove.sdk.v1"], max_queue=1)
+    socket = connection.__enter__()
+    socket.recv()
+    channels = [item["id"] for item in json.loads(socket.recv())["channels"]]
+    wish = [{"id": channel, "channelId": channel} for channel in channels]
+    socket.send(json.dumps({"op": "subscribe", "subscriptions": wish}))
+    while not server._annotations.has_sinks():
+        time.sleep(0.01)
+    steps = Steps(640, 480)  # noise: 0.4 MB a picture, more than the system's buffers hold of them
+    steps.into(server, 60)
+    server.close()
+    server.close()
 
 
 def test_faults_reach_the_viewer(server):
