@@ -90,7 +90,7 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
     members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), "camera", doubt)]
     if flow is not None:
         doubt = doubts.flow_doubt * (doubts.outside_flow_doubt if carried else 1.0)
-        members.append(Member(flow, "camera", doubt))
+        members.append(Member(flow, "camera", doubt, reach_rad=doubts.flow_reach_rad, alone_s=doubts.flow_alone_s))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given

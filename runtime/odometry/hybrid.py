@@ -31,6 +31,9 @@ class HybridRule:
     covariance agree: with 2 for planar the camera alone drifts 4.4 % over 5 m on homes 9101-9104, with 4 5.6 %.
     outside_flow_doubt, outside_planar_doubt: further factors for a camera outside the head's training envelope, which
     is carried, and nods: a head camera 1.73 m up drifts 8.1 instead of 12.2 % over 5 m, with a gyro.
+    flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
+    missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
+    flow_alone_s: longest step of which it is believed where nobody else tells the turn.
     """
 
     gate: float = GATE
@@ -41,6 +44,8 @@ class HybridRule:
     planar_doubt: float = 2.0
     wheels_doubt: float = 1.0
     gyro_doubt: float = 1.0
+    flow_reach_rad: float = 0.2
+    flow_alone_s: float = 0.35
     outside_flow_doubt: float = 25.0
     outside_planar_doubt: float = 2.0
 
@@ -50,13 +55,16 @@ class Member:
     """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
 
     doubt: factor on its covariance, fitted on validation drives so that errors and covariance agree. optional: it is
-    missed only after it has measured once.
+    missed only after it has measured once. reach_rad: largest turn of one step that it can measure; alone_s: longest
+    step of which it is believed where no other member tells the turn.
     """
 
     odometry: Odometry
     source: str
     doubt: float = 1.0
     optional: bool = False
+    reach_rad: float = math.inf
+    alone_s: float = math.inf
 
 
 class HybridOdometry:
@@ -102,13 +110,18 @@ class HybridOdometry:
         for index in self._slept - asleep:
             motions[index] = Motion(blind=True)
         self._slept = asleep
-        return self._joined(frame.stamp_s, motions)
+        joined = self._joined(frame.stamp_s, motions)
+        self._blind_rad = 0.0
+        return joined
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
-        return self._joined(
+        began_s = self._last_s
+        joined = self._joined(
             stamp_s, [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
         )
+        self._blind_rad, self._last_s = self._blind_rad + joined.motion.yaw_rad, began_s
+        return joined
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """Whether every member that knows says so; None where none knows."""
@@ -121,6 +134,7 @@ class HybridOdometry:
         for member in self._members:
             member.odometry.rest(stamp_s)
         self._coasting.saw(SE2(), stamp_s)
+        self._last_s, self._blind_rad = stamp_s, 0.0
         return no_motion()
 
     def reset(self, reason: str) -> None:
@@ -132,9 +146,12 @@ class HybridOdometry:
         self._told_s: dict[int, float] = {}
         self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
         self._conflicts, self._first = 0, True
+        self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; turned since, without one
 
     def _joined(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
         checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
+        dt_s, self._last_s = stamp_s - self._last_s, stamp_s
+        checked = [self._within_reach(index, checked, dt_s) for index in range(len(checked))]
         named = list(zip(self._members, checked, strict=True))
         faults = "; ".join(motion.fault for _, motion in named if motion.fault)
         told = self._told(stamp_s, named)
@@ -166,6 +183,16 @@ class HybridOdometry:
         elif member.optional and index not in self._measured:
             return replace(found, fault="", blind=True)
         return found
+
+    def _within_reach(self, index: int, motions: Sequence[Motion], dt_s: float) -> Motion:
+        """A member's motion; blind where the others say that the robot turned by more than it can follow."""
+        member, motion = self._members[index], motions[index]
+        if member.reach_rad == math.inf or motion.fault or motion.blind:
+            return motion
+        others = [other for place, other in enumerate(motions) if place != index and not (other.fault or other.blind)]
+        far = any(abs(self._blind_rad + other.motion.yaw_rad) > member.reach_rad for other in others)
+        alone = not others and dt_s > member.alone_s
+        return replace(motion, blind=True) if far or alone else motion
 
     def _told(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
         """Faults that are new, or were last told a while ago."""

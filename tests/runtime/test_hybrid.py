@@ -147,3 +147,37 @@ def test_a_doubted_member_counts_less():
     fused = hybrid.step(FRAME, {})
     assert fused.motion.x_m == pytest.approx(0.104)  # weights 4 to 1
     assert fused.covariance[0, 0] == pytest.approx(8e-5)
+
+
+def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not():
+    still = motion(0.0, 0.01)
+    flow = Scripted(still, motion(0.5, 0.001, -0.02), motion(0.1, 0.001, 0.1))
+    wheels = Scripted(still, motion(0.4, 0.01, -0.5), motion(0.1, 0.01, 0.1))
+    hybrid = HybridOdometry([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
+    hybrid.step(at(0.0), {})
+    found = hybrid.step(at(0.9), {})
+    assert (found.motion.x_m, found.motion.yaw_rad, found.blind, found.fault) == (0.4, -0.5, False, "")
+    assert hybrid.step(at(1.0), {}).covariance[0, 0] < 0.001**2 * 1.01
+
+
+def test_what_was_turned_without_a_picture_counts_for_the_reach():
+    still = motion(0.0, 0.01)
+    flow, wheels = Scripted(still, motion(0.3, 0.001, 0.0)), Scripted(still, motion(0.1, 0.01, 0.1))
+    wheels.step_blind = lambda stamp_s, reason, attitude=None: motion(0.2, 0.01, 0.15)
+    hybrid = HybridOdometry([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
+    hybrid.step(at(0.0), {})
+    assert hybrid.step_blind(0.5, "dark").motion.yaw_rad == pytest.approx(0.15)
+    assert hybrid.step(at(0.6), {}).motion.yaw_rad == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("dt_s", "blind"), [(0.1, False), (0.9, True)])
+def test_after_a_gap_a_member_alone_is_not_believed(dt_s, blind):
+    still = motion(0.0, 0.01)
+    flow = Scripted(still, motion(0.1, 0.001), motion(0.1 * dt_s / 0.1, 0.001))
+    lost = Scripted(still, motion(0.1, 0.001), motion(0.0, 0.5, fault="no motion agrees"))
+    hybrid = HybridOdometry([Member(lost, "camera"), Member(flow, "camera", reach_rad=0.2, alone_s=0.35)])
+    hybrid.step(at(0.0), {})
+    hybrid.step(at(0.1), {})
+    found = hybrid.step(at(0.1 + dt_s), {})
+    assert found.blind is blind
+    assert bool(found.covariance[2, 2] > 0.1) is blind
