@@ -12,12 +12,13 @@ from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry.coasting import CoastingRule
 from edgemap.runtime.odometry.gyro import GyroOdometry
-from edgemap.runtime.odometry.hybrid import GYRO, HybridOdometry, HybridRule, Member
+from edgemap.runtime.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.odometry.resting import RestingOdometry
+from edgemap.runtime.odometry.scale_check import ScaleCheck, ScaleRule
 from edgemap.runtime.recordings.wheel import is_recording, read_wheel
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
@@ -26,12 +27,14 @@ __all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajec
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """What is tuned of the robot's own motion: planar landmarks, wheels, the hybrid of all, and a guess while blind."""
+    """What is tuned of the robot's own motion: planar landmarks, wheels, the hybrid of all, a guess while blind, and
+    camera against wheels."""
 
     planar: PlanarRule = field(default_factory=PlanarRule)
     wheels: DriftRate = WHEEL
     hybrid: HybridRule = field(default_factory=HybridRule)
     coasting: CoastingRule = field(default_factory=CoastingRule)
+    scale: ScaleRule = field(default_factory=ScaleRule)
 
 
 def open_odometry(
@@ -51,7 +54,8 @@ def open_odometry(
     rules = rules or OdometryRules()
     if spec == "hybrid":
         members = _members(bundle, camera, floor, wheels, rules)
-        return RestingOdometry(HybridOdometry(members, rules.hybrid, rules.coasting))
+        scale = ScaleCheck(floor.mount.height_m, rules.scale)
+        return RestingOdometry(HybridOdometry(members, rules.hybrid, rules.coasting, scale))
     if spec == "gyro":
         return GyroOdometry()
     if spec == "planar":
@@ -87,14 +91,14 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
         flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting)
     carried = flow is not None and flow.outside_envelope
     doubt = doubts.planar_doubt * (doubts.outside_planar_doubt if carried else 1.0)
-    members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), "camera", doubt)]
+    members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), CAMERA, doubt)]
     if flow is not None:
         doubt = doubts.flow_doubt * (doubts.outside_flow_doubt if carried else 1.0)
-        members.append(Member(flow, "camera", doubt, reach_rad=doubts.flow_reach_rad, alone_s=doubts.flow_alone_s))
+        members.append(Member(flow, CAMERA, doubt, reach_rad=doubts.flow_reach_rad, alone_s=doubts.flow_alone_s))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given
         recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
-        members.append(Member(recorded, "wheels", doubts.wheels_doubt))
+        members.append(Member(recorded, WHEELS, doubts.wheels_doubt))
     members.append(Member(GyroOdometry(), GYRO, doubts.gyro_doubt, optional=True))
     return members

@@ -16,8 +16,10 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
 from edgemap.runtime.odometry.protocol import Motion, Odometry, no_motion
+from edgemap.runtime.odometry.scale_check import NoScaleCheck, ScaleCheck
 
 GYRO = "gyro"  # the source that measures rotation only
+CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,19 +74,25 @@ class HybridOdometry:
 
     Who is blind, reports a fault or is not finite is left out, by name, until it measures again; where nobody measures
     the motion is a guess (`Coasting`).
-    members: the most trusted first. Raises ValueError for none.
+    members: the most trusted first. scale: of camera against wheels, whose fault is passed on. Raises
+    ValueError for none.
     """
 
     name = "hybrid"
 
     def __init__(
-        self, members: Sequence[Member], rule: HybridRule | None = None, coasting: CoastingRule | None = None
+        self,
+        members: Sequence[Member],
+        rule: HybridRule | None = None,
+        coasting: CoastingRule | None = None,
+        scale: ScaleCheck | NoScaleCheck | None = None,
     ) -> None:
         if not members:
             raise ValueError("a hybrid odometry needs members")
         self._members = tuple(members)
         self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
         self.needs_features = len(self._needy) == len(members)
+        self._scale = scale or NoScaleCheck()
         self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
         # Planar computes in Python while the flow head's network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
         self._beside = ThreadPoolExecutor(1, "odometry")
@@ -168,12 +176,20 @@ class HybridOdometry:
             guess = self._coasting.guess(stamp_s, told)
             return guess if not alive else _turned(guess, alive[0])
         found = consensus(alive, self._rule.gate, self._rule.known_sigma)
+        told = "; ".join(
+            filter(None, (told, self._scale.judge(*(self._of(source, alive) for source in (CAMERA, WHEELS)))))
+        )
         self._conflicts = self._conflicts + 1 if found.conflict else 0
         if self._conflicts == self._rule.lasting_conflict:
             told = "; ".join(filter(None, (told, f"hybrid odometry: {found.conflict}: they disagree")))
         motion = SE2(*found.motion)
         self._coasting.saw(motion, stamp_s)
         return Motion(motion, np.asarray(found.covariance), told)
+
+    def _of(self, source: str, alive: Sequence[MotionEstimate]) -> MotionEstimate | None:
+        """What those of one source measured, as one."""
+        own = [item for item in alive if item.source == source]
+        return consensus(own, self._rule.gate, self._rule.known_sigma) if own else None
 
     def _checked(self, index: int, motion: Motion) -> Motion:
         member = self._members[index]
