@@ -23,11 +23,11 @@ from edgemap.benchmarks.reliability import drawing as d
 from edgemap.benchmarks.reliability.drawing import Draw
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime import manifest, map_file, sightings_file
+from edgemap.runtime import edits, manifest, map_file, sightings_file
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.config import Config, config_arguments, config_document, load_config
+from edgemap.runtime.config import Config, config_arguments, config_document, load_config, load_efforts
 from edgemap.runtime.drives import camera_yaml, euroc, open_drive, pose_files, truth_json, yolo
 from edgemap.runtime.drives.imu_csv import IMU, read_imu_csv
 from edgemap.runtime.drives.wheel_csv import WHEEL, read_wheel_csv
@@ -47,6 +47,7 @@ def cases(scratch: Path) -> list[ReaderCase]:
         ReaderCase("objects.json", _json(truth_json._Objects, _mend_ids), _file("objects.json", truth_json.read_objects)),
         ReaderCase("boxes.json", _json(truth_json._Boxes, _mend_boxes), _file("boxes.json", truth_json.read_boxes)),
         ReaderCase("sightings.jsonl and run.json", _sightings, _read_sightings),
+        ReaderCase("edits.jsonl", _edits, _file("edits.jsonl", edits.load_edits)),
         ReaderCase("bundle.json", _json(manifest.Manifest, _mend_manifest), _file("bundle.json", lambda path: manifest.read_manifest(path.parent))),
         ReaderCase("recording's facts", _facts, lambda _, record: facts.read_facts(record, "a.mcap")),
         ReaderCase("trajectory attachment", _attachment, lambda _, data: facts.read_trajectory_file(data, "a.mcap")),
@@ -110,10 +111,15 @@ def _map(random: Random) -> bytes:
     if isinstance(tree, dict):
         _mend_ids(draw, tree)
         tree = {"format": map_file.FORMAT if not draw.hurt() else draw.text(), **tree}
-        for record in tree.get("objects") or [] if isinstance(tree.get("objects"), list) else []:
+        for record in (*_items(tree, "objects"), *_items(tree, "deleted")):
             if isinstance(record, dict):
                 _mend_object(draw, record)
     return d.encoded(draw, d.json_text(draw, tree))
+
+
+def _items(tree: dict[str, Any], name: str) -> list[Any]:
+    found = tree.get(name)
+    return found if isinstance(found, list) else []
 
 
 def _mend_object(draw: Draw, record: dict[str, Any]) -> None:
@@ -128,8 +134,7 @@ def _mend_object(draw: Draw, record: dict[str, Any]) -> None:
 
 def _mend_ids(draw: Draw, tree: dict[str, Any]) -> None:
     """Ids that are unlike, as most files have them."""
-    objects = tree.get("objects")
-    for number, record in enumerate(objects if isinstance(objects, list) else []):
+    for number, record in enumerate((*_items(tree, "objects"), *_items(tree, "deleted"), *_items(tree, "zones"))):
         if isinstance(record, dict) and not draw.hurt():
             record["id"] = f"{draw.pick(d.NAMES)}-{number}" if draw.chance(0.9) else draw.text() + str(number)
 
@@ -145,14 +150,15 @@ def _use_map(folder: Path, data: bytes) -> None:
 
     path = folder / "map.json"
     path.write_bytes(data)
-    objects = map_file.load_map(path)
-    for item in objects:
+    objects, annotations = map_file.load_annotated_map(path)
+    for item in (*objects, *annotations.deleted):
         assert np.all(np.isfinite(item.position_m))
         assert np.all(np.linalg.eigvalsh(item.covariance_m2) > 0.0)
         assert item.last_seen_s >= item.first_seen_s
     assert len({item.id for item in objects}) == len(objects)
-    map_file.save_map(folder / "again.json", objects)
-    again = map_file.load_map(folder / "again.json")
+    map_file.save_map(folder / "again.json", objects, annotations)
+    again, said = map_file.load_annotated_map(folder / "again.json")
+    assert [zone.id for zone in said.zones] == [zone.id for zone in annotations.zones]
     assert [item.id for item in again] == [item.id for item in objects]
     if objects:
         queries.nearest(objects, (0.0, 0.0))
@@ -172,6 +178,17 @@ def _sightings(random: Random) -> bytes:
         + b"\0split"
         + d.json_bytes(draw, sightings_file._Run)
     )
+
+
+def _edits(random: Random) -> bytes:
+    draw = Draw(random)
+    lines = []
+    for _ in range(draw.count(5)):
+        tree = d.of_type(draw, edits._Line)
+        if isinstance(tree, dict) and not draw.hurt():
+            tree["do"] = draw.pick(edits.KINDS)
+        lines.append(d.json_text(draw, tree))
+    return d.encoded(draw, "\n".join(lines) + draw.pick(("\n", "")))
 
 
 def _read_sightings(folder: Path, data: bytes) -> Any:
@@ -237,6 +254,8 @@ def _facts(random: Random) -> dict[str, str]:
     }  # fmt: skip
     if draw.hurt():
         record[draw.pick(list(record))] = draw.text()
+    if draw.chance(0.3):
+        record["decisions"] = d.json_text(draw, d.of_type(draw, facts._DECISIONS))
     if draw.hurt():
         del record[draw.pick(list(record))]
     return record
@@ -279,8 +298,12 @@ def _config_tree(draw: Draw) -> dict[str, Any]:
             draw.pick(flags): draw.pick((True, False, None, 1, 0.5, draw.text(), ["a"], {"b": [1]}, 10**18))
             for _ in range(draw.count(5))
         }
+    if draw.chance(0.2):
+        document["efforts"] = [
+            {"since": draw.whole(0, 99), "search_every": 2, "take_every": draw.pick((1, 1, 0, -1, 1001))}
+        ]
     if draw.hurt():
-        document[draw.pick(("config", "options", "x"))] = draw.pick(
+        document[draw.pick(("config", "options", "efforts", "x"))] = draw.pick(
             (None, [], 1, "x", [[]], d.Raw("[" * 900 + "]" * 900))
         )
     return document
@@ -313,6 +336,7 @@ def _config_yaml(random: Random) -> bytes:
 def _use_config(path: Path) -> None:
     tuned, _ = load_config(path)
     config_document(tuned)
+    load_efforts(path)
     assert all(isinstance(word, str) for word in config_arguments(["--config", str(path)]))
 
 

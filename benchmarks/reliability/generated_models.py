@@ -6,6 +6,7 @@ import io
 import pickle
 import struct
 import zipfile
+from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -354,8 +355,12 @@ def _detector(random: Random) -> bytes:
         "names": ["chair", "couch"] if not draw.hurt() else draw.pick((["dragon"], [], ["chair"] * 1000)),
         "size": 64,
     }
-    network = detector_checkpoint.Nano(2, bool(record.get("norm")))
-    return _saved(draw, record | {"state_dict": _tensors(draw, network.state_dict())})
+    return _saved(draw, record | {"state_dict": _tensors(draw, _nano(bool(record.get("norm"))))})
+
+
+@cache
+def _nano(norm: bool) -> dict[str, Any]:
+    return detector_checkpoint.Nano(2, norm).state_dict()
 
 
 def _tensors(draw: Draw, weights: dict[str, Any]) -> Any:

@@ -8,6 +8,7 @@ import shutil
 import socket
 import threading
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -21,6 +22,8 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime import store
 from edgemap.runtime.cameras.open import DEMO, open_camera
 from edgemap.runtime.download import download
+from edgemap.runtime.mapper import Mapper
+from edgemap.view.api import MergeWish, ObjectWish, ZoneWish
 from edgemap.view.app import make_app
 from edgemap.view.page import LivePage
 from edgemap.view.pause import Pause
@@ -30,6 +33,8 @@ TOKEN, COOKIE = "t0ken-t0ken-t0ken", "edgemap-1"
 PATHS = (
     "/", "/index.html", "/main.js", "/api/run", "/api/health", "/api/faults", "/api/pose", "/api/frame", "/api/picture", "/api/map",
     "/api/objects", "/api/objects/chair-1", "/api/objects/chair-1/picture", "/api/pause", "/api/save", "/api/openapi.yaml", "/api/stream",
+    "/api/objects/chair-1/merge", "/api/objects/chair-1/restore", "/api/zones", "/api/zones/zone-1", "/api/objects/{seen}",
+    "/api/objects/{seen}/merge", "/api/objects/{seen}/picture",
 )  # fmt: skip
 
 
@@ -39,19 +44,18 @@ class _Refused(EdgemapError):
 
 def cases(scratch: Path) -> list[ReaderCase]:
     """What comes over a network. scratch: for the page's folder."""
-    page = _page(scratch / "page")
+    page, mapper = _page(scratch / "page")
     return [
-        ReaderCase("page, requests", _request, lambda _, drawn: _use_request(page, drawn)),
+        ReaderCase("page, requests", _request, lambda _, drawn: _use_request(page, mapper, drawn)),
         ReaderCase("page, viewers", _talk, lambda _, drawn: _use_talk(page, drawn)),
         ReaderCase("pull, a server's answers", _answers, _Server().use),
     ]
 
 
-def _page(folder: Path) -> LivePage:
+def _page(folder: Path) -> tuple[LivePage, Mapper]:
     """A page in the middle of the demo, its map saved into a folder."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry.recorded import RecordedOdometry
     from edgemap.runtime.pipeline import Pipeline
     from edgemap.runtime.slam import SemanticSlam
@@ -69,7 +73,7 @@ def _page(folder: Path) -> LivePage:
             frame = camera.read()
             assert frame is not None
             page.write(slam.step(frame), slam.mapper.objects())
-    return page
+    return page, slam.mapper
 
 
 # Requests, as a server hands them to the application.
@@ -134,76 +138,63 @@ def _headers(draw: Draw) -> list[tuple[bytes, bytes]]:
     return [(name.encode("latin-1"), value.encode("latin-1", "replace")) for name, value in found]
 
 
+ODD_PATHS = (
+    "/../page.py", "//", "/api/objects/" + "%00" * 50, "/api/objects/\x1b", "/\udcff", "/api/objects/é", "/" * 500, "", "*",
+)  # fmt: skip
+
+
 def _request(random: Random) -> dict[str, Any]:
     draw = Draw(random, damage=random.choice((0.0, 0.03, 0.1, 0.3)))
-    path = (
-        draw.pick(PATHS)
-        if not draw.hurt()
-        else draw.pick(
-            (
-                "/../page.py",
-                "//",
-                "/api/objects/" + "%00" * 50,
-                "/api/objects/\x1b",
-                "/\udcff",
-                "/api/objects/é",
-                "/" * 500,
-                "",
-                "*",
-            )
-        )
-    )
-    query = (
-        draw.pick((b"", f"token={TOKEN}".encode()))
-        if not draw.hurt()
-        else draw.pick((b"token=", b"token=%ff", b"&" * 9000, b"token=a&token=b", b"%", b"\xff", b"=" * 999))
-    )
-    kind = draw.pick((dict, bool, Ask))
-    body = (
-        json.dumps({"paused": draw.chance(0.5)}).encode()
-        if not draw.hurt()
-        else draw.pick((d.json_bytes(draw, kind), b"[" * 9000, b"x" * 20_000, b"\xff", b"", b"{}", b'{"paused":1}'))
-    )
+    path = draw.pick(PATHS) if not draw.hurt() else draw.pick(ODD_PATHS)
+    query = draw.pick((b"", f"token={TOKEN}".encode()))
+    if draw.hurt():
+        query = draw.pick((b"token=", b"token=%ff", b"&" * 9000, b"token=a&token=b", b"%", b"=" * 999))
+    kind = draw.pick((ObjectWish, MergeWish, ZoneWish, ZoneWish)) if not draw.hurt() else Ask
+    body = d.json_bytes(draw, kind) if draw.chance(0.6) else json.dumps({"paused": draw.chance(0.5)}).encode()
+    body = body if path != "/api/save" else b"{}"
+    if draw.hurt():
+        body = draw.pick((b"[" * 9000, b"x" * 20_000, b"\xff", b"", b"{}", b'{"paused":1}'))
     pieces = [body] if draw.chance(0.7) else [body[:3], body[3:]]
-    messages = [
+    messages: list[dict[str, Any]] = [
         {"type": "http.request", "body": piece, "more_body": number + 1 < len(pieces)}
         for number, piece in enumerate(pieces)
     ]
     if draw.hurt():
         messages = [*messages[:-1], {"type": "http.disconnect"}]
-    method = "GET" if draw.chance(0.6) else "POST"
-    method = method if not draw.hurt() else draw.pick(("PUT", "HEAD", "OPTIONS", "get", "", "X" * 99))
-    return {
-        "path": path,
-        "query": query,
-        "method": method,
-        "headers": _headers(draw),
-        "messages": messages,
-        "token": draw.chance(0.7),
-    }
+    method = "GET" if draw.chance(0.4) else draw.pick(("POST", "PATCH", "DELETE", "PUT"))
+    method = method if not draw.hurt() else draw.pick(("HEAD", "OPTIONS", "get", "", "X" * 99))
+    headers, token = _headers(draw), draw.chance(0.7)
+    return {"path": path, "query": query, "method": method, "headers": headers, "messages": messages, "token": token}
 
 
-def _use_request(page: LivePage, drawn: dict[str, Any]) -> None:
+def _use_request(page: LivePage, mapper: Mapper, drawn: dict[str, Any]) -> None:
+    """One request, in a run that takes edits meanwhile; the map is as it was for the next one."""
+    newest, mapper = page.newest, deepcopy(mapper)
+    path = drawn["path"].replace("{seen}", page.objects[0].id)
     scope = {
-        "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": drawn["method"], "path": drawn["path"], "root_path": "",
-        "raw_path": drawn["path"].encode("utf-8", "surrogateescape"), "query_string": drawn["query"], "headers": drawn["headers"],
-        "scheme": "http", "client": ("10.0.0.1", 5), "server": ("127.0.0.1", 8090),
+        "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": drawn["method"], "path": path,
+        "root_path": "", "raw_path": path.encode("utf-8", "surrogateescape"), "query_string": drawn["query"],
+        "headers": drawn["headers"], "scheme": "http", "client": ("10.0.0.1", 5), "server": ("127.0.0.1", 8090),
     }  # fmt: skip
-    sent = asyncio.run(_served(page, scope, drawn["messages"], TOKEN if drawn["token"] else ""))
+    token = TOKEN if drawn["token"] else ""
+    sent = asyncio.run(_served(page, scope, drawn["messages"], token, lambda: page.edits.apply(mapper, 12)))
+    page.newest = newest
     assert [message["type"] for message in sent[:1]] == ["http.response.start"]
     status, headers = sent[0]["status"], dict(sent[0]["headers"])
     body = b"".join(message.get("body", b"") for message in sent[1:])
     assert status < 500 or status == 503, (status, body[:100])
     assert not any(b"\n" in value or b"\r" in value for value in headers.values())
-    if drawn["token"] and status == 200:
+    if token and status == 200:
         brought = b" ".join(value for _, value in drawn["headers"]) + drawn["query"]
         assert TOKEN.encode() in brought, "an answer without the token"
     if status >= 400:
         raise _Refused(f"{status} {body.decode('utf-8', 'replace').strip()[:60]!a}")
 
 
-async def _served(page: LivePage, scope: dict[str, Any], messages: list[dict[str, Any]], token: str) -> list[Any]:
-    """What the application sends for these messages."""
+async def _served(
+    page: LivePage, scope: dict[str, Any], messages: list[dict[str, Any]], token: str, step: Callable[[], object] = list
+) -> list[Any]:
+    """What the application sends for these messages. step: what the run does meanwhile."""
     waiting, sent = list(messages), []
 
     async def receive() -> Any:
@@ -216,7 +207,16 @@ async def _served(page: LivePage, scope: dict[str, Any], messages: list[dict[str
     async def send(message: Any) -> None:
         sent.append(message)
 
-    await asyncio.wait_for(make_app(page, token, COOKIE)(scope, receive, send), 5.0)
+    async def drive() -> None:
+        while True:
+            step()
+            await asyncio.sleep(0.0005)
+
+    run = asyncio.create_task(drive())
+    try:
+        await asyncio.wait_for(make_app(page, token, COOKIE)(scope, receive, send), 5.0)
+    finally:
+        run.cancel()
     return sent
 
 

@@ -365,7 +365,9 @@ def _side(draw: Draw) -> int:
     return (
         draw.pick((1, 2, 3, 16, 64, 100))
         if not draw.hurt()
-        else draw.pick((0, 8192, 20_000, 65_535, 65_537, 2**31 - 1, 2**31, 2**32 - 1))
+        else draw.pick((0, 2048, 20_000, 65_535, 65_537, 2**31 - 1, 2**31, 2**32 - 1))
+        if draw.chance(0.97)
+        else 8192
     )
 
 

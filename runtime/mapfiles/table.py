@@ -12,14 +12,14 @@ from edgemap.runtime.map_file import map_document
 
 COLUMNS = (
     "id", "label", "x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2", "width_m", "height_m",
-    "radius_m", "count", "confidence", "first_seen_s", "last_seen_s",
+    "radius_m", "count", "confidence", "first_seen_s", "last_seen_s", "name", "confirmed",
 )  # fmt: skip
 
 
 def csv_text(objects: Sequence[MapObject]) -> str:
     """RFC 4180 with a header line; map frame, numbers as in map.json."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\r\n")
+    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\r\n")
     writer.writeheader()
     for item, record in zip(objects, map_document(list(objects))["objects"], strict=True):
         del record["labels"]

@@ -1,5 +1,6 @@
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,3 +69,10 @@ def test_the_way_is_read_up_to_a_torn_line(tmp_path):
     (tmp_path / "trajectory.tum").write_text("0.2 2.0\n")
     with pytest.raises(OdometryError, match="expected 8 finite numbers"):
         trajectory_of(tmp_path)
+
+
+def test_a_name_that_a_person_gave_is_a_column_of_every_line():
+    named = [replace(ROOM[0], name="my chair", confirmed=True), *ROOM[1:]]
+    rows = list(csv.DictReader(csv_text(named).splitlines()))
+    assert [row["name"] for row in rows] == ["my chair"] + [""] * (len(ROOM) - 1)
+    assert rows[0]["confirmed"] == "True"
