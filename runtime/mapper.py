@@ -201,7 +201,7 @@ class Mapper:
         if correction is not None:
             self.pose_map_base, self.pose_covariance = correction.pose_map_base, correction.pose_covariance
             self.trajectory.correct(correction.past)
-            self.map.moved(correction.past)
+            self.map.moved(correction.past, correction.landmarks)
             self.edits.moved(correction.past)
         return correction, landmarks
 

@@ -64,6 +64,7 @@ class FloorMap:
         self._pending: dict[ObservationPool, None] = {}
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
+        self._landmarks: Mapping[int, int] = {}  # of tracks
         self._shown: dict[str, MapObject] = {}
         self._order: list[tuple[tuple[str, int], str]] = []  # of what is shown, sorted
         self._ordered: list[MapObject] = []  # in that order
@@ -138,9 +139,11 @@ class FloorMap:
         self._refresh()
         return self._overlaps.best(identity)
 
-    def moved(self, correction: TrajectoryCorrection) -> None:
+    def moved(self, correction: TrajectoryCorrection, landmarks: Mapping[int, int] | None = None) -> None:
         """Everything moves with the pose that it was seen from. What turns out to be one merges, and what turns out to
         be two parts, as when it is sighted: a bounded number of pools in each frame."""
+        if landmarks:
+            self._recognise(landmarks)
         for index in self._pools.values():
             pools = [pool for pool in index.pools if pool is not None and pool.key[2] != SAVED_SIDE]
             if not pools:
@@ -161,6 +164,18 @@ class FloorMap:
                     self._pending[pool] = None
             move_views([pools[at] for at in np.flatnonzero(changed).tolist()], correction)
         self._associate_pending()
+
+    def _recognise(self, landmarks: Mapping[int, int]) -> None:
+        """Tracks turned out to be landmarks that were seen before, or not to be: their pools are those landmarks'."""
+        self._landmarks = landmarks
+        for index in self._pools.values():
+            for pool in index.pools:
+                if pool is not None and pool.landmark >= 0:
+                    known = landmarks.get(pool.key[3], landmarks.get(pool.landmark, pool.landmark))
+                    if known != pool.landmark:
+                        pool.landmark = known
+                        index.set(pool.row)
+                        self._pending[pool] = None
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Scale an object's confidence by how probably it still stands there."""
@@ -185,6 +200,7 @@ class FloorMap:
         for key, placed in zip(keys_of(sightings), sightings, strict=True):
             known = index.row_of.get(key)
             pool = ObservationPool(key, placed.sighting.extent_m) if known is None else index.pool(known)
+            pool.landmark = self._landmarks.get(placed.track, placed.track)
             pool.add(placed, self._frames)
             index.add(pool) if known is None else index.set(pool.row)
             pools.append(pool)

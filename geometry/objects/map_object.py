@@ -71,8 +71,9 @@ class ObjectMap(Protocol):
         """The id of the object that an id of `update` is shown as."""
         ...
 
-    def moved(self, correction: TrajectoryCorrection) -> None:
-        """Everything moves with the pose that it was seen from. Raises MapError if fixed."""
+    def moved(self, correction: TrajectoryCorrection, landmarks: Mapping[int, int] | None = None) -> None:
+        """Everything moves with the pose that it was seen from. landmarks: of tracks, by their numbers: those of one
+        landmark are one object. Raises MapError if fixed."""
         ...
 
     def set_presence(self, identity: str, probability: float) -> None:

@@ -48,14 +48,14 @@ class ObservationPool:
     information (3,): xx, xy, yy of their pixel information, 1/m^2; vector (2,): that times position. shared: (2, 2)
     m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
     first_m2: (2, 2), all that it makes of the earliest one. anchor_s: mean stamp, of the pose that it moves with.
-    beside: pools seen in one frame with it. views: squares they were seen from, each with the first place in it.
-    saved: the earlier map's object this
-    is, if it is one. row: in its index. updated: number of the last frame.
+    landmark: of loop closure, that they are observations of; -1 for none. beside: pools seen in one frame with it.
+    views: squares they were seen from, each with the first place in it. saved: the earlier map's object this is, if it
+    is one. row: in its index. updated: number of the last frame.
     """
 
     __slots__ = (
-        "anchor_s", "beside", "extent_m", "first_m2", "information", "key", "row", "saved", "shared", "sums", "updated",
-        "variance_m2", "vector", "views", "weight",
+        "anchor_s", "beside", "extent_m", "first_m2", "information", "key", "landmark", "row", "saved", "shared",
+        "sums", "updated", "variance_m2", "vector", "views", "weight",
     )  # fmt: skip
 
     def __init__(self, key: Key, extent_m: float, saved: MapObject | None = None) -> None:
@@ -65,7 +65,7 @@ class ObservationPool:
         self.first_m2 = np.zeros((2, 2))
         self.sums = SightingSums()
         self.beside: dict[ObservationPool, None] = {}
-        self.row = -1
+        self.row, self.landmark = -1, key[3]
         self.views: dict[tuple[int, int], View] = {}
         self.updated, self.anchor_s = 0, 0.0
 

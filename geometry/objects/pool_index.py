@@ -18,8 +18,8 @@ class PoolIndex:
     """pools: by row, None where a row is free. links: rows that each may join. Arrays grow by doubling; an update costs
     what lies around it, not what lies elsewhere.
 
-    sums (8, N): information xx, xy, yy; vector x, y; count; extent and pose variance, each times count. place (6, N): x
-    and y in m, the own covariance's xx, xy, yy and the pose's mean variance in m^2.
+    sums (8, N): information xx, xy, yy; vector x, y; count; extent and pose variance, each times count. place (7, N): x
+    and y in m, the own covariance's xx, xy, yy and the pose's mean variance in m^2, the landmark.
     """
 
     def __init__(self, rule: AssociationRule) -> None:
@@ -27,7 +27,7 @@ class PoolIndex:
         self.pools: list[ObservationPool | None] = []
         self.row_of: dict[Key, int] = {}
         self.links: list[set[int]] = []
-        self.sums, self.place = np.zeros((8, 8)), np.full((6, 8), np.nan)
+        self.sums, self.place = np.zeros((8, 8)), np.full((7, 8), np.nan)
         self._cells: dict[tuple[int, int], dict[int, None]] = {}
         self._cell: list[tuple[int, int] | None] = []
         self._free: list[int] = []
@@ -54,7 +54,7 @@ class PoolIndex:
         pool = self.pool(row)
         count = float(pool.sums.count)
         self.sums[:, row] = (*pool.information, *pool.vector, count, pool.extent_m * count, pool.variance_m2 * count)
-        self.place[:, row] = placed(self.sums[:, row].tolist(), self.rule)
+        self.place[:, row] = *placed(self.sums[:, row].tolist(), self.rule), pool.landmark
         x_m, y_m = self.place[:2, row]
         cell = self._cell_at(x_m, y_m)
         if cell != self._cell[row]:
@@ -139,7 +139,8 @@ class PoolIndex:
             members[kept] += members[gone]
             members[gone] = []
             sums[:, kept] += sums[:, gone]
-            place[:, kept] = placed(sums[:, kept].tolist(), self.rule)
+            place[:6, kept] = placed(sums[:, kept].tolist(), self.rule)
+            place[6, kept] = max(place[6, kept], place[6, gone])
             beside[kept] |= beside[gone]
             beside[:, kept] |= beside[:, gone]
             distance[gone] = distance[:, gone] = np.inf
@@ -172,12 +173,13 @@ def placed(sums: Sequence[float], rule: AssociationRule) -> tuple[float, ...]:
 
 
 def distances(here: Array, there: Array, rule: AssociationRule) -> Array:
-    """Squared Mahalanobis distances of M places (6, M) to N, (M, N): under both own covariances and what the pose
-    drifted between the two; infinite beyond the gate and the greatest distance."""
+    """Squared Mahalanobis distances of M places (7, M) to N, (M, N): under both own covariances and what the pose
+    drifted between the two, zero for one landmark; infinite beyond the gate and the greatest distance."""
     here, there = here[:, :, None], there[:, None, :]
     dx, dy = there[0] - here[0], there[1] - here[1]
     drift_m2 = np.abs(there[5] - here[5])
     xx, xy, yy = here[2] + there[2] + drift_m2, here[3] + there[3], here[4] + there[4] + drift_m2
     found = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    found = np.where((here[6] == there[6]) & (here[6] >= 0.0), 0.0, found)
     near = (found <= rule.gate) & (dx * dx + dy * dy <= rule.max_distance_m**2)
     return np.where(near, found, np.inf)

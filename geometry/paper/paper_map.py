@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,11 @@ class PaperMap:
         """The id itself: objects of two labels are never one."""
         return identity
 
-    def moved(self, correction: TrajectoryCorrection) -> None:  # noqa: ARG002
+    def moved(
+        self,
+        correction: TrajectoryCorrection,  # noqa: ARG002
+        landmarks: Mapping[int, int] | None = None,  # noqa: ARG002
+    ) -> None:
         """Raises MapError: sightings stay where they were placed."""
         raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")
 

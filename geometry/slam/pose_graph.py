@@ -90,6 +90,7 @@ class PoseGraph:
         self._open: dict[int, list[tuple[Array, Array, Array]]] = {}
         self._observations: dict[tuple[int, int], _Observation] = {}
         self._refused: set[tuple[int, int]] = set()
+        self._became: dict[int, int] = {}  # tracks that are part of another since `landmarks` was last asked
         self._bias = 0.0
         self._work: Work | None = None
         self._due = False
@@ -142,6 +143,13 @@ class PoseGraph:
         for number, track in self.tracker.tracks.items():
             members.setdefault(self._root(number), []).append(track)
         return members
+
+    def landmarks(self) -> dict[int, int]:
+        """The landmark that each track is, by their numbers: of all that are kept, and of those that became part of
+        another since this was last asked."""
+        became, self._became = self._became, {}
+        known = {number: self._root(number) for number in self.tracker.tracks}
+        return known | {number: known[kept] for number, kept in became.items()}
 
     def _root(self, number: int) -> int:
         while number in self._parent:
@@ -355,6 +363,9 @@ class PoseGraph:
         for number in into:
             while into[number] >= 0 and into[into[number]] != into[number]:
                 into[number] = into[into[number]]
+        became = {number: into[kept] for number, kept in self._became.items()}
+        became |= {number: into[number] for number in gone}
+        self._became = {number: kept for number, kept in became.items() if kept >= 0}
         for number in gone:
             if (kept := into[number]) >= 0:
                 self.tracker.tracks[kept].beside |= self.tracker.tracks[number].beside

@@ -7,8 +7,12 @@ from support.drifting import drifting, integrated, worst_m
 from support.drives import drive, round_trip
 from support.rooms import furnished
 
+from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.geometry.slam import pose_graph
+from edgemap.geometry.slam.keyframes import KeyframeRule, TrajectoryCorrection
+from edgemap.geometry.slam.loop_hypotheses import certain_pairings
+from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.pose_journal import PoseJournal
@@ -139,3 +143,49 @@ def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before
     now = journal.at([0.0, 1.0, 2.0, 3.0, 4.0])
     true = [*told[:2], SE2(0.2, 0.5, 0.0), SE2(0.3, 0.5, 0.0), SE2(0.4, 0.5, 0.0)]
     np.testing.assert_allclose(now, [(turn @ pose).vector() for pose in true], atol=1e-12)
+
+
+def test_what_is_one_landmark_is_one_object_however_the_pose_drifts():
+    """Each lap, what comes into view is first placed where odometry has drifted to, about half a metre off."""
+    rule = GraphRule(keyframes=KeyframeRule(maximum=120))
+    way, mapper = round_trip(16 * 60, turns=16), Mapper(loop_closer=LoopCloser(rule))
+    for index, _ in enumerate(drive(mapper, ROOM, way, drifting(way, yaw_share=0.05), 0)):
+        if index % 60 == 59:
+            assert isinstance(mapper.map, FloorMap)
+            assert len(mapper.objects()) <= len(ROOM)
+            assert len(mapper.map._objects) <= len(ROOM) + 2  # those not shown
+
+
+def test_a_wrong_closure_is_taken_back(monkeypatch):
+    """An object is taken for another one a metre away, and nothing contradicts yet: pose and objects move by it, and
+    go back when others are found again."""
+    way, wrong, real = round_trip(300, turns=3.0), [], PoseGraph._witnessed
+
+    def certain(pairings, landmarks, *others):
+        if wrong:
+            return (yield from certain_pairings(pairings, landmarks, *others))
+        apart_m = [float(np.linalg.norm(landmarks[pair.now] - landmarks[pair.before])) for pair in pairings]
+        return [pair for pair, far_m in zip(pairings, apart_m, strict=True) if 0.9 < far_m < 1.3][:1]
+
+    def witnessed(graph, found):
+        if not wrong:
+            wrong.extend(found.items())
+            return dict(found)
+        return real(graph, found)
+
+    monkeypatch.setattr(pose_graph, "certain_pairings", certain)
+    monkeypatch.setattr(PoseGraph, "_witnessed", witnessed)
+    closer, misled, right = LoopCloser(), [], []
+    for result, objects in drive(Mapper(loop_closer=closer), ROOM, way, drifting(way), 0):
+        if result.correction:
+            ((later, first),) = wrong
+            is_linked = closer.graph._parent.get(later) == first
+            (misled if is_linked else right).append((errors_m(objects), len(objects)))
+    assert len(misled) > 1  # or nothing was taken back
+    assert (later, first) in closer.graph._refused
+    (_, doubles), count = misled[-1]
+    assert doubles > 3
+    (errors, doubles), after = right[-1]
+    assert doubles == 0
+    assert after < count
+    assert np.median(errors) < 0.25
