@@ -46,8 +46,8 @@ def add_int8(folder: Path, calibration: Calibration) -> None:
 def quantised(source: ModelProto, detector: Detector, tensors: Iterable[Tensors]) -> ModelProto:
     """The model with 8-bit convolutions: weights symmetric per channel, activations unsigned.
 
-    An activation's range is the mean over the pictures of its least and largest value. Weights have 7 bits, so that
-    processors without VNNI, which add pairs of products in 16 bits, compute the same.
+    An activation's range is the mean over the pictures of its least and largest value. Weights have 8 bits: processors
+    without VNNI, which add pairs of products in 16 bits, compute something else (`runtime.precision`).
     """
     model = copy.deepcopy(source)  # the quantiser empties what it is given
     if default_opset(model) < LEAST_OPSET:
@@ -69,7 +69,6 @@ def quantised(source: ModelProto, detector: Detector, tensors: Iterable[Tensors]
                 _Reader(tensors),
                 quant_format=QuantFormat.QDQ,
                 per_channel=True,
-                reduce_range=True,
                 activation_type=QuantType.QUInt8,
                 weight_type=QuantType.QInt8,
                 nodes_to_exclude=float_nodes(model, detector),
@@ -85,15 +84,17 @@ def quantised(source: ModelProto, detector: Detector, tensors: Iterable[Tensors]
 
 
 def float_nodes(model: ModelProto, detector: Detector) -> list[str]:
-    """Names of the nodes that stay float32: the last convolutions of the heads, and all that leads to a feature.
+    """Names of the nodes that stay float32: the first convolution, the last ones of the heads, all that leads to a
+    feature.
 
-    Logits and box sizes need more than 256 levels. An odometry was trained on float features, and gets the same bit for
-    bit; a feature that is a head itself (the paper's) cannot.
+    The first one sees the picture, the others make logits and box sizes, which need more than 256 levels. An odometry
+    was trained on float features, and gets the same bit for bit; a feature that is a head itself (the paper's) cannot.
     """
     makers = {name: node for node in model.graph.node for name in node.output}
     heads = {head.name for head in detector.heads}
     features = {feature.name for feature in detector.features} - heads
-    return sorted(_leading_to(heads, makers, until="Conv") | _leading_to(features, makers))
+    first = {node.name for node in [node for node in model.graph.node if node.op_type == "Conv"][:1]}
+    return sorted(first | _leading_to(heads, makers, until="Conv") | _leading_to(features, makers))
 
 
 def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | None = None) -> set[str]:

@@ -40,8 +40,8 @@ class Effort:
         return f"{taken} taken" + ("" if self.search_every == 1 else f", 1 of {self.search_every} searched")
 
 
-# The search first: on the demo 1 of 2 or 3 frames searched costs the map next to nothing, while a robot that turns is lost to
-# the camera where frames are not taken (benchmarks/README.md).
+# The search first: on the demo 1 of 2 or 3 frames searched costs the map next to nothing, while a robot that turns is
+# lost to the camera where frames are not taken (benchmarks/README.md).
 LADDER = (Effort(0, 1), Effort(0, 2), Effort(0, 3), Effort(0, 5), Effort(0, 2, 2), Effort(0, 2, 3), Effort(0, 2, 4))
 
 

@@ -26,6 +26,7 @@ from edgemap.runtime.manifest import (
 from edgemap.runtime.network import Compute, Engine, Network, Shapes
 from edgemap.runtime.onnx_file import onnx_facts
 from edgemap.runtime.precision import WORTH_IT, Numbers, Precision, report_allows_int8, time_ratio
+from edgemap.runtime.processor import multiplies_int8
 from edgemap.runtime.reading import one_line
 
 
@@ -93,9 +94,9 @@ def load_bundle(
     """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it.
 
     threads: of the backbone; None settles it by a short trial for the pace (`settle`). BLAS gets one thread.
-    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it and a trial of
-    about a second finds it faster on this processor, else float32. engine: auto takes the one that a trial on this
-    processor found best, now or before. What another engine than onnxruntime gives must agree with that.
+    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it, the processor
+    adds it up exactly and a trial of about a second finds it faster, else float32. engine: auto takes the one that a
+    trial on this processor found best, now or before. What another engine than onnxruntime gives must agree with that.
     """
     one_blas_thread()
     if engine == "auto":
@@ -119,7 +120,7 @@ def load_bundle(
 
 def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engine) -> Bundle:
     exact = load_bundle(folder, threads, pace=pace, engine=engine)
-    if not report_allows_int8(exact.manifest):
+    if not (report_allows_int8(exact.manifest) and multiplies_int8()):
         return exact
     small = load_bundle(folder, threads, "int8", pace, engine)
     spec = exact.manifest.detector
@@ -154,7 +155,10 @@ def _opener(
             raise BundleError(f"{where} is not a model that {compute.engine} loads ({one_line(error, 160)})") from None
         _compare(where, "input", inputs, network.inputs)
         _compare(where, "output", outputs, network.outputs)
-        if compute.engine != "onnxruntime" and not agrees(network, open_network(path, Compute()), compute.engine):
+        rounded = not isinstance(record, OdometryHead) and record.file != manifest.detector.file
+        if compute.engine != "onnxruntime" and not agrees(
+            network, open_network(path, Compute()), compute.engine, rounded
+        ):
             raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
         return network
 

@@ -61,7 +61,7 @@ def test_what_is_8_bit_and_what_is_not(quantised_bundle):
     assert (len(convolutions), len(eight_bit)) == (4, 1)
     weight, scales = (constants[name] for name in makers[eight_bit[0].input[1]].input[:2])
     assert (weight.dtype, weight.shape, scales.shape) == (np.int8, (8, 2, 3, 3), (8,))
-    assert np.abs(weight).max() == 64  # seven bits
+    assert np.abs(weight).max() == 127
 
 
 def test_the_manifest_says_what_was_measured(quantised_bundle):
@@ -131,13 +131,15 @@ def test_the_report_by_hand(tmp_path):
 
 
 def test_an_adopted_model_of_an_old_opset_with_nameless_nodes():
-    """Two 1x1 convolutions at opset 11, which has no scales per channel: the head's own stays float32.
+    """Three 1x1 convolutions at opset 11, which has no scales per channel: first and last stay float32.
 
-    Hand-made weights: the sum of the channels, then twice that, so that the answer is known.
+    Hand-made weights: the sum of the channels, the same, then twice that, so that the answer is known.
     """
     first, last = np.ones((4, 3, 1, 1), np.float32), np.full((8, 4, 1, 1), 0.5, np.float32)
+    middle = np.eye(4, dtype=np.float32).reshape(4, 4, 1, 1)
     nodes = [
-        onnx.helper.make_node("Conv", ["image", "first"], ["inner"]),
+        onnx.helper.make_node("Conv", ["image", "first"], ["summed"]),
+        onnx.helper.make_node("Conv", ["summed", "middle"], ["inner"]),
         onnx.helper.make_node("AveragePool", ["inner"], ["pooled"], kernel_shape=[32, 32], strides=[32, 32]),
         onnx.helper.make_node("Conv", ["pooled", "last"], ["head"]),
     ]
@@ -147,7 +149,10 @@ def test_an_adopted_model_of_an_old_opset_with_nameless_nodes():
         "old",
         [onnx.helper.make_tensor_value_info("image", kind, (1, 3, size, size))],
         [onnx.helper.make_tensor_value_info("head", kind, (1, 8, 2, 2))],
-        [numpy_helper.from_array(first, "first"), numpy_helper.from_array(last, "last")],
+        [
+            numpy_helper.from_array(value, name)
+            for name, value in (("first", first), ("middle", middle), ("last", last))
+        ],
     )
     source = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 11)], ir_version=7)
     before = source.SerializeToString()
@@ -156,7 +161,7 @@ def test_an_adopted_model_of_an_old_opset_with_nameless_nodes():
     model = quantised(source, painted.detector_spec(), ({"image": picture} for picture in pictures))
     assert source.SerializeToString() == before
     assert [node.op_type for node in model.graph.node].count("DequantizeLinear") >= 2
-    assert "last" in {item.name for item in model.graph.initializer}
+    assert {"first", "last"} <= {item.name for item in model.graph.initializer}
     session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
     found = np.asarray(session.run(None, {"image": pictures[0]})[0])
     blocks = pictures[0].sum(axis=1).reshape(2, 32, 2, 32).mean(axis=(1, 3))

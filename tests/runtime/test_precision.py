@@ -10,6 +10,7 @@ from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.manifest import Variant, read_manifest, write_manifest
 from edgemap.runtime.precision import ROUNDS, WARM_UP, report_allows_int8, time_ratio
+from edgemap.runtime.processor import multiplies_int8
 
 CHAIR, COUCH = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 40.0, 30.0, 20.0, 24.0, 0.9)
 GOOD, BAD = {"ap50": {"float32": 0.70, "int8": 0.69}}, {"ap50": {"float32": 0.70, "int8": 0.68}}
@@ -59,7 +60,25 @@ def test_the_report_decides_first(tmp_path, measured, allowed):
 def test_auto_takes_int8_where_it_is_good_and_clearly_faster(tmp_path, monkeypatch, measured, ratio, chosen):
     folder = painted.with_int8(painted.write_painted(tmp_path / "b", [CHAIR]), [COUCH], measured)
     monkeypatch.setattr(session, "time_ratio", lambda one, other: (one(), other(), ratio)[-1])
+    monkeypatch.setattr(session, "multiplies_int8", lambda: True)
     assert load_bundle(folder, precision="auto").precision == chosen
+    monkeypatch.setattr(session, "multiplies_int8", lambda: False)
+    assert load_bundle(folder, precision="auto").precision == "float32"
+
+
+@pytest.mark.parametrize(
+    ("machine", "flags", "exact"),
+    [
+        ("x86_64", "avx2", False),
+        ("x86_64", "avx2 avx_vnni", True),
+        ("AMD64", "avx512_vnni", True),
+        ("aarch64", "", True),
+    ],
+)
+def test_x86_without_vnni_does_not_add_8_bit_products_exactly(tmp_path, monkeypatch, machine, flags, exact):
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    (tmp_path / "cpuinfo").write_text(f"model name : x\nflags : fpu {flags} mmx\n")
+    assert multiplies_int8(tmp_path / "cpuinfo") is exact
 
 
 def test_the_trial_compares_medians_of_runs_in_turn():
