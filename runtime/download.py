@@ -5,12 +5,15 @@ from __future__ import annotations
 import http.client
 import json
 import re
+import socket
+import ssl
+import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlsplit
@@ -24,6 +27,7 @@ from edgemap.runtime.manifest import sha256_file
 from edgemap.runtime.reading import Strict, decode_json, one_line, read_bytes
 
 TIMEOUT_S = 10.0  # to connect, and between two pieces
+LOOK_EVERY_S = 0.1
 PIECE = 1 << 16  # bytes
 LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # a transfer may take the former, and a second for so many bytes besides
 LARGEST_BYTES = 1 << 30  # of a file whose size nobody told
@@ -60,37 +64,39 @@ def download(
     give it one second more. Only http and https are followed, redirects included, and https never to http.
     Raises DownloadError, one line; `target` appears only when it is whole and right.
     """
-    if target.is_file() and (not sums or sha256_file(target) in sums):
-        return target
     label = label or url
-    target.parent.mkdir(parents=True, exist_ok=True)
     part, notes = _part_of(target), _notes_of(target)
-    have, validator = _resume_point(part, notes, url, bool(sums))
     try:
-        with _open(url, have, validator, timeout_s) as reply:
-            have = have if _continues(reply, have) else 0
-            total = _total(reply, have)
-            if (total or 0) > most_bytes:
-                raise DownloadError(f"{label}: {total:,} bytes, expected {most_bytes:,} at most")
-            notes.write_text(json.dumps({"url": url, "validator": _validator(reply)}), encoding="utf-8")
-            limits = _Limits(most_bytes, time.monotonic() + longest_s)
-            done = _receive(reply, part, have, total, limits, target.name if progress else None, label)
+        with _Clock(longest_s) as clock:
+            if target.is_file() and (not sums or sha256_file(target) in sums):
+                return target
+            target.parent.mkdir(parents=True, exist_ok=True)
+            have, validator = _resume_point(part, notes, url, bool(sums))
+            with _open(url, have, validator, timeout_s, clock) as reply:
+                have = have if _continues(reply, have) else 0
+                total = _total(reply, have)
+                if (total or 0) > most_bytes:
+                    raise DownloadError(f"{label}: {total:,} bytes, expected {most_bytes:,} at most")
+                notes.write_text(json.dumps({"url": url, "validator": _validator(reply)}), encoding="utf-8")
+                done = _receive(reply, part, have, total, most_bytes, clock, target.name if progress else None, label)
+        if clock.over:
+            raise DownloadError(f"{label}: too slow, {done:,} bytes so far; run again to go on from there")
+        if total is not None and done != total:
+            raise DownloadError(f"{label}: broke off after {done:,} of {total:,} bytes; run again to go on from there")
+        if sums and (seen := sha256_file(part)) not in sums:
+            _forget(part, notes)
+            wanted = " or ".join(value[:12] + "…" for value in sums)
+            raise DownloadError(f"{label}: sha256 {seen[:12]}…, expected {wanted}; deleted")
+        part.replace(target)
+        notes.unlink(missing_ok=True)
     except urllib.error.HTTPError as error:
         if error.code == 416:  # what is there is no beginning of what the server has
             _forget(part, notes)
         raise DownloadError(f"{label}: HTTP {error.code} {one_line(error.reason)}") from None
     except (OSError, http.client.HTTPException, ValueError) as error:
         reason = getattr(error, "reason", None) or error
-        raise DownloadError(f"{label}: {_in_words(reason, timeout_s)}") from None
-    if total is not None and done != total:
-        raise DownloadError(f"{label}: broke off after {done:,} of {total:,} bytes; run again to go on from there")
-    if sums and (seen := sha256_file(part)) not in sums:
-        _forget(part, notes)
-        raise DownloadError(
-            f"{label}: sha256 {seen[:12]}…, expected {' or '.join(s[:12] + '…' for s in sums)}; deleted"
-        )
-    part.replace(target)
-    notes.unlink(missing_ok=True)
+        words = f"no answer within {longest_s:g} s" if clock.over else _in_words(reason, timeout_s)
+        raise DownloadError(f"{label}: {words}") from None
     return target
 
 
@@ -101,12 +107,66 @@ class _Notes(Strict):
     validator: Annotated[str, msgspec.Meta(max_length=1000, pattern=r"\A[\x20-\x7e]*\Z")]
 
 
-@dataclass(frozen=True, slots=True)
-class _Limits:
-    """Of one transfer. until_s: on the monotonic clock, before what comes in gives it more time."""
+class _Clock:
+    """Ends a transfer that takes longer than it may, wherever it waits: also in headers that come drop by drop."""
 
-    most_bytes: int
-    until_s: float
+    def __init__(self, longest_s: float) -> None:
+        self.until_s = time.monotonic() + longest_s
+        self.over = False
+        self._sockets: list[socket.socket] = []
+        self._done = threading.Event()
+
+    def connect(self, kind: type[http.client.HTTPConnection], *arguments: Any, **options: Any) -> Any:
+        """A connection whose sockets end with the time. As `http.client`'s classes."""
+        clock = self
+
+        class Watched(kind):
+            def connect(self) -> None:
+                super().connect()
+                clock._sockets.append(self.sock)
+
+        return Watched(*arguments, **options)
+
+    def __enter__(self) -> _Clock:
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._done.set()
+
+    def _watch(self) -> None:
+        while not self._done.wait(LOOK_EVERY_S):
+            if time.monotonic() > self.until_s:
+                self.over = True
+                for one in self._sockets:
+                    with suppress(OSError):
+                        one.shutdown(socket.SHUT_RDWR)
+
+
+class _Http(urllib.request.HTTPHandler):
+    """Opens http, watched by a clock."""
+
+    def __init__(self, clock: _Clock) -> None:
+        super().__init__()
+        self._clock = clock
+
+    def http_open(self, req: Any) -> Any:
+        """As the base class."""
+        return self.do_open(partial(self._clock.connect, http.client.HTTPConnection), req)  # type: ignore[arg-type]
+
+
+class _Https(urllib.request.HTTPSHandler):
+    """Opens https, watched by a clock."""
+
+    def __init__(self, clock: _Clock) -> None:
+        self._ssl = ssl.create_default_context()
+        super().__init__(context=self._ssl)
+        self._clock = clock
+
+    def https_open(self, req: Any) -> Any:
+        """As the base class."""
+        open_watched: Any = partial(self._clock.connect, http.client.HTTPSConnection)
+        return self.do_open(open_watched, req, context=self._ssl)
 
 
 class _WebOnly(urllib.request.HTTPRedirectHandler):
@@ -148,7 +208,7 @@ def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int
 
 
 @contextmanager
-def _open(url: str, have: int, validator: str, timeout_s: float) -> Iterator[http.client.HTTPResponse]:
+def _open(url: str, have: int, validator: str, timeout_s: float, clock: _Clock) -> Iterator[http.client.HTTPResponse]:
     if not is_url(url):
         raise ValueError("not an http or https URL")
     headers = {"User-Agent": f"edgemap/{__version__}", "Accept-Encoding": "identity"}
@@ -156,7 +216,7 @@ def _open(url: str, have: int, validator: str, timeout_s: float) -> Iterator[htt
         headers["Range"] = f"bytes={have}-"
         if validator:
             headers["If-Range"] = validator
-    opener = urllib.request.build_opener(_WebOnly)
+    opener = urllib.request.build_opener(_WebOnly, _Http(clock), _Https(clock))
     with opener.open(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
         yield reply
 
@@ -184,7 +244,8 @@ def _receive(
     part: Path,
     have: int,
     total: int | None,
-    limits: _Limits,
+    most_bytes: int,
+    clock: _Clock,
     title: str | None,
     label: str,
 ) -> int:
@@ -203,10 +264,9 @@ def _receive(
             stream.write(piece)
             bar.update(len(piece))
             done += len(piece)
-            if done > limits.most_bytes:
-                raise DownloadError(f"{label}: more than {limits.most_bytes:,} bytes, stopped")
-            if time.monotonic() > limits.until_s + (done - have) / SLOWEST_BYTES_S:
-                raise DownloadError(f"{label}: too slow, {done:,} bytes so far; run again to go on from there")
+            clock.until_s += len(piece) / SLOWEST_BYTES_S
+            if done > most_bytes:
+                raise DownloadError(f"{label}: more than {most_bytes:,} bytes, stopped")
 
 
 def _in_words(reason: object, timeout_s: float) -> str:

@@ -19,6 +19,7 @@ from edgemap.runtime.errors import BundleError
 from edgemap.runtime.manifest import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
 from edgemap.runtime.reading import user_path
 
+BUNDLE_BYTES = 1 << 30  # of all files of a bundle together
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
@@ -74,10 +75,16 @@ def install_url(url: str, progress: bool = True) -> Path:
         manifest, text = read_manifest(page.parent), page.read_bytes()
     target = _place(manifest.name, url)
     with staged(target) as stage:
+        left = BUNDLE_BYTES
         for name, expected in manifest.sha256.items():
             fetched = download(
-                f"{base}/{quote(name)}", downloads_folder() / expected, sums=(expected,), progress=progress
+                f"{base}/{quote(name)}",
+                downloads_folder() / expected,
+                sums=(expected,),
+                most_bytes=left,
+                progress=progress,
             )
+            left -= fetched.stat().st_size
             with _written(stage / name):
                 shutil.move(fetched, stage / name)
         (stage / MANIFEST_NAME).write_bytes(text)

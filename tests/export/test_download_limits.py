@@ -2,7 +2,9 @@
 
 import threading
 import time
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,6 +19,20 @@ class Hostile(BaseHTTPRequestHandler):
             self.send_response(302)
             self.send_header("Location", where[self.path])
             self.end_headers()
+            return
+        if self.path == "/headers":
+            with suppress(OSError):
+                self.wfile.write(b"HTTP/1.1 200 OK\r\n")
+                while True:
+                    self.wfile.write(b"X: x\r\n"[:1])
+                    time.sleep(0.05)
+            return
+        if self.path == "/chunk":
+            with suppress(OSError):
+                self.wfile.write(b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n")
+                while True:
+                    self.wfile.write(b"0")
+                    time.sleep(0.05)
             return
         self.send_response(200)
         if self.path == "/body":
@@ -87,3 +103,35 @@ def test_a_drip_stops_at_the_time_limit(address, tmp_path):
 @pytest.mark.parametrize("text", ["file:///etc/passwd", "ftp://x/y", "http://[", "x", "", "data:,x"])
 def test_what_is_no_url(text):
     assert not is_url(text)
+
+
+@pytest.mark.parametrize("path", ["/headers", "/chunk"])
+def test_headers_and_lengths_that_come_drop_by_drop_stop_at_the_time_limit(address, tmp_path, path):
+    """Each drop is in time for the socket; only the whole is not."""
+    words = refusal(address + path, tmp_path / "f", longest_s=0.3, timeout_s=5.0)
+    assert "too slow" in words or "no answer within 0.3 s" in words
+
+
+def test_a_cache_that_cannot_be_written_is_one_line(address, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DownloadError, match=r"Not a directory|File exists"):
+        download(f"{address}/body", tmp_path / "file" / "f", progress=False)
+
+
+def test_the_files_of_a_bundle_have_one_limit_together(monkeypatch, tmp_path):
+    from edgemap.runtime import store
+
+    asked = []
+
+    def fetched(url, target, *, most_bytes=0, **_):
+        asked.append(most_bytes)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(bytes(1000))
+        return target
+
+    manifest = SimpleNamespace(name="b", sha256={"a": "1" * 64, "b": "2" * 64})
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
+    monkeypatch.setattr(store, "download", fetched)
+    monkeypatch.setattr(store, "read_manifest", lambda _: manifest)
+    store.install_url("http://127.0.0.1:1/b")
+    assert asked[1:] == [store.BUNDLE_BYTES, store.BUNDLE_BYTES - 1000]
