@@ -258,6 +258,9 @@ class CaptureDriver:
         """Nothing changes by itself."""
 
 
+PLAYBACK_POLLS = 25  # of 0.2 s in real time, which is not the world's: a busy machine plays slowly
+
+
 class _PlaybackDevice:
     """A RealSense device that plays a recording, at the world's pace."""
 
@@ -267,10 +270,12 @@ class _PlaybackDevice:
 
     def grab(self) -> Picture | None:
         wanted_s = self._world.stamps_s[self._world.next_index()]
-        for _ in range(len(self._world.stamps_s)):
+        silent = 0
+        while silent < PLAYBACK_POLLS:
             picture = self._inner.grab()
-            if picture is None or picture[0] > wanted_s - 0.02:
+            if picture is not None and picture[0] > wanted_s - 0.02:
                 return picture
+            silent = 0 if picture is not None else silent + 1
         return None
 
     def close(self) -> None:
