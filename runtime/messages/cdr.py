@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from edgemap.runtime.messages.definitions import Message, definition
+
+DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  # what a decoder raises at damaged bytes
 
 
 @cache
@@ -24,7 +27,7 @@ def encoder(kind: str) -> Callable[[Message], bytes]:
 def decoder(kind: str) -> Callable[[bytes], Any]:
     """Decodes CDR bytes of a kind to an object with the fields as attributes.
 
-    What it raises at damaged bytes: struct.error, ValueError, LookupError, RuntimeError, OverflowError.
+    Raises `DAMAGE` at damaged bytes.
     """
     from mcap_ros2._dynamic import generate_dynamic
 

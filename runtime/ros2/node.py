@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import struct
 import time
 from collections.abc import Iterator
 from enum import StrEnum
@@ -13,7 +12,7 @@ from typing import Any
 
 from edgemap.runtime.errors import Ros2Error
 from edgemap.runtime.extras import need
-from edgemap.runtime.messages.cdr import decoder, encoder
+from edgemap.runtime.messages.cdr import DAMAGE, decoder, encoder
 from edgemap.runtime.messages.definitions import Message
 from edgemap.runtime.ros2.discovery import Discovery, discovery_from
 from edgemap.runtime.ros2.hashes import HASHES
@@ -21,7 +20,6 @@ from edgemap.runtime.ros2.names import dds_topic, dds_type, ros_kind
 from edgemap.runtime.ros2.types import sample_type
 
 BLOCK_MS = 5  # a reliable writer whose readers do not keep up waits so long, then drops the message
-DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)
 
 
 class Reliability(StrEnum):
