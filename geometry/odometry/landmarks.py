@@ -134,20 +134,19 @@ def look(landmarks: Landmarks, camera: FloorCamera, view: View) -> Sight:
     inverse = landmarks.inverse_m
     base = landmarks.ray @ turn + inverse[:, None] * away
     lensed = base - inverse[:, None] * lens
-    count = len(inverse)
-    moved = np.zeros((count, 7, 3))  # base-frame change per parameter; the last two: per inverse depth, the point
-    moved[:, 0, 0] = moved[:, 1, 1] = -inverse
-    moved[:, 2, 0], moved[:, 2, 1] = base[:, 1], -base[:, 0]
-    moved[:, 3, 0], moved[:, 3, 2] = -lensed[:, 2], lensed[:, 0]
-    moved[:, 4, 1], moved[:, 4, 2] = lensed[:, 2], -lensed[:, 1]
-    moved[:, 5], moved[:, 6] = away - lens, lensed
-    optical = (moved.reshape(-1, 3) @ to_optical.T).reshape(count, 7, 3)
-    depth = optical[:, 6, 2]
+    moved = np.zeros((3, 7, len(inverse)))  # base-frame change per parameter; last: per inverse depth, and the point
+    moved[0, 0] = moved[1, 1] = -inverse
+    moved[0, 2], moved[1, 2] = base[:, 1], -base[:, 0]
+    moved[0, 3], moved[2, 3] = -lensed[:, 2], lensed[:, 0]
+    moved[1, 4], moved[2, 4] = lensed[:, 2], -lensed[:, 1]
+    moved[:, 5], moved[:, 6] = (away - lens).T, lensed.T
+    optical = (to_optical @ moved.reshape(3, -1)).reshape(moved.shape)
+    depth = optical[2, 6]
     ahead = depth > 0.02
     depth = np.where(ahead, depth, 1.0)
-    seen = optical[:, 6, :2] / depth[:, None]
-    by = (optical[:, :6, :2] - seen[:, None] * optical[:, :6, 2:]) / depth[:, None, None]
-    return Sight(seen, by[:, :5].transpose(0, 2, 1), by[:, 5], ahead)
+    seen = optical[:2, 6] / depth
+    by = (optical[:2, :6] - seen[:, None] * optical[2, :6]) / depth
+    return Sight(seen.T, by[:, :5].transpose(2, 0, 1), by[:, 5].T, ahead)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,9 +174,10 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
     rotation only. Pitch and roll are held to the mount by `noise.tilt_rad`. Points off the floor keep their shape, but
     their common scale is left to the floor within `noise.scale`, or it would wander. Tukey's weights, scale annealed.
     """
-    view, log_scale = _turned_to(landmarks, seen, camera, start), 0.0
+    sight = look(landmarks, camera, start)
+    view, log_scale = _turned_to(sight, seen, start), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
-    misfit, sight, information = seen, look(landmarks, camera, view), np.eye(6)
+    misfit, information = seen, np.eye(6)
     free = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     prior = np.diag([1e-2, 1e-2, 1e-2, noise.tilt_rad**-2, noise.tilt_rad**-2, noise.scale**-2])
@@ -186,11 +186,11 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
         sight = look(scaled, camera, view)
         misfit = seen - sight.seen
         white, jacobian = _whitened(sight, misfit, free, landmarks.variance, sigma2)
-        distance2 = (white**2).sum(axis=1)
+        distance2 = (white**2).sum(axis=0)
         weights = np.where(sight.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
-        weighted = (jacobian * weights[:, None, None]).reshape(-1, 6)
-        information = weighted.T @ jacobian.reshape(-1, 6) + prior
-        pull = weighted.T @ white.ravel()
+        weighted = jacobian * weights
+        information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + prior
+        pull = (weighted @ white[:, :, None]).sum(axis=(0, 2))
         pull[3:] -= np.diag(prior)[3:] * [view.tilt.pitch_rad, view.tilt.roll_rad, log_scale]
         step = np.asarray(np.linalg.solve(information, pull), dtype=np.float64)
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[5], -0.3, 0.3))
@@ -316,23 +316,23 @@ def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float
 
 
 def _whitened(sight: Sight, misfit: Array, free: Array, variance: Array, sigma2: Array) -> tuple[Array, Array]:
-    """Misfit (N, 2) and Jacobian (N, 2, 6), by view and common scale, in units of the expected misfit.
+    """Misfit (2, N) and Jacobian (2, 6, N), by view and common scale, in units of the expected misfit.
 
     That has the covariance sigma2 I + variance g g^T, g being the misfit per inverse depth.
     """
-    slope2 = (sight.by_inverse**2).sum(axis=1)
-    along = sight.by_inverse / np.sqrt(np.maximum(slope2, 1e-18))[:, None]
+    by_inverse = sight.by_inverse.T
+    slope2 = (by_inverse**2).sum(axis=0)
+    along = by_inverse / np.sqrt(np.maximum(slope2, 1e-18))
     lost = 1.0 - np.sqrt(sigma2 / (sigma2 + variance * slope2))
-    by_scale = sight.by_inverse * free[:, None]
-    both = np.concatenate([misfit[:, :, None], sight.by_view, by_scale[:, :, None]], axis=2)
-    both = both - (lost[:, None] * along)[:, :, None] * np.einsum("ni,nij->nj", along, both)[:, None, :]
-    both = both / np.sqrt(sigma2)[:, None, None]
-    return both[:, :, 0], both[:, :, 1:]
+    both = np.empty((2, 7, len(slope2)))
+    both[:, 0], both[:, 1:6], both[:, 6] = misfit.T, sight.by_view.transpose(1, 2, 0), by_inverse * free
+    both -= (lost * along)[:, None] * (along[0] * both[0] + along[1] * both[1])
+    both /= np.sqrt(sigma2)
+    return both[:, 0], both[:, 1:]
 
 
-def _turned_to(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View) -> View:
-    """The start, turned by the median misfit: yaw and pitch change fast, and are common to all tracks."""
-    sight = look(landmarks, camera, start)
+def _turned_to(sight: Sight, seen: Array, start: View) -> View:
+    """The start, turned by the median misfit of a look from it: yaw and pitch change fast, and are common to all."""
     across, down = np.median(seen - sight.seen, axis=0)
     yaw, pitch = np.median(sight.by_view[:, 0, 2]), np.median(sight.by_view[:, 1, 3])
     return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0]))

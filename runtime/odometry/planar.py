@@ -104,6 +104,7 @@ class PlanarOdometry:
         self._rays = _ray_table(self._camera)
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._mask = self._floor_mask(self._level)
+        self._window: MatLike | None = None  # against the edges of the phase correlation
         self._attitude: Attitude | None = None
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
@@ -266,9 +267,10 @@ class PlanarOdometry:
     def _surprise(self, last: MatLike, grey: MatLike, expected: Pixels) -> Pixels:
         """By how much the picture moved other than expected, (2,) px, where that is more than the tracker reaches."""
         width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
-        window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+        if self._window is None:
+            self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
         small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
-        shift, response = cv2.phaseCorrelate(small[0], small[1], window)
+        shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
         surprise = SHIFT_PX * np.array(shift) - np.median(expected - self._corners, axis=0)
         clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
