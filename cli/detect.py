@@ -157,7 +157,9 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
 
 
 def _tell(document: dict) -> None:
-    print(f"{document['image']}: {len(document['detections'])} objects")
+    from edgemap.runtime.reading import one_line
+
+    print(f"{one_line(document['image'])}: {len(document['detections'])} objects")
     if document.get("lens_guessed"):
         print("  (lens unknown: 60 degrees across assumed, distances are rough; pass --intrinsics)")
     for entry in document["detections"]:

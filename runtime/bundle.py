@@ -24,7 +24,7 @@ from edgemap.runtime.manifest import (
     verified_file,
 )
 from edgemap.runtime.network import Compute, Engine, Network, Shapes
-from edgemap.runtime.onnx_file import onnx_facts
+from edgemap.runtime.onnx_file import MODEL_BYTES, onnx_facts
 from edgemap.runtime.precision import WORTH_IT, Numbers, Precision, report_allows_int8, time_ratio
 from edgemap.runtime.processor import multiplies_int8
 from edgemap.runtime.reading import one_line
@@ -178,7 +178,9 @@ def _compare(where: str, kind: str, promised: Shapes, found: Shapes) -> None:
 def _check_contract(path: Path, where: str, record: Detector | OdometryHead, folder: Path) -> None:
     facts = onnx_facts(path)
     if facts is None:
-        raise BundleError(f"{where} is not a complete ONNX file ({path.stat().st_size} bytes, no opset found)")
+        raise BundleError(
+            f"{where} is not a complete ONNX file ({path.stat().st_size:,} bytes, at most {MODEL_BYTES:,}; no opset found)"
+        )
     if facts.opset not in OPSETS:
         raise BundleError(f"{where} uses ONNX opset {facts.opset}, this edgemap runs {OPSETS[0]} to {OPSETS[-1]}")
     contract = facts.metadata.get(METADATA_KEY)

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 OPSET_IMPORT, METADATA = 8, 14  # fields of onnx.proto's ModelProto
+MODEL_BYTES = 512 << 20
+PAIR_BYTES = 8 << 20  # of one key and value; a contract is as long as its manifest at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,11 +20,13 @@ class OnnxFacts:
 
 
 def onnx_facts(path: Path) -> OnnxFacts | None:
-    """Walk the top level of the protobuf; None where the file is cut or is no ONNX file.
+    """Walk the top level of the protobuf; None where the file is cut, is no ONNX file, or longer than MODEL_BYTES.
 
     Fields 1 and 2 of OperatorSetIdProto are domain and version, of StringStringEntryProto key and value.
     """
     size, opset, metadata = path.stat().st_size, None, {}
+    if size > MODEL_BYTES:
+        return None
     with path.open("rb") as stream:
         while stream.tell() < size:
             key = _varint(stream)
@@ -35,7 +39,7 @@ def onnx_facts(path: Path) -> OnnxFacts | None:
                 end = stream.tell() + value
                 if end > size:
                     return None
-                if key >> 3 in (OPSET_IMPORT, METADATA):
+                if key >> 3 in (OPSET_IMPORT, METADATA) and value <= PAIR_BYTES:
                     pair = _pair(stream, end)
                     if key >> 3 == OPSET_IMPORT and pair.get(1, b"") in (b"", b"ai.onnx"):
                         opset = pair.get(2, opset)

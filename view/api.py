@@ -21,6 +21,7 @@ from edgemap.view.page import LivePage, Moment
 from edgemap.view.updates import Pictures, Vitals
 
 BODY_BYTES = 16_384
+BODY_LIMIT_S = 5.0  # for a body to come: one that never does holds a connection
 EDIT_LIMIT_S = 5.0
 Name = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]
 OPENAPI = Path(__file__).parent / "openapi.yaml"
@@ -261,10 +262,13 @@ async def _body(request: Request, kind: type[T]) -> T:
         raise Refused(415, "the body must be application/json")
     data = b""
     try:
-        async for chunk in request.stream():
-            data += chunk
-            if len(data) > BODY_BYTES:
-                raise Refused(413, f"at most {BODY_BYTES} bytes")
+        async with asyncio.timeout(BODY_LIMIT_S):
+            async for chunk in request.stream():
+                data += chunk
+                if len(data) > BODY_BYTES:
+                    raise Refused(413, f"at most {BODY_BYTES} bytes")
+    except TimeoutError:
+        raise Refused(408, f"the body did not come within {BODY_LIMIT_S:g} s") from None
     except ClientDisconnect:
         raise Refused(400, "the body was cut off") from None
     try:

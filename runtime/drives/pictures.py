@@ -35,6 +35,8 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
     if not folder.is_dir():
         raise CameraError(f"{folder}: no such folder")
     pictures = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")]
+    if odd := next((path.name for path in pictures if not path.name.isprintable()), None):
+        raise CameraError(f"{folder}: a picture's name has characters that do not print: {odd!a}")
     if not pictures:
         raise CameraError(f"{folder}: no pictures in it (looked for {', '.join(sorted(SUFFIXES))})")
     return tuple(sorted(pictures, key=natural_key))

@@ -1,6 +1,7 @@
 """Small files that would take gigabytes or an endless while once read: refused, or read in bounded memory."""
 
 import functools
+import os
 import struct
 import subprocess
 import sys
@@ -13,9 +14,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.recordings import FACTS, noise, record
 
+from edgemap.runtime import onnx_file
 from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.cameras.recording import RecordingCamera
 from edgemap.runtime.default_bundle import LENS, default_bundle
+from edgemap.runtime.drives.pictures import list_pictures
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.memory import bounded_memory
 from edgemap.runtime.messages.definitions import definition
@@ -286,3 +289,28 @@ def test_the_bound_on_memory_is_lifted_again():
         bytearray(256 << 20)
     assert resource.getrlimit(resource.RLIMIT_AS) == before
     assert len(bytearray(256 << 20)) == 256 << 20
+
+
+def test_a_picture_whose_name_a_terminal_would_act_on_is_refused(tmp_path):
+    for name in ("a\x1b[2J.png", "a\nb.png", os.fsdecode(b"\xff.png")):
+        folder = tmp_path / f"{len(name)}{ord(name[0])}"
+        folder.mkdir()
+        (folder / name).write_bytes(b"")
+        with pytest.raises(CameraError, match="characters that do not print") as caught:
+            list_pictures(folder)
+        assert str(caught.value).isprintable()
+
+
+def test_a_metadata_entry_longer_than_a_contract_is_skipped(tmp_path, monkeypatch):
+    entry = b"\x0a\x01k\x12\x05value"
+    path = tmp_path / "a.onnx"
+    path.write_bytes(b"\x42\x02\x10\x11" + b"\x72" + bytes([len(entry)]) + entry)
+    facts = onnx_file.onnx_facts(path)
+    assert facts is not None
+    assert (facts.opset, facts.metadata) == (17, {"k": "value"})
+    monkeypatch.setattr(onnx_file, "PAIR_BYTES", 5)
+    facts = onnx_file.onnx_facts(path)
+    assert facts is not None
+    assert facts.metadata == {}
+    monkeypatch.setattr(onnx_file, "MODEL_BYTES", 5)
+    assert onnx_file.onnx_facts(path) is None

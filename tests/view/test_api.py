@@ -3,6 +3,7 @@
 import itertools
 import re
 import shlex
+import socket
 import subprocess
 from pathlib import Path
 
@@ -269,3 +270,14 @@ def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
     assert (status, "withdrawn" in body["error"]) == (503, True)
     served.step()
     assert "late" not in served.page.map_text()
+
+
+def test_a_body_that_never_comes_is_not_waited_for(serve, monkeypatch):
+    from edgemap.view import api
+
+    monkeypatch.setattr(api, "BODY_LIMIT_S", 0.05)
+    served = serve()
+    with socket.create_connection(("127.0.0.1", served.port), timeout=10) as rude:
+        head = f"POST /api/save HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nContent-Type: application/json\r\n"
+        rude.sendall(head.encode() + b"Content-Length: 9\r\n\r\n{")
+        assert rude.recv(100).startswith(b"HTTP/1.1 408")
