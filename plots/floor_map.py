@@ -8,12 +8,27 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse
+from matplotlib.patches import Ellipse, Patch, Polygon
 from numpy.typing import NDArray
 
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
-from edgemap.plots.style import INK, Axes, floor_axes, label_colours, plt, save
+from edgemap.plots.style import (
+    INK,
+    Axes,
+    end_where_the_data_ends,
+    floor_axes,
+    label_colours,
+    label_marker,
+    legend_marks,
+    plt,
+    save,
+    write_names,
+)
 from edgemap.runtime.trajectory import Trajectory
+
+WAY, LONE, ZONE = "#7f8a97", "#8d96a1", "#5d667218"
+LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,20 +47,23 @@ def plot_map(
     sightings: Sequence[SeenAt] = (),
     way: Trajectory | None = None,
     truth: Sequence[tuple[str, float, float]] = (),
+    zones: Sequence[Zone] = (),
 ) -> Path:
     """Draw the three panels, or the centres alone where no sightings are known; the path.
 
-    truth: label, x and y in metres of what really stands there, drawn as hollow squares over the centres.
+    truth: label, x and y in metres of what really stands there, drawn as hollow marks over the centres.
     """
     labels = [item.label for item in objects] + [seen.label for seen in sightings] + [label for label, _, _ in truth]
     colours = label_colours(labels)
     panels = 3 if sightings else 1
-    width, height = _panel_size(objects, sightings, way)
+    everything = _everything(objects, sightings, way, truth, zones)
+    width, height = _panel_size(everything)
     figure, grid = plt.subplots(
-        1, panels, figsize=(width * panels, height + 0.8), squeeze=False, sharex=True, sharey=True, layout="constrained"
+        1, panels, figsize=(width * panels, height + 1.1), squeeze=False, sharex=True, sharey=True, layout="constrained"
     )
     axes = list(grid[0])
     for panel in axes:
+        _zones(panel, zones)
         _way(panel, way)
     if sightings:
         _points(axes[0], sightings, colours)
@@ -54,26 +72,75 @@ def plot_map(
         floor_axes(axes[1], f"(b) {len(objects)} clusters", "map")
     _centres(axes[-1], objects, colours)
     for label, x_m, y_m in truth:
-        axes[-1].plot(y_m, x_m, "s", markersize=11, fillstyle="none", color=colours[label], zorder=3)
-    floor_axes(axes[-1], ("(c) " if sightings else "") + "centres with 95 % ellipses", "map")
-    handles = [Line2D([], [], marker="o", linestyle="", color=colour, label=label) for label, colour in colours.items()]
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=min(8, len(handles)), frameon=False, fontsize=9
+        axes[-1].plot(
+            y_m, x_m, marker=label_marker(label), markersize=12, fillstyle="none", color=colours[label], zorder=3
         )
+    floor_axes(axes[-1], ("(c) " if sightings else "") + "centres with 95 % ellipses", "map")
+    end_where_the_data_ends(axes[-1], everything)
+    figure.legend(
+        handles=[*legend_marks(labels), *_legend_lines(objects, sightings, way, truth, zones)],
+        loc="outside lower center", ncols=max(2, int(width * panels / 1.6)), frameon=False, fontsize=9,
+    )  # fmt: skip
+    names = [(item.name or item.id, float(item.position_m[0]), float(item.position_m[1])) for item in objects]
+    middles = [(zone.name, np.mean(zone.corners_m, axis=0)) for zone in zones]
+    names += [(name, float(place[0]), float(place[1])) for name, place in middles]
+    write_names(figure, axes[-1], names)
     return save(figure, path)
 
 
-def _panel_size(
-    objects: Sequence[MapObject], sightings: Sequence[SeenAt], way: Trajectory | None
-) -> tuple[float, float]:
+def _everything(
+    objects: Sequence[MapObject],
+    sightings: Sequence[SeenAt],
+    way: Trajectory | None,
+    truth: Sequence[tuple[str, float, float]],
+    zones: Sequence[Zone],
+) -> NDArray[np.float64]:
+    """All points that are to be seen, (N, 2), the ends of ellipses among them."""
+    points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in zones)]
+    for item in objects:
+        reach = np.minimum(np.sqrt(CHI2_95 * np.diag(item.covariance_m2)), LONGEST_AXIS_M)
+        points.append(item.position_m + np.array([reach, -reach]))
+    points.append(np.array([(seen.x_m, seen.y_m) for seen in sightings]).reshape(-1, 2))
+    points.append(np.array([(pose.x_m, pose.y_m) for pose in (way.poses if way else ())]).reshape(-1, 2))
+    points.append(np.array([(x_m, y_m) for _, x_m, y_m in truth]).reshape(-1, 2))
+    return np.concatenate(points)
+
+
+def _panel_size(points: NDArray[np.float64]) -> tuple[float, float]:
     """Width and height in inches of one panel, shaped like what it shows."""
-    x = [float(item.position_m[0]) for item in objects] + [seen.x_m for seen in sightings]
-    y = [float(item.position_m[1]) for item in objects] + [seen.y_m for seen in sightings]
-    poses = way.poses if way else ()
-    up = np.ptp([0.0, *x, *(pose.x_m for pose in poses)]) + 1.0
-    across = np.ptp([0.0, *y, *(pose.y_m for pose in poses)]) + 1.0
+    up, across = np.ptp(points, axis=0) + 1.0
     return float(np.clip(6.0 * across / up, 3.2, 8.0)), float(np.clip(8.0 * up / across, 3.0, 6.0))
+
+
+def _legend_lines(
+    objects: Sequence[MapObject],
+    sightings: Sequence[SeenAt],
+    way: Trajectory | None,
+    truth: Sequence[tuple[str, float, float]],
+    zones: Sequence[Zone],
+) -> list[Line2D | Patch]:
+    """What else is drawn, by name."""
+    shown, found = {item.id for item in objects}, []
+    hollow = {"linestyle": "", "fillstyle": "none", "markersize": 11}
+    if objects:
+        found.append(Line2D([], [], marker="o", color=WAY, label="95 % ellipse", **hollow))
+    if way is not None:
+        found.append(Line2D([], [], color=WAY, linewidth=1.4, label="trajectory"))
+        found.append(Line2D([], [], marker="^", linestyle="", color=INK, markersize=8, label="start"))
+        found.append(Line2D([], [], marker="s", linestyle="", color=INK, markersize=6, label="end"))
+    if any(seen.object_id not in shown for seen in sightings):
+        found.append(Line2D([], [], marker="x", linestyle="", color=LONE, markersize=5, label="sighting of no object"))
+    if truth:
+        found.append(Line2D([], [], marker="s", color=INK, label="true place (mark of its class)", **hollow))
+    if zones:
+        found.append(Patch(facecolor=ZONE, edgecolor=INK, linewidth=0.8, label="zone"))
+    return found
+
+
+def _zones(axes: Axes, zones: Sequence[Zone]) -> None:
+    for zone in zones:
+        corners = [(y_m, x_m) for x_m, y_m in zone.corners_m]
+        axes.add_patch(Polygon(corners, facecolor=ZONE, edgecolor=INK, linewidth=0.8, zorder=0.5))
 
 
 def _way(axes: Axes, way: Trajectory | None) -> None:
@@ -81,7 +148,7 @@ def _way(axes: Axes, way: Trajectory | None) -> None:
         return
     x = [pose.x_m for pose in way.poses]
     y = [pose.y_m for pose in way.poses]
-    axes.plot(y, x, color="#9aa4b0", linewidth=1.4, zorder=1)
+    axes.plot(y, x, color=WAY, linewidth=1.4, zorder=1)
     axes.plot(y[0], x[0], marker="^", color=INK, markersize=8, zorder=3)
     axes.plot(y[-1], x[-1], marker="s", color=INK, markersize=6, zorder=3)
 
@@ -89,7 +156,10 @@ def _way(axes: Axes, way: Trajectory | None) -> None:
 def _points(axes: Axes, sightings: Sequence[SeenAt], colours: dict) -> None:
     for label, colour in colours.items():
         mine = [seen for seen in sightings if seen.label == label]
-        axes.scatter([s.y_m for s in mine], [s.x_m for s in mine], s=9, color=colour, alpha=0.5, linewidths=0)
+        axes.scatter(
+            [s.y_m for s in mine], [s.x_m for s in mine], s=9, color=colour, alpha=0.5, linewidths=0,
+            marker=label_marker(label),
+        )  # fmt: skip
 
 
 def _clusters(axes: Axes, sightings: Sequence[SeenAt], objects: Sequence[MapObject], colours: dict) -> None:
@@ -100,22 +170,21 @@ def _clusters(axes: Axes, sightings: Sequence[SeenAt], objects: Sequence[MapObje
             x_m, y_m = centre[seen.object_id]
             axes.plot([seen.y_m, y_m], [seen.x_m, x_m], color=colours[seen.label], linewidth=0.5, alpha=0.35)
         else:
-            axes.plot(seen.y_m, seen.x_m, "x", color="#b8bec6", markersize=3)
+            axes.plot(seen.y_m, seen.x_m, "x", color=LONE, markersize=3)
     for item in objects:
-        axes.plot(item.position_m[1], item.position_m[0], "o", color=colours[item.label], markersize=5)
+        axes.plot(*item.position_m[::-1], marker=label_marker(item.label), color=colours[item.label], markersize=6)
 
 
 def _centres(axes: Axes, objects: Sequence[MapObject], colours: dict) -> None:
     for item in objects:
         x_m, y_m = item.position_m
-        axes.add_patch(_ellipse(item.position_m, item.covariance_m2, colours[item.label]))
-        axes.plot(y_m, x_m, "o", color=colours[item.label], markersize=5, zorder=4)
-        axes.annotate(item.id, (y_m, x_m), textcoords="offset points", xytext=(6, 5), fontsize=8, color=INK, zorder=5)
+        axes.add_patch(ellipse_patch(item.position_m, item.covariance_m2, colours[item.label]))
+        axes.plot(y_m, x_m, marker=label_marker(item.label), color=colours[item.label], markersize=6, zorder=4)
     if not objects:
         axes.text(0.5, 0.5, "no objects", ha="center", va="center", transform=axes.transAxes, color=INK)
 
 
-def _ellipse(position_m: NDArray[np.float64], covariance_m2: NDArray[np.float64], colour: tuple) -> Ellipse:
+def ellipse_patch(position_m: NDArray[np.float64], covariance_m2: NDArray[np.float64], colour: tuple) -> Ellipse:
     """The 95 % ellipse, in drawing axes (horizontal y, vertical x)."""
     values, vectors = np.linalg.eigh(covariance_m2[::-1, ::-1])
     width, height = 2.0 * np.sqrt(CHI2_95 * np.maximum(values, 0.0))

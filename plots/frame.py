@@ -9,9 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.objects.map_object import CHI2_95
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
-from edgemap.plots.style import INK, Axes, floor_axes, label_colours, plt, save
+from edgemap.plots.floor_map import LONGEST_AXIS_M, ellipse_patch
+from edgemap.plots.style import (
+    INK,
+    Axes,
+    end_where_the_data_ends,
+    floor_axes,
+    label_colours,
+    label_marker,
+    plt,
+    save,
+    write_names,
+)
 from edgemap.runtime.overlay import draw_detections, draw_floor_grid
 
 
@@ -28,6 +40,9 @@ def plot_frame(
     left.axis("off")
     _distances(middle, sightings)
     _map(right, sightings)
+    places = [(sighting.label, sighting.position_base_m) for sighting in sightings]
+    names = [(label, float(place[0]), float(place[1])) for label, place in places]
+    write_names(figure, right, [("robot", 0.0, 0.0), *names])
     return save(figure, path)
 
 
@@ -38,28 +53,31 @@ def _distances(axes: Axes, sightings: list[Sighting]) -> None:
     rows = np.arange(len(ordered))
     errors = [np.sqrt(np.linalg.eigvalsh(s.covariance_m2 + s.shared_m2)[-1]) for s in ordered]
     axes.barh(rows, [s.distance_m for s in ordered], xerr=errors, color=[colours[s.label] for s in ordered], ecolor=INK)
-    axes.set_ylim(-0.8, max(len(ordered), 4) - 0.2)
-    axes.set_yticks(rows, [s.label for s in ordered])
-    for row, sighting in enumerate(ordered):
-        size = f"{sighting.distance_m:.2f} m   ({sighting.width_m:.2f} x {sighting.height_m:.2f} m)"
-        axes.text(0.03, row, size, va="center", fontsize=8, color="white")
+    axes.set_yticks(rows, [f"{s.label}\n{s.width_m:.2f} x {s.height_m:.2f} m" for s in ordered])
+    for row, (sighting, error) in enumerate(zip(ordered, errors, strict=True)):
+        text = f" {sighting.distance_m:.2f} ± {error:.2f} m"
+        axes.text(sighting.distance_m + error, row, text, va="center", fontsize=8, color=INK)
     axes.set_title("(b) distance from the lens (width x height)", fontsize=11, color=INK, loc="left")
     axes.set_xlabel("m, one sigma", fontsize=9)
     axes.spines[["top", "right"]].set_visible(False)
-    if not ordered:
+    if ordered:
+        farthest_m = max(s.distance_m + error for s, error in zip(ordered, errors, strict=True))
+        axes.set_xlim(0.0, 1.3 * farthest_m)  # the text stands behind the bar
+        axes.set_ylim(-0.6, len(ordered) - 0.4)
+    else:
         axes.text(0.5, 0.5, "nothing on the floor", ha="center", va="center", transform=axes.transAxes)
 
 
 def _map(axes: Axes, sightings: list[Sighting]) -> None:
-    """Objects from above, robot at the origin."""
+    """Objects from above with 95 % ellipses, robot at the origin."""
     colours = label_colours(sighting.label for sighting in sightings)
     axes.plot(0, 0, marker="^", markersize=11, color=INK)
-    axes.annotate("robot", (0, 0), textcoords="offset points", xytext=(9, -3), fontsize=8)
+    points = [np.array([[-0.3, -1.0], [1.0, 1.0]])]
     for sighting in sightings:
-        x_m, y_m = sighting.position_base_m
-        axes.plot(y_m, x_m, "o", color=colours[sighting.label])
-        axes.annotate(sighting.label, (y_m, x_m), textcoords="offset points", xytext=(7, 4), fontsize=8)
-    reach = max([1.0, *(float(np.abs(s.position_base_m).max()) for s in sightings)]) * 1.15
-    axes.set_xlim(reach * 0.7, -reach * 0.7)
-    axes.set_ylim(-0.15 * reach, reach)
-    floor_axes(axes, "(c) 2-D map", "base")
+        covariance, colour = sighting.covariance_m2 + sighting.shared_m2, colours[sighting.label]
+        axes.add_patch(ellipse_patch(sighting.position_base_m, covariance, colour))
+        axes.plot(*sighting.position_base_m[::-1], marker=label_marker(sighting.label), markersize=7, color=colour)
+        reach = np.minimum(np.sqrt(CHI2_95 * np.diag(covariance)), LONGEST_AXIS_M)
+        points.append(sighting.position_base_m + np.array([reach, -reach]))
+    floor_axes(axes, "(c) 2-D map with 95 % ellipses", "base")
+    end_where_the_data_ends(axes, np.concatenate(points))

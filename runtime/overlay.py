@@ -13,6 +13,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 
 Picture = NDArray[np.uint8]
+Plate = tuple[int, int, int, int]  # left, top, right, bottom, px
 
 HORIZON, GRID, FLOOR_BOX, OTHER_BOX = (60, 60, 255), (255, 220, 80), (90, 200, 60), (160, 160, 160)  # BGR
 GRID_LINES = 6
@@ -25,14 +26,14 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
     """
     picture = image.copy()
     thickness = max(1, image.shape[1] // 640)
-    step = grid_step_m(camera)
+    step, taken = grid_step_m(camera), list[Plate]()
     reach = GRID_LINES * step
     for metre in range(step, reach + 1, step):
         across = np.column_stack([np.full(81, float(metre)), np.linspace(-reach, reach, 81)])
         _polyline(picture, camera.project(across), GRID, thickness)
         along = camera.project(np.array([[float(metre), 0.0]]))[0]
-        if _inside(picture, along):
-            _text(picture, f"{metre} m", along + [4, -4], GRID)
+        if _inside(picture, along) and not (taken and taken[-1][1] - along[1] < 4):  # far lines crowd each other
+            _text(picture, f"{metre} m", along + [4, -4], GRID, taken)
     for left in range(-reach, reach + 1, step):
         along = np.column_stack([np.linspace(0.3 * step, reach, 120), np.full(120, float(left))])
         _polyline(picture, camera.project(along), GRID, thickness)
@@ -41,7 +42,7 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
     _polyline(picture, horizon, HORIZON, thickness + 1)
     row = camera.horizon_row()
     label = np.array([8.0, min(max(row - 6, 14), image.shape[0] - 6)])
-    _text(picture, f"horizon, row {row:.0f} px", label, HORIZON)
+    _text(picture, f"horizon, row {row:.0f} px", label, HORIZON, taken)
     return picture
 
 
@@ -56,6 +57,8 @@ def draw_detections(image: Picture, detections: Detections, sightings: list[Sigh
     picture = image.copy()
     thickness = max(2, image.shape[1] // 320)
     placed = {sighting.detection: sighting for sighting in sightings}
+    taken: list[Plate] = []
+    plates = []
     for index in np.argsort([index in placed for index in range(len(detections))], kind="stable"):
         x0, y0, x1, y1 = detections.boxes[index].round().astype(int).tolist()
         sighting = placed.get(int(index))
@@ -63,7 +66,9 @@ def draw_detections(image: Picture, detections: Detections, sightings: list[Sigh
         where = "not floor" if sighting is None else f"{sighting.distance_m:.2f} m"
         cv2.rectangle(picture, (x0, y0), (x1, y1), colour, thickness)
         text = f"{detections.labels[index]} {detections.scores[index]:.2f}, {where}"
-        _text(picture, text, np.array([x0 + 2, max(y0 - 4, 12)]), colour)
+        plates.append((text, np.array([x0 + 2, max(y0 - 4, 12)]), colour))
+    for text, pixel, colour in reversed(plates):  # those on the floor first
+        _text(picture, text, pixel, colour, taken)
     return picture
 
 
@@ -80,11 +85,22 @@ def _inside(picture: Picture, pixel: NDArray[np.float64]) -> bool:
     return bool(np.isfinite(pixel).all() and 0 <= pixel[0] < width and 0 <= pixel[1] < height)
 
 
-def _text(picture: Picture, text: str, pixel: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
-    """Text on a dark plate whose lower left corner is the pixel, kept inside the picture."""
+def _text(
+    picture: Picture, text: str, pixel: NDArray[np.float64], colour: tuple[int, int, int], taken: list[Plate]
+) -> None:
+    """Text on a dark plate whose lower left corner is the pixel, kept inside the picture and off the plates that are
+    there already: further down where there is room, else further up."""
     scale = max(0.45, picture.shape[1] / 1600)
     (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
     x = max(0, min(int(pixel[0]), picture.shape[1] - width - 4))
-    y = max(height + 4, min(int(pixel[1]), picture.shape[0] - below))
+    lowest, step = picture.shape[0] - below, height + below + 4
+    wished = max(height + 4, min(int(pixel[1]), lowest))
+    rows = [*range(wished, lowest + 1, step), *range(wished - step, height + 3, -step)]
+    y = next((row for row in rows if not _covers(x, row - height - 4, x + width + 4, row + below - 1, taken)), wished)
+    taken.append((x, y - height - 4, x + width + 4, y + below - 1))
     cv2.rectangle(picture, (x, y - height - 4), (x + width + 4, y + below - 1), (35, 32, 30), -1)
     cv2.putText(picture, text, (x + 2, y - 2), cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+
+
+def _covers(left: int, top: int, right: int, bottom: int, taken: list[Plate]) -> bool:
+    return any(left < x1 and x0 < right and top < y1 and y0 < bottom for x0, y0, x1, y1 in taken)
