@@ -45,13 +45,13 @@ def command(
     trajectory.tum, the robot's path is free floor in nav2, and a line in geojson, png and svg; what was neither driven
     over nor holds an object is unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
-    from edgemap.runtime.map_file import load_map, write_atomically
+    from edgemap.runtime.map_file import load_annotated_map, write_atomically
     from edgemap.runtime.mapfiles.trajectory import trajectory_of
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
             raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
-    objects, way = load_map(map), trajectory_of(map)
+    (objects, annotations), way = load_annotated_map(map), trajectory_of(map)
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":
@@ -63,14 +63,14 @@ def command(
     elif format in ("png", "svg"):
         from edgemap.plots.floor_map import plot_map
 
-        plot_map(path, objects, way=way)
+        plot_map(path, objects, way=way, zones=annotations.zones)
     else:
         from edgemap.runtime.mapfiles.geojson import geojson_text
         from edgemap.runtime.mapfiles.nav2_vector import vector_text
         from edgemap.runtime.mapfiles.table import csv_text
 
         if format == "geojson":
-            text = geojson_text(objects, way, map_id)
+            text = geojson_text(objects, way, map_id, annotations.zones)
         else:
             text = csv_text(objects) if format == "csv" else vector_text(objects, map_id, resolution)
         write_atomically(path, text)

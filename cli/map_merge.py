@@ -26,30 +26,31 @@ def command(
 
     Labels and mutual distances decide; no start pose is needed, and no mirror image fits. Refuses, with the reason,
     where too few objects agree, where chance explains it, or where a clearly different alignment fits nearly as well.
-    The first map's frame and ids stay; what only later maps have gets ids of its own.
+    The first map's frame and ids stay; what only later maps have gets ids of its own. Zones of all maps are kept.
     """
     from edgemap.geometry.objects.merge import merge_maps
     from edgemap.geometry.registration.alignment import AlignmentError, align
-    from edgemap.runtime.map_file import load_map, save_map
+    from edgemap.runtime.map_file import load_annotated_map, save_map
 
     if len(maps) < 2:
         raise OptionError(f"{len(maps)} map given: merging needs two or more")
     path = out if out.suffix == ".json" else out / "map.json"
-    merged = load_map(maps[0])
+    merged, annotations = load_annotated_map(maps[0])
     print(f"{maps[0]}: {len(merged)} objects")
     for other in maps[1:]:
-        objects = load_map(other)
+        objects, more = load_annotated_map(other)
         try:
             alignment = align(merged, objects)
         except AlignmentError as error:
             raise AlignmentError(f"{other} does not fit onto {maps[0]}: {error}") from None
         merged, _ = merge_maps(merged, objects, alignment)
+        annotations = annotations.with_zones(more.zones, alignment)
         print(f"{other}: {len(objects)} objects, {told(alignment)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OptionError(f"{path.parent}: cannot be made ({error.strerror})") from None
-    save_map(path, merged)
+    save_map(path, merged, annotations)
     print(f"map of {len(merged)} objects saved in {path}")
 
 

@@ -14,6 +14,7 @@ from edgemap.cli.errors import OptionError
 from edgemap.cli.options import Json, known_names, numbers
 
 if TYPE_CHECKING:
+    from edgemap.geometry.objects.edits import Zone
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.plots.floor_map import SeenAt
     from edgemap.runtime.trajectory import Trajectory
@@ -46,7 +47,7 @@ def command(
     With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
     given: the centres of the objects asked for.
     """
-    from edgemap.runtime.map_file import load_map
+    from edgemap.runtime.map_file import load_annotated_map
 
     if not maps:
         raise OptionError("no map given")
@@ -54,16 +55,20 @@ def command(
         raise OptionError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
     question = _Question.read(label, near, inside, since)
     for path in maps:
-        objects = load_map(path)
+        objects, annotations = load_annotated_map(path)
         answers = question.answer(objects)
         if json:
             _print_json(path, answers)
         else:
             _print_lines(answers)
         if not (question.asked or json):
-            print(f"{len(objects)} objects; drawn in {_draw(path, objects, out, with_sightings=True)}")
+            print(
+                f"{len(objects)} objects; drawn in {_draw(path, objects, annotations.zones, out, with_sightings=True)}"
+            )
             continue
-        picture = _draw(path, [item for item, _ in answers], out, with_sightings=False) if out else None
+        picture = (
+            _draw(path, [item for item, _ in answers], annotations.zones, out, with_sightings=False) if out else None
+        )
         if not json:
             print(f"{len(answers)} of {len(objects)} objects" + (f"; drawn in {picture}" if picture else ""))
 
@@ -139,7 +144,9 @@ def _print_json(path: Path, answers: Answers) -> None:
     print(json.dumps({"map": str(path)} | document, indent=1))
 
 
-def _draw(path: Path, objects: list[MapObject], out: Path | None, with_sightings: bool) -> Path:
+def _draw(
+    path: Path, objects: list[MapObject], zones: tuple[Zone, ...], out: Path | None, with_sightings: bool
+) -> Path:
     """The picture's path. Without matplotlib (extra plot) it is an .svg of the centres, as the report draws them."""
     from importlib.util import find_spec
 
@@ -152,12 +159,12 @@ def _draw(path: Path, objects: list[MapObject], out: Path | None, with_sightings
         from edgemap.runtime.notebook import map_svg
 
         drawing = out or stem.with_suffix(".svg")
-        write_atomically(drawing, map_svg(objects, way.poses if way else ()))
+        write_atomically(drawing, map_svg(objects, way.poses if way else (), zones))
         return drawing
     from edgemap.plots.floor_map import plot_map
 
     seen = _read_sightings(folder) if is_run and with_sightings else []
-    return plot_map(out or stem.with_suffix(".png"), objects, seen, way)
+    return plot_map(out or stem.with_suffix(".png"), objects, seen, way, zones=zones)
 
 
 def _way(folder: Path) -> Trajectory | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pose_journal import PoseJournal
@@ -51,13 +52,13 @@ def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) ->
     )
 
 
-def map_svg(objects: Sequence[MapObject], poses: Sequence[SE2]) -> str:
+def map_svg(objects: Sequence[MapObject], poses: Sequence[SE2], zones: Sequence[Zone] = ()) -> str:
     """The report's drawing of the map as an SVG file of its own."""
     from edgemap.runtime.report.floor_svg import floor_svg
 
     # Without its rules for narrow screens, where numbers stand for names: there is no legend here.
     style = (Path(__file__).parent / "report" / "report.css").read_text().partition("@media screen and (max-width")[0]
-    head, _, rest = floor_svg(objects, poses).partition(">")
+    head, _, rest = floor_svg(objects, poses, zones=zones).partition(">")
     head = head.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
     return f"{head}><style>{style}</style>{rest}"
 

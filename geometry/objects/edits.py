@@ -49,6 +49,15 @@ class Annotations:
         """All that a saved map has measured: its objects, the deleted ones too, without what people have said."""
         return [replace(item, name="", confirmed=False) for item in (*saved, *self.deleted)]
 
+    def with_zones(self, zones: Sequence[Zone], alignment: Alignment) -> Annotations:
+        """Another map's zones added, in this one's frame and with the next free ids."""
+        last = max((id_order(zone.id)[1] for zone in self.zones), default=0)
+        added = (
+            Zone(f"zone-{number}", zone.name, _corners(alignment.pose_a_b.apply(np.array(zone.corners_m))))
+            for number, zone in enumerate(zones, last + 1)
+        )
+        return replace(self, zones=(*self.zones, *added)[:MOST_ZONES])
+
 
 NO_ANNOTATIONS = Annotations()
 

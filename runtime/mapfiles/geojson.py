@@ -6,9 +6,10 @@ import json
 import math
 from collections.abc import Sequence
 
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.map_file import map_document
+from edgemap.runtime.map_file import map_document, zone_record
 from edgemap.runtime.mapfiles.identity import DEFAULT_MAP_ID, object_uuid
 from edgemap.runtime.trajectory import Trajectory
 
@@ -17,8 +18,14 @@ CORNERS = 32
 STEP_M = 0.05  # the way is told no finer
 
 
-def geojson_text(objects: Sequence[MapObject], way: Trajectory | None = None, map_id: str = DEFAULT_MAP_ID) -> str:
-    """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties.
+def geojson_text(
+    objects: Sequence[MapObject],
+    way: Trajectory | None = None,
+    map_id: str = DEFAULT_MAP_ID,
+    zones: Sequence[Zone] = (),
+) -> str:
+    """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties; so is each zone, with
+    its id and name.
 
     RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` says which, and
     `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
@@ -28,6 +35,7 @@ def geojson_text(objects: Sequence[MapObject], way: Trajectory | None = None, ma
         _feature(item, record, map_id)
         for item, record in zip(objects, map_document(list(objects))["objects"], strict=True)
     ]
+    features += [_zone(zone) for zone in zones]
     if way is not None:
         features.append(_way(way))
     document = {
@@ -52,6 +60,18 @@ def _feature(item: MapObject, record: dict, map_id: str) -> dict:
         "id": item.id,
         "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
         "properties": record | own,
+    }
+
+
+def _zone(zone: Zone) -> dict:
+    ring = zone_record(zone)["corners_m"]
+    if sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True)) < 0.0:
+        ring.reverse()
+    return {
+        "type": "Feature",
+        "id": zone.id,
+        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
+        "properties": {"zone": zone.name, "frame": "map"},
     }
 
 

@@ -2,13 +2,15 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.rooms import furnished, mapped
 
+from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.map_file import load_map, save_map
+from edgemap.runtime.map_file import load_annotated_map, save_map
 from edgemap.runtime.trajectory import tum_line
 
 
@@ -61,13 +63,19 @@ def test_two_drives_of_one_room_become_one_map(edgemap, tmp_path):
     random = np.random.default_rng(3)
     room = furnished(random, 14)
     first, second = mapped(room[:12]), mapped(room[2:], SE2(4.0, -1.0, 2.5))
-    save_map(tmp_path / "a.json", first)
-    save_map(tmp_path / "b.json", second)
+    first[0] = replace(first[0], name="mine", confirmed=True)
+    zone = Zone("zone-1", "hall", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    save_map(tmp_path / "a.json", first, Annotations((zone,)))
+    there = SE2(4.0, -1.0, 2.5).inverse().apply(np.array(zone.corners_m))
+    save_map(tmp_path / "b.json", second, Annotations((replace(zone, corners_m=tuple(map(tuple, there.tolist()))),)))
     done = edgemap("map", "merge", tmp_path / "a.json", tmp_path / "b.json", "-o", tmp_path / "merged")
     assert done.returncode == 0, done.stderr
     assert "10 of " in done.stdout
     assert "yaw 143.2 deg" in done.stdout
-    merged = load_map(tmp_path / "merged")
+    merged, annotations = load_annotated_map(tmp_path / "merged")
+    assert [item.id for item in merged if item.name == "mine" and item.confirmed] == [first[0].id]
+    assert [zone.id for zone in annotations.zones] == ["zone-1", "zone-2"]
+    np.testing.assert_allclose(annotations.zones[1].corners_m, zone.corners_m, atol=1e-3)
     assert len(merged) == 14
     assert {item.id for item in first} <= {item.id for item in merged}
     for label, x, y in room:

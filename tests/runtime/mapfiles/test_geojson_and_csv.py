@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.rooms import mapped
 
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.mapfiles.geojson import geojson_text
@@ -36,6 +37,14 @@ def test_geojson_says_its_frame_and_keeps_x_first():
         assert signed_area(ring) == pytest.approx(side_m**2, rel=0.01)  # positive: counter-clockwise, RFC 7946
         assert feature["properties"]["label"] == item.label
         assert feature["properties"]["covariance_m2"] == item.covariance_m2.tolist()
+
+
+@pytest.mark.parametrize("corners", [((0.0, 0.0), (2.0, 0.0), (2.0, 1.0)), ((0.0, 0.0), (2.0, 1.0), (2.0, 0.0))])
+def test_zones_are_polygons_that_run_counter_clockwise(corners):
+    (feature,) = json.loads(geojson_text([], zones=[Zone("zone-1", "hall", corners)]))["features"]
+    (ring,) = feature["geometry"]["coordinates"]
+    assert signed_area(ring) == pytest.approx(1.0)
+    assert (feature["id"], feature["properties"]["zone"]) == ("zone-1", "hall")
 
 
 @pytest.mark.parametrize(("end", "kind"), [(2.0, "LineString"), (0.01, "Point")])
