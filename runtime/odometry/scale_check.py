@@ -18,7 +18,8 @@ class ScaleRule:
 
     window_m: travelled by the wheels between two comparisons, at most most_yaw_rad apart. windows, fewest: that are
     judged together. wrong_share: relative difference; the camera alone drifts up to 10 % in rendered homes with the
-    right mount. sigmas: standard errors of the median ratio. nees: mean squared difference, in units of the stated variance.
+    right mount. sigmas: standard errors of the median ratio. nees: mean squared difference, in units of the stated
+    variance.
     """
 
     window_m: float = 0.5
