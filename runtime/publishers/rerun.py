@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,8 @@ from edgemap.runtime.messages.stamps import to_ns
 from edgemap.runtime.messages.stream import MessageStream
 from edgemap.runtime.slam import StepResult
 
-CONNECT_LIMIT_S = 2.0
+CONNECT_LIMIT_S, CLOSE_LIMIT_S = 2.0, 2.0
+CHECK_EVERY_S, PATIENCE_S = 1.0, 3.0  # by the clock: of a thread that nothing of the step waits for
 UNIX_S = 1e8  # stamps above count from 1970, those below from some start of their own
 TIMELINE = "stamp"
 
@@ -26,12 +30,15 @@ class RerunStream:
     """A sink that logs every step. target: an .rrd file that is not there yet, or a viewer's (host, port).
 
     Entities: `map/objects` and `map/ellipses` (3-D, metres), the tf tree as `map/odom/base_link/…` down to the camera,
-    which holds `picture` and `detections` (2-D, pixels), and `faults`. A viewer that is closed is told no more, and the
-    run goes on. Raises MissingExtraError, or PublishError where file or viewer cannot be had.
+    which holds `picture` and `detections` (2-D, pixels), and `faults`. A thread watches the viewer and connects again;
+    `write` raises PublishError, and logs nothing, while the viewer is closed or takes nothing: Rerun itself would say
+    nothing of the first, and stop the caller for the second once its buffers are full.
+    Raises MissingExtraError, or PublishError where file or viewer cannot be had.
     """
 
     def __init__(self, target: Path | tuple[str, int], stream: MessageStream) -> None:
         need("rerun", "--rerun", ("rerun",))
+        os.environ.setdefault("RUST_LOG", "off")  # what fails is said in our own line
         import rerun as rr
         import rerun.blueprint as rrb
 
@@ -44,21 +51,22 @@ class RerunStream:
             rrb.Spatial3DView(origin="map"),
             rrb.Vertical(rrb.Spatial2DView(origin=self._camera), rrb.TextLogView(origin="faults"), row_shares=[4, 1]),
         )
+        self._target, self._away, self._closed = target, "", threading.Event()
+        self._options: dict[str, Any] = {"default_blueprint": rrb.Blueprint(views)}
         if isinstance(target, Path):
             if target.exists():
                 raise PublishError(f"--rerun {target}: exists already; choose another file")
             try:
-                self._record.save(target, default_blueprint=rrb.Blueprint(views))
+                self._record.save(target, **self._options)
             except (OSError, RuntimeError) as error:
                 raise PublishError(f"--rerun {target}: cannot be written ({error})") from None
         else:
-            host, port = target
             try:
-                socket.create_connection(target, CONNECT_LIMIT_S).close()  # Rerun's own takes 5 s and says nothing
+                self._connect(*target)
             except OSError as error:
-                raise PublishError(f"--rerun: no viewer at {host}:{port} ({error}); start one there: rerun") from None
-            shown = f"[{host}]" if ":" in host else host
-            self._record.connect_grpc(f"rerun+http://{shown}:{port}/proxy", default_blueprint=rrb.Blueprint(views))
+                place = f"{target[0]}:{target[1]}"
+                raise PublishError(f"--rerun: no viewer at {place} ({error}); start one there: rerun") from None
+            threading.Thread(target=self._watch, args=target, name="Rerun viewer", daemon=True).start()
         self._record.log("map", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._log: dict[str, Callable[[Message], None]] = {
             topics.PICTURES: self._picture,
@@ -70,18 +78,52 @@ class RerunStream:
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Log the step at the frame's stamp."""
+        if self._away:
+            raise PublishError(self._away)
         self._set_time(result.frame.stamp_s)
         for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
             if outgoing.topic in self._log:
                 self._log[outgoing.topic](outgoing.make())
 
     def fault(self, text: str) -> None:
-        """Log it."""
-        self._record.log("faults", self._rr.TextLog(text, level="WARN"))
+        """Log it, where somebody takes it."""
+        if not self._away:
+            self._record.log("faults", self._rr.TextLog(text, level="WARN"))
 
     def close(self) -> None:
         """Finish the file, or let go of the viewer; may be called twice."""
-        self._record.disconnect()
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        if isinstance(self._target, Path):
+            self._record.disconnect()
+            return
+        farewell = threading.Thread(target=self._record.disconnect, name="Rerun farewell", daemon=True)
+        farewell.start()
+        farewell.join(CLOSE_LIMIT_S)
+        if farewell.is_alive():  # a viewer that takes nothing; at the process's end Rerun would wait for it once more
+            self._rr.unregister_shutdown()
+
+    def _connect(self, host: str, port: int) -> None:
+        """Raises OSError where nobody listens: Rerun's own attempt takes 5 s and says nothing."""
+        socket.create_connection((host, port), CONNECT_LIMIT_S).close()
+        shown = f"[{host}]" if ":" in host else host
+        self._record.connect_grpc(f"rerun+http://{shown}:{port}/proxy", **self._options)
+
+    def _watch(self, host: str, port: int) -> None:
+        """On a thread: whether the viewer takes what is logged; a connection that is gone is made again."""
+        while not self._closed.wait(CHECK_EVERY_S):
+            try:
+                self._record.flush(timeout_sec=PATIENCE_S)
+                self._away = ""
+            except RuntimeError as error:
+                if "timed out" in str(error):
+                    self._away = f"the viewer at {host}:{port} has taken nothing for {PATIENCE_S:.0f} s"
+                    continue
+                self._away = f"no viewer at {host}:{port}"
+                with suppress(OSError):
+                    self._connect(host, port)
+                    self._record.log("map", self._rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     def _set_time(self, stamp_s: float) -> None:
         if stamp_s > UNIX_S:

@@ -1,12 +1,11 @@
 """Rerun's own programs and reader read what a run logs."""
 
 import math
-import shutil
 import signal
 import socket
 import subprocess
 import time
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import cv2
@@ -26,9 +25,9 @@ CAMERA = "/map/odom/base_link/camera_optical_frame"
 
 
 def program():
-    """Rerun's own, which lies with the other programs of the environment that its package is in."""
-    beside = str(Path(chunks.__file__).parents[5] / "bin")
-    return shutil.which("rerun", path=beside) or shutil.which("rerun") or pytest.skip("the program rerun is not here")
+    """Rerun's own, not the Python script around it, which signals do not pass."""
+    rerun_cli = pytest.importorskip("rerun_cli")
+    return str(Path(rerun_cli.__file__).parent / "rerun")
 
 
 def read_back(path):
@@ -107,23 +106,71 @@ def test_no_viewer_is_one_line():
         RerunStream(("127.0.0.1", port), MessageStream())
 
 
-def test_a_viewer_is_told_live(tmp_path):
+@contextmanager
+def viewer(port, path):
     """Rerun's program in the viewer's place: what arrives over gRPC it writes into a file."""
-    port, path = free_port(), tmp_path / "received.rrd"
-    viewer = subprocess.Popen([program(), "--port", str(port), "--save", path], stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([program(), "--port", str(port), "--save", path], stderr=subprocess.DEVNULL)
     try:
-        until_s = time.monotonic() + 20
-        while time.monotonic() < until_s:
-            try:
-                sink = RerunStream(("127.0.0.1", port), MessageStream(LENS, MOUNT))
-                break
-            except PublishError:
-                time.sleep(0.1)
-        with closing(sink):
-            Steps().into(sink, 4)
-        while time.monotonic() < until_s and not (path.exists() and path.stat().st_size > 10_000):
-            time.sleep(0.1)
+        until(lambda: socket.socket().connect_ex(("127.0.0.1", port)) == 0)
+        yield process
     finally:
-        viewer.send_signal(signal.SIGINT)
-        viewer.wait(timeout=20)
-    assert {"/map/objects", f"{CAMERA}/picture"} <= read_back(path).keys()
+        process.send_signal(signal.SIGCONT)
+        process.kill()
+        process.wait()
+
+
+def until(condition):
+    """Wait for what must come; pytest's timeout ends a wait for what does not."""
+    while not condition():
+        time.sleep(0.02)
+
+
+def takes(sink, steps):
+    """Whether the sink takes the next step."""
+    try:
+        steps.into(sink)
+    except PublishError:
+        return False
+    return True
+
+
+@pytest.mark.timeout(60)
+def test_a_viewer_is_told_live_and_again_when_it_comes_back(tmp_path):
+    port, first, second, steps = free_port(), tmp_path / "first.rrd", tmp_path / "second.rrd", Steps()
+    with viewer(port, first):
+        sink = RerunStream(("127.0.0.1", port), MessageStream(LENS, MOUNT))
+        steps.into(sink, 4)
+        until(lambda: first.stat().st_size > 100_000)
+    until(lambda: not takes(sink, steps))
+    with pytest.raises(PublishError, match=rf"^no viewer at 127\.0\.0\.1:{port}$"):
+        steps.into(sink)
+    with viewer(port, second), closing(sink):
+        until(lambda: takes(sink, steps))
+        steps.into(sink, 12)
+        until(lambda: second.stat().st_size > 200_000)
+    for path in (first, second):
+        assert {"/map/objects", f"{CAMERA}/picture"} <= read_back(path).keys()
+
+
+@pytest.mark.timeout(60)
+def test_a_viewer_that_hangs_holds_up_neither_the_run_nor_its_end(tmp_path, monkeypatch):
+    monkeypatch.setattr("edgemap.runtime.publishers.rerun.PATIENCE_S", 1.0)
+    port, steps = free_port(), Steps(640, 480)
+    with viewer(port, tmp_path / "a.rrd") as process:
+        sink = RerunStream(("127.0.0.1", port), MessageStream(LENS, MOUNT))
+        steps.into(sink, 4)
+        process.send_signal(signal.SIGSTOP)
+
+        def refused():
+            time.sleep(0.05)
+            return not takes(sink, steps)
+
+        until(refused)
+        with pytest.raises(PublishError, match="has taken nothing for 1 s"):
+            steps.into(sink)
+        process.send_signal(signal.SIGCONT)
+        until(lambda: takes(sink, steps))
+        process.send_signal(signal.SIGSTOP)
+        until(refused)
+        sink.close()
+        sink.close()
