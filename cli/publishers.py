@@ -81,6 +81,6 @@ def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
     if not colon or text.endswith("]"):
         host, digits = text, str(port)
     host = host.removeprefix("[").removesuffix("]")
-    if not host or not digits.isdecimal() or int(digits) > 65535:
+    if not host or not digits.isdecimal() or len(digits) > 5 or int(digits) > 65535:
         raise OptionError(f"{option} {text!r}: expected HOST or HOST:PORT with a port of 0 to 65535")
     return host, int(digits)

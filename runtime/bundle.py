@@ -179,7 +179,8 @@ def _check_contract(path: Path, where: str, record: Detector | OdometryHead, fol
     facts = onnx_facts(path)
     if facts is None:
         raise BundleError(
-            f"{where} is not a complete ONNX file ({path.stat().st_size:,} bytes, at most {MODEL_BYTES:,}; no opset found)"
+            f"{where} is not a complete ONNX file ({path.stat().st_size:,} bytes, at most {MODEL_BYTES:,}; "
+            "no opset found)"
         )
     if facts.opset not in OPSETS:
         raise BundleError(f"{where} uses ONNX opset {facts.opset}, this edgemap runs {OPSETS[0]} to {OPSETS[-1]}")

@@ -578,6 +578,7 @@ OPTIONS = (
     "wheel",
     "sim",
     "url",
+    "--mqtt",
 )
 SPEC_PARTS = (
     "demo", "realsense:/x.bag", "kitti:", "tum:", "c2w:", "drive:", "euroc:", "locobot:", "yolo:", "sim:",
@@ -592,6 +593,13 @@ def _option(random: Random) -> tuple[str, str]:
     option = draw.pick(OPTIONS)
     if option in ("camera", "data", "bundle", "wheel"):
         return option, "".join(draw.pick(SPEC_PARTS) for _ in range(draw.pick((1, 1, 2, 2, 3, 5))))
+    if option == "--mqtt":
+        port = (
+            draw.pick(("", ":1883", ":0"))
+            if not draw.hurt()
+            else ":" + draw.pick((*d.ODD_NUMBERS, "65536", "²", "٣", ""))
+        )
+        return option, draw.pick(("localhost", "[::1]", "::1", "[::1", "]", "", "a b")) + port
     if option in ("sim", "url"):
         start = (
             "sim:" if option == "sim" else draw.pick(("http://", "https://", "HTTP://", "http:/", "ftp://", "file://"))
@@ -648,6 +656,8 @@ def _use_text(option: str, text: str) -> None:
             question.read(text, None, None, None).answer([])
         case "--board":
             read_board(text)
+        case "--mqtt":
+            import_module("edgemap.cli.publishers").host_and_port(text, "--mqtt", 1883)
         case "url":
             is_url(text)
             StreamDriver(text)

@@ -12,6 +12,8 @@ import pytest
 
 from edgemap.cli import main
 from edgemap.cli.doctor import EXTRAS
+from edgemap.cli.errors import OptionError
+from edgemap.cli.publishers import host_and_port
 
 CHAIR = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],
@@ -153,3 +155,9 @@ def test_a_strangers_map_is_drawn_whatever_its_names_and_links_say(tmp_path):
     assert kept.read_text() == "mine"
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "map.png").is_symlink()
+
+
+@pytest.mark.parametrize("text", ["x:" + "9" * 5000, "x:²", "x:65536", ":1", ""])
+def test_an_address_with_no_port_that_can_be(text):
+    with pytest.raises(OptionError, match="expected HOST or HOST:PORT"):
+        host_and_port(text, "--mqtt", 1883)
