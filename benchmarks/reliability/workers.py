@@ -48,7 +48,8 @@ MODULES = (
     "export.darknet_layers", "export.darknet_weights", "export.torch_files", "export.detector.checkpoint",
     "export.odometry.checkpoint", "export.adopt", "runtime.config", "runtime.edits", "runtime.sightings_file",
     "runtime.download", "runtime.store", "runtime.cameras.video", "runtime.drives.euroc", "runtime.drives.tum",
-    "runtime.drives.own", "runtime.drives.open", "runtime.drives.c2w", "runtime.drives.yolo", "runtime.drives.planarise",
+    "runtime.drives.own", "runtime.drives.open", "runtime.drives.c2w", "runtime.drives.yolo",
+    "runtime.drives.planarise",
 )  # fmt: skip
 
 
