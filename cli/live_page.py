@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.edits import Edits
     from edgemap.runtime.report.crops import BestCrops
     from edgemap.runtime.sinks.protocol import Sink
-    from edgemap.view.pause import Pause
+    from edgemap.view.page import LivePage
 
 LOOK_EVERY_S = 0.1
 
@@ -43,15 +43,18 @@ class NoPage:
 class OpenPage(NoPage):
     """A run with a page. A file source is paced by its stamps and can be paused; a live camera runs on."""
 
-    def __init__(self, sink: Sink, pause: Pause | None, url: str) -> None:
-        self.sinks = (sink,)
-        self._pause, self._url = pause, url
+    def __init__(self, page: LivePage, url: str) -> None:
+        self.sinks = (page,)
+        self._page, self._pause, self._url = page, page.pause, url
 
     def camera(self, source: Camera, stop: Event) -> Camera:
         """The camera that the run reads from."""
+        from edgemap.runtime.cameras.budgeted import BudgetedCamera
         from edgemap.runtime.cameras.paced import PacedCamera
         from edgemap.view.pause import PausableCamera
 
+        if isinstance(source, BudgetedCamera):
+            self._page.effort = lambda: source.effort
         if self._pause is None:
             return source
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
@@ -99,7 +102,7 @@ def live_page(
     server = PageServer(page, host, port)
     try:
         print(f"live page:  {server.url}", flush=True)
-        yield OpenPage(page, pause, server.url)
+        yield OpenPage(page, server.url)
     finally:
         server.close()
 

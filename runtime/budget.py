@@ -27,6 +27,11 @@ class Effort:
     search_every: int = 1
     take_every: int = 1
 
+    @property
+    def full(self) -> bool:
+        """Whether every frame is taken and searched."""
+        return (self.search_every, self.take_every) == (1, 1)
+
     def takes(self, index: int) -> bool:
         """Whether the camera's frame is taken."""
         return (index - self.since) % self.take_every == 0

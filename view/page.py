@@ -13,6 +13,7 @@ import numpy as np
 
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.budget import Effort
 from edgemap.runtime.edits import Edits
 from edgemap.runtime.map_file import map_text, save_map
 from edgemap.runtime.pose_journal import PoseJournal
@@ -68,6 +69,7 @@ class LivePage:
         self.crops = BestCrops() if crops is None else crops
         self.edits = edits or Edits()
         self.edits.listeners.append(self.edited)
+        self.effort: Callable[[], Effort] = Effort  # what a budget has the run do
         self.newest: Moment | None = None
         self.revision = 0
         self.epoch = 0  # counts how often everything told before has moved

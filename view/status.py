@@ -78,8 +78,11 @@ def _of_step(page: LivePage, result: StepResult) -> list[Problem]:
         found.append(Problem(level, "picture", f"The picture tells nothing new: {result.health.reason}."))
     if result.motion.fault:
         found.append(Problem("degraded", "odometry", f"Odometry: {result.motion.fault}."))
-    wanted_hz, rate_hz = page.about.get("rate_hz"), page.rate_hz()
-    if wanted_hz and rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
+    effort, rate_hz = page.effort(), page.rate_hz()
+    if not effort.full:
+        found.append(Problem("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
+    wanted_hz = (page.about.get("rate_hz") or 0.0) / effort.take_every
+    if rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
         text = f"Overloaded: {rate_hz:.1f} of {wanted_hz:.0f} pictures a second, {step_ms(result):.0f} ms each."
         found.append(Problem("degraded", "speed", text))
     away_m, turned_rad = pose_sigma(result)

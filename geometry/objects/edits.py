@@ -6,7 +6,7 @@ map with and without them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -235,9 +235,13 @@ class MapEdits:
         """The id under which the measured map shows what was once this object."""
         return measured.shown_as(measured.merged.get(identity, identity))
 
-    def _root(self, identity: str, measured: ObjectMap) -> str:
-        """The same, after all that people have merged."""
-        joins = {self._place(one, measured): self._place(other, measured) for one, other in self.joined.items()}
+    def _joins(self, measured: ObjectMap) -> dict[str, str]:
+        """What people have merged, by the ids that the measured map shows."""
+        return {self._place(one, measured): self._place(other, measured) for one, other in self.joined.items()}
+
+    def _root(self, identity: str, measured: ObjectMap, joins: Mapping[str, str] | None = None) -> str:
+        """`_place` after all that people have merged. joins: `_joins`, for whoever asks often."""
+        joins = self._joins(measured) if joins is None else joins
         identity, passed = self._place(identity, measured), set[str]()
         while identity in joins and identity not in passed:
             passed.add(identity)
@@ -245,17 +249,18 @@ class MapEdits:
         return identity
 
     def _lay_over(self, objects: list[MapObject], measured: ObjectMap) -> None:
-        out = {self._root(identity, measured): labels for identity, labels in self.deleted.items()}
+        joins = self._joins(measured)
+        out = {self._root(identity, measured, joins): labels for identity, labels in self.deleted.items()}
         there, groups, hidden = {item.id for item in objects}, dict[str, list[MapObject]](), list[MapObject]()
         for item in objects:
-            root = self._root(item.id, measured) if self.joined else item.id
+            root = self._root(item.id, measured, joins) if joins else item.id
             root = root if root in there else item.id
             if item.label in out.get(root, ()):  # what stands there by now under another label is something else
                 hidden.append(item)
             else:
                 groups.setdefault(root, []).append(item)
-        names = {self._root(identity, measured): name for identity, name in self.names.items()}
-        confirmed = {self._root(identity, measured) for identity in self.confirmed}
+        names = {self._root(identity, measured, joins): name for identity, name in self.names.items()}
+        confirmed = {self._root(identity, measured, joins) for identity in self.confirmed}
         shown, made = [], {}
         for root, parts in groups.items():
             parts.sort(key=lambda item: (item.id != root, id_order(item.id)))

@@ -29,10 +29,14 @@ class BudgetedCamera(CameraAround):
         self._next = 0  # frame index of the camera behind
 
     @property
+    def effort(self) -> Effort:
+        """What is done now."""
+        return self._effort or Effort()
+
+    @property
     def status(self) -> str:
         """What is done now, for a status line; empty where everything is."""
-        effort = self._effort or Effort()
-        return "" if (effort.search_every, effort.take_every) == (1, 1) else f", {effort}"
+        return "" if self.effort.full else f", {self.effort}"
 
     def read(self) -> Frame | None:
         """The next frame that is taken, with the inertial samples of those that were not."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.steps import Steps
 
+from edgemap.runtime.budget import Effort
 from edgemap.runtime.health import PictureHealth
 from edgemap.view import status as status_module
 from edgemap.view.page import RATE_OVER, LivePage
@@ -43,6 +44,13 @@ def test_overload_is_told_with_its_figures(tmp_path, clock):
     text = "Overloaded: 6.0 of 10 pictures a second, 11 ms each."
     assert told(page) == [("degraded", "speed", text)]
     assert status(page)["headline"] == text
+
+
+def test_a_budget_is_told_and_is_no_overload(tmp_path, clock):
+    page, _ = page_of(tmp_path, clock, rate_hz=5.0)
+    page.effort = lambda: Effort(0, search_every=2, take_every=2)
+    text = "Less is done, to stay within the run's budget: 1 of 2 frames taken, 1 of 2 searched."
+    assert told(page) == [("degraded", "speed", text)]
 
 
 def test_too_few_steps_are_no_overload(tmp_path, clock):
