@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.runtime.frame_observations import FrameObservations
 
@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 class LoopCorrection:
     """Where everything is now. pose_map_base, pose_covariance: of this frame. past: how all before it moved.
     moved_m: by which this frame's pose was off. links: how often a landmark was found to be one observed before, so
-    far. landmarks: of all tracks, by their numbers, the landmark that each is known to be now."""
+    far. landmarks: which tracks are one, and how far they moved."""
 
     pose_map_base: SE2
     pose_covariance: Array
     past: TrajectoryCorrection
     moved_m: float
     links: int
-    landmarks: Mapping[int, int] = field(default_factory=dict)
+    landmarks: LandmarkCorrection = field(default_factory=LandmarkCorrection)
 
 
 class NoLoopClosure:
@@ -77,7 +77,8 @@ class LoopCloser(NoLoopClosure):
             return None, landmarks
         pose = graph.trajectory.pose
         moved_m = math.hypot(pose.x_m - pose_map_base.x_m, pose.y_m - pose_map_base.y_m)
-        return LoopCorrection(pose, past.covariances[-1], past, moved_m, graph.links, graph.landmarks()), landmarks
+        found = graph.landmarks()
+        return LoopCorrection(pose, past.covariances[-1], past, moved_m, graph.links, found), landmarks
 
     def begin_in(self, prior: Sequence[MapObject]) -> None:
         """Begin again in a map that holds these; its objects are landmarks observed before."""

@@ -24,7 +24,7 @@ from edgemap.geometry.objects.map_object import MapObject, id_order
 from edgemap.geometry.objects.observation_pool import SAVED_SIDE, VIEW_M, ObservationPool, keys_of, move_views
 from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 
 Array = NDArray[np.float64]
 
@@ -139,11 +139,12 @@ class FloorMap:
         self._refresh()
         return self._overlaps.best(identity)
 
-    def moved(self, correction: TrajectoryCorrection, landmarks: Mapping[int, int] | None = None) -> None:
-        """Everything moves with the pose that it was seen from. What turns out to be one merges, and what turns out to
-        be two parts, as when it is sighted: a bounded number of pools in each frame."""
-        if landmarks:
-            self._recognise(landmarks)
+    def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:
+        """Everything moves with the pose that it was seen from, or with the landmark that it turned out to be when that
+        pose was dropped. What turns out to be one merges, and what turns out to be two parts, as when it is sighted: a
+        bounded number of pools in each frame."""
+        landmarks = landmarks or LandmarkCorrection()
+        self._recognise(landmarks.of_track)
         for index in self._pools.values():
             pools = [pool for pool in index.pools if pool is not None and pool.key[2] != SAVED_SIDE]
             if not pools:
@@ -153,6 +154,9 @@ class FloorMap:
             after = correction.moved_points(stamps, before)
             pose_m2 = correction.point_covariances(stamps, after)
             by_m = after - before
+            for at, pool in enumerate(pools):
+                if pool.key[3] not in landmarks.moves_m and pool.landmark in landmarks.moves_m:
+                    by_m[at] = landmarks.moves_m[pool.landmark]
             changed = np.abs(by_m).max(axis=1) > 0.0
             far = np.abs(by_m).max(axis=1) > self.rule.still_m
             for at in np.flatnonzero(changed).tolist():

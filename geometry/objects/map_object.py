@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 if TYPE_CHECKING:
-    from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+    from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 
 Array = NDArray[np.float64]
 
@@ -71,9 +71,9 @@ class ObjectMap(Protocol):
         """The id of the object that an id of `update` is shown as."""
         ...
 
-    def moved(self, correction: TrajectoryCorrection, landmarks: Mapping[int, int] | None = None) -> None:
-        """Everything moves with the pose that it was seen from. landmarks: of tracks, by their numbers: those of one
-        landmark are one object. Raises MapError if fixed."""
+    def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:
+        """Everything moves with the pose that it was seen from. What is a landmark that was seen before moves with
+        that one, and those of one landmark are one object. Raises MapError if fixed."""
         ...
 
     def set_presence(self, identity: str, probability: float) -> None:

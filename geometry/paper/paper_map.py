@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.paper.single_linkage import SingleLinkage
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 
 Array = NDArray[np.float64]
 Root = tuple[int, int]
@@ -69,7 +68,7 @@ class PaperMap:
     def moved(
         self,
         correction: TrajectoryCorrection,  # noqa: ARG002
-        landmarks: Mapping[int, int] | None = None,  # noqa: ARG002
+        landmarks: LandmarkCorrection | None = None,  # noqa: ARG002
     ) -> None:
         """Raises MapError: sightings stay where they were placed."""
         raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")

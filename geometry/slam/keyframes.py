@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
-from dataclasses import dataclass
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,6 +72,15 @@ class TrajectoryCorrection:
 
     def _rows(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
         return np.maximum(np.searchsorted(self.stamps_s, stamps_s, side="right") - 1, 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LandmarkCorrection:
+    """What a correction says of landmarks. of_track: the landmark that each track is known to be now, by their numbers.
+    moves_m: how far each landmark moved, (2,)."""
+
+    of_track: Mapping[int, int] = field(default_factory=dict)
+    moves_m: Mapping[int, Array] = field(default_factory=dict)
 
 
 def composed(a: Array, b: Array) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, LandmarkCorrection, TrajectoryCorrection
 from edgemap.geometry.slam.least_squares import (
     LandmarkFactors,
     ObservationFactors,
@@ -91,7 +91,7 @@ class PoseGraph:
         self._observations: dict[tuple[int, int], _Observation] = {}
         self._refused: set[tuple[int, int]] = set()
         self._became: dict[int, int] = {}  # tracks that are part of another since `landmarks` was last asked
-        self._bias = 0.0
+        self._bias, self._moves_m = 0.0, dict[int, Array]()
         self._work: Work | None = None
         self._due = False
 
@@ -144,12 +144,12 @@ class PoseGraph:
             members.setdefault(self._root(number), []).append(track)
         return members
 
-    def landmarks(self) -> dict[int, int]:
-        """The landmark that each track is, by their numbers: of all that are kept, and of those that became part of
+    def landmarks(self) -> LandmarkCorrection:
+        """What the last correction says of landmarks: of all tracks that are kept, and of those that became part of
         another since this was last asked."""
         became, self._became = self._became, {}
         known = {number: self._root(number) for number in self.tracker.tracks}
-        return known | {number: known[kept] for number, kept in became.items()}
+        return LandmarkCorrection(known | {number: known[kept] for number, kept in became.items()}, self._moves_m)
 
     def _root(self, number: int) -> int:
         while number in self._parent:
@@ -308,17 +308,19 @@ class PoseGraph:
     def _corrected(self, solved: _Solved, now_s: float) -> TrajectoryCorrection:
         """Poses and tracks stand where the solution has them; those that are no landmarks move with the keyframe that
         saw them last."""
-        solution, poses = solved.solution, solved.solution.poses
+        solution, poses, self._moves_m = solved.solution, solved.solution.poses, {}
         before = self.trajectory.vectors()[: len(poses)]
         if np.abs(poses - before).max() < self.rule.still_m:
             return self.trajectory.set_poses(before, solution.pose_covariances, now_s)
         self._bias = solution.bias
         correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)
+        at_m = {number: track.position_m for number, track in self.tracker.tracks.items()}
         for number, track in self.tracker.tracks.items():
             if (at := solved.row.get(number)) is not None:
                 track.position_m = solution.landmarks[at]
             elif track.last >= 0:
                 track.position_m = SE2(*correction.moves[track.last]).apply(track.position_m)
+        self._moves_m = {number: track.position_m - at_m[number] for number, track in self.tracker.tracks.items()}
         return correction
 
     def _close_observations(self) -> None:
@@ -349,8 +351,15 @@ class PoseGraph:
         own = [track for track in self.tracker.tracks.values() if track.prior_m2 is None]
         linked = {*self._parent, *self._parent.values()}
         leave(track for track in own if track.number not in observed)
-        single = [track for track in own if track.number not in linked]
-        leave(track for track in single if track.count < self.rule.minimum or (self._is_full and self._is_rival(track)))
+        for track in own:
+            if track.number in near or track.number in linked:
+                continue
+            if track.count < self.rule.minimum or (self._is_full and track.last < len(self.trajectory) // 2):
+                around = self._around(track)
+                if len(around) == 1:
+                    self._became[track.number] = around[0]
+                if around or track.count < self.rule.minimum:
+                    leave([track])
         excess = sum(into[track.number] == track.number for track in own) - self.rule.maximum
         own = [track for track in own if track.number not in near and into[track.number] == track.number]
         leave(sorted(own, key=lambda track: (track.number not in self._parent, track.count))[: max(excess, 0)])
@@ -363,8 +372,8 @@ class PoseGraph:
         for number in into:
             while into[number] >= 0 and into[into[number]] != into[number]:
                 into[number] = into[into[number]]
-        became = {number: into[kept] for number, kept in self._became.items()}
-        became |= {number: into[number] for number in gone}
+        became = {number: into[number] for number in gone}
+        became |= {number: into[kept] for number, kept in self._became.items()}
         self._became = {number: kept for number, kept in became.items() if kept >= 0}
         for number in gone:
             if (kept := into[number]) >= 0:
@@ -380,15 +389,18 @@ class PoseGraph:
                 observations[keyframe, kept] = item if other is None else self._joined(other, item)
         self._observations = observations
 
-    def _is_rival(self, track: Track) -> bool:
-        """Whether a visit of long ago was never found to be the object of its label beside it, and never will be."""
-        return track.last < len(self.trajectory) // 2 and any(
-            other.label == track.label
-            and other.count > track.count
-            and other.number not in track.beside
-            and math.hypot(*(other.position_m - track.position_m)) < self.rule.track.reach_m
+    def _around(self, track: Track) -> list[int]:
+        """A graph that is full: the landmarks of its label where a track lies that was never recognised."""
+        return [
+            other.number
             for other in self.tracker.tracks.values()
-        )
+            if self._is_full
+            and other.label == track.label
+            and other.number == self._root(other.number)
+            and other.number not in track.beside
+            and other.count > max(track.count, self.rule.minimum)
+            and math.hypot(*(other.position_m - track.position_m)) < self.rule.track.reach_m
+        ]
 
     def _drop_keyframes(self) -> None:
         """Too many: of the older half those go, with their observations, whose objects others see often enough, the

@@ -4,13 +4,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from support.drifting import drifting, integrated, worst_m
-from support.drives import drive, round_trip
+from support.drives import drive, round_trip, sighted
 from support.rooms import furnished
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam import pose_graph
-from edgemap.geometry.slam.keyframes import KeyframeRule, TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import KeyframeRule, LandmarkCorrection, TrajectoryCorrection
 from edgemap.geometry.slam.loop_hypotheses import certain_pairings
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.runtime.loop_closing import LoopCloser, NoLoopClosure
@@ -189,3 +189,23 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
     assert doubles == 0
     assert after < count
     assert np.median(errors) < 0.25
+
+
+def test_what_a_dropped_pose_saw_moves_with_its_landmark():
+    """Track 5 turned out to be landmark 2 and left the graph; track 6 is in it still, and moves with its pose."""
+    floor_map, still = (
+        FloorMap(),
+        TrajectoryCorrection(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), np.eye(3)[None]),
+    )
+    random = np.random.default_rng(0)
+    for index in range(6):
+        seen = sighted([("chair", 2.0, 0.0), ("couch", 2.0, 1.0)], SE2(), index, random, sigma_m=0.01)
+        floor_map.update(
+            [item.placed(SE2(), np.eye(3) * 1e-4, track) for item, track in zip(seen, (5, 6), strict=True)]
+        )
+    before = {item.id: item.position_m for item in floor_map.objects()}
+    moves_m = {2: np.array([0.3, -0.1]), 6: np.array([9.0, 9.0])}
+    floor_map.moved(still, LandmarkCorrection({5: 2, 6: 6}, moves_m))
+    moved_m = {item.id: item.position_m - before[item.id] for item in floor_map.objects()}
+    assert moved_m["chair-1"] == pytest.approx([0.3, -0.1])
+    assert moved_m["couch-1"] == pytest.approx([0.0, 0.0])
