@@ -99,8 +99,8 @@ EngineName = Annotated[
     Literal["default", "onnxruntime", "openvino", "openvino-bf16", "auto"],
     arg(
         help="What runs the backbone. default: what a recording was made with, else onnxruntime; openvino (extra "
-        "openvino) computes with 32 bits as well, openvino-bf16 with 16 where the processor has them; auto: "
-        "onnxruntime or openvino, whichever a trial finds clearly faster, remembered."
+        "openvino) computes with 32 bits as well, openvino-bf16 with 16 where the processor has them; auto: the "
+        "one of these that a trial finds clearly fastest, remembered."
     ),
 ]
 LoopClosure = Annotated[
