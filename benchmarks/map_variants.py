@@ -116,6 +116,7 @@ def map_drive(
             attitude=estimated,
             confidence=confidence,
             health=config.health,
+            rest=config.rest,
         )
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)

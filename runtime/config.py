@@ -21,6 +21,7 @@ from edgemap.runtime.health import HealthRule
 from edgemap.runtime.odometry import OdometryRules
 from edgemap.runtime.plain_yaml import read_yaml
 from edgemap.runtime.reading import Strict, convert, decode_json, one_line, read_bytes, user_path
+from edgemap.runtime.rest import RestRule
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
@@ -36,7 +37,7 @@ class Config:
 
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
     landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera:
-    when a live one is opened again. health: of pictures. attitude: gravity and gyro against the mount.
+    when a live one is opened again. health: of pictures. rest: when a robot stands. attitude: gravity and gyro against the mount.
     """
 
     floor: FloorRule = field(default_factory=FloorRule)
@@ -47,6 +48,7 @@ class Config:
     odometry: OdometryRules = field(default_factory=OdometryRules)
     camera: RecoveryRule = field(default_factory=RecoveryRule)
     health: HealthRule = field(default_factory=HealthRule)
+    rest: RestRule = field(default_factory=RestRule)
     attitude: AttitudeRule = field(default_factory=AttitudeRule)
 
 

@@ -20,7 +20,7 @@ from edgemap.runtime.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.rest import RestMonitor
+from edgemap.runtime.rest import RestMonitor, RestRule
 from edgemap.runtime.timing import Stopwatch
 
 # A picture that did not change shows what is in view as long as the robot has moved by less since it was new.
@@ -43,6 +43,7 @@ class Pipeline:
         attitude: AttitudeSource | None = None,
         confidence: float | None = None,
         health: HealthRule | None = None,
+        rest: RestRule | None = None,
     ) -> None:
         self.camera, self.odometry = camera, odometry
         self.attitude = attitude or MountAttitude(camera.mount)
@@ -59,7 +60,7 @@ class Pipeline:
         self._decode = Decoder(bundle.manifest.detector, min_score, one_name=True)
         self._names = bundle.names
         self._found = Detections.none(bundle.names)  # in the last picture that was searched
-        self._health, self._rest = HealthMonitor(health), RestMonitor()
+        self._health, self._rest = HealthMonitor(health), RestMonitor(rest)
         self._since_seen = SE2()
         self._watch = Stopwatch()
 

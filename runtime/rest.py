@@ -16,18 +16,36 @@ Array = NDArray[np.float32]
 
 SIZE = 64, 48  # px that pictures are averaged down to
 SMALL_PX, LARGE_PX = 8, 16  # tiles of it, for what changes and for what shifts
-TOLD_S, SEEN_S = 0.3, 2.0  # of unchanged pictures, where wheels or gyro say still too and where the picture alone does
-LEAST_FRAMES = 3
-CHANGED = 4.0  # grey levels, RMS in a small tile; a sensor's noise of 5 a pixel leaves 1.4
-SHIFTED_PX, SIGMAS = 0.06, 4.0  # of a large tile, 0.6 px of a picture 640 px wide, beyond what noise explains
 VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to tell a gain
-EXPOSURE, OFFSET = 0.1, 15.0  # largest change of gain, and of grey levels, that is taken for the camera's exposure
-TEXTURE, TEXTURED = 9.0, 4  # squared grey levels per px, and how many large tiles must have that: else nothing shows
+
+
+@dataclass(frozen=True, slots=True)
+class RestRule:
+    """When a robot is taken to stand still.
+
+    told_s, seen_s: of unchanged pictures, at least `frames`, where wheels or gyro say still too, and where the picture
+    alone does; 1e9 for never. changed: grey levels, RMS in a small tile; a sensor's noise of 5 a pixel leaves 1.4.
+    shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains.
+    exposure, offset: largest change of gain, and of grey levels, that is taken for the camera's exposure. texture,
+    textured: squared grey levels per px, and how many large tiles must have that, or the picture alone shows nothing.
+    """
+
+    told_s: float = 0.3
+    seen_s: float = 2.0
+    frames: int = 3
+    changed: float = 4.0
+    shifted_px: float = 0.06
+    sigmas: float = 4.0
+    exposure: float = 0.1
+    offset: float = 15.0
+    texture: float = 9.0
+    textured: int = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
-    """The first of unchanged pictures. centred: without its mean. across, down: its gradients."""
+    """The first of unchanged pictures. centred: without its mean. across, down: its gradients, energy (2, tiles) their
+    mean squares. textured: how many tiles show a shift."""
 
     stamp_s: float
     picture: Array
@@ -36,13 +54,13 @@ class _Reference:
     down: Array
     energy: Array
     variance: float
-    textured: bool
+    textured: int
 
     @classmethod
-    def of(cls, picture: Array, stamp_s: float) -> _Reference:
+    def of(cls, picture: Array, stamp_s: float, texture: float) -> _Reference:
         down, across = (np.asarray(slope, dtype=np.float32) for slope in np.gradient(picture))
         energy = np.stack([_tiles(across**2, LARGE_PX), _tiles(down**2, LARGE_PX)])
-        textured = int((energy.min(axis=0) > TEXTURE).sum()) >= TEXTURED
+        textured = int((energy.min(axis=0) > texture).sum())
         centred = picture - picture.mean()
         return cls(stamp_s, picture, centred, across, down, energy, float((centred**2).mean()), textured)
 
@@ -50,7 +68,8 @@ class _Reference:
 class RestMonitor:
     """Compares every picture with the first one that looked the same, so that no motion is too slow to be seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, rule: RestRule | None = None) -> None:
+        self.rule = rule or RestRule()
         self.reset()
 
     def judge(self, frame: Frame, health: PictureHealth, still: bool | None) -> bool:
@@ -61,14 +80,14 @@ class RestMonitor:
         if health.stale:
             return False
         reference, picture = self._reference, _averaged(frame.image)
-        if reference is None or health.blind or still is False or _moved(reference, picture):
-            self._reference, self._frames = _Reference.of(picture, frame.stamp_s), 0
+        if reference is None or health.blind or still is False or _moved(reference, picture, self.rule):
+            self._reference, self._frames = _Reference.of(picture, frame.stamp_s, self.rule.texture), 0
             return False
         self._frames += 1
         rested_s = frame.stamp_s - reference.stamp_s
-        if still is None and not reference.textured:
+        if still is None and reference.textured < self.rule.textured:
             return False
-        return self._frames >= LEAST_FRAMES and rested_s >= (TOLD_S if still else SEEN_S)
+        return self._frames >= self.rule.frames and rested_s >= (self.rule.told_s if still else self.rule.seen_s)
 
     def reset(self) -> None:
         """Forget the last picture."""
@@ -81,22 +100,22 @@ def _averaged(image: NDArray[np.uint8]) -> Array:
     return np.asarray(cv2.resize(half, SIZE, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _moved(reference: _Reference, picture: Array) -> bool:
+def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
     """Whether anything changed, or the picture shifted anywhere, by more than noise and exposure explain."""
     change = picture - reference.picture
     offset = float(change.mean())
     gain = float((change * reference.centred).mean()) / (reference.variance + VARIANCE)
-    if abs(gain) > EXPOSURE or abs(offset) > OFFSET:
+    if abs(gain) > rule.exposure or abs(offset) > rule.offset:
         return True
     change -= offset + gain * reference.centred
     squared = _tiles(change**2, SMALL_PX)
-    if float(squared.max()) > CHANGED**2:
+    if float(squared.max()) > rule.changed**2:
         return True
     noise = math.sqrt(float(np.median(squared)))
     slopes = np.stack([_tiles(change * reference.across, LARGE_PX), _tiles(change * reference.down, LARGE_PX)])
-    shift = np.abs(slopes) / (reference.energy + TEXTURE)
-    doubt = SIGMAS * noise / (LARGE_PX * np.sqrt(reference.energy + TEXTURE))
-    return bool((shift > SHIFTED_PX + doubt).any())
+    energy = reference.energy + rule.texture
+    doubt = rule.sigmas * noise / (LARGE_PX * np.sqrt(energy))
+    return bool((np.abs(slopes) / energy > rule.shifted_px + doubt).any())
 
 
 def _tiles(values: Array, side: int) -> Array:

@@ -51,6 +51,7 @@ def build_slam(
         attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude),
         confidence=options.confidence,
         health=config.health,
+        rest=config.rest,
     )
     forgets = floor if options.forgets else None
     mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)

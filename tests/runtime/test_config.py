@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import edgemap
 from edgemap.runtime.config import Config, ConfigError, config_arguments, config_document, load_config
+from edgemap.runtime.rest import RestRule
 
 
 def written(folder, document, name="c.yaml"):
@@ -90,6 +91,13 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
     assert second.observed.camera is not None
     assert second.observed.camera.attitude is not None
     assert second.observed.camera.attitude.covariance_rad2[0, 0] == pytest.approx(0.125**2)
+
+
+def test_rest_takes_its_part_of_the_tree(tmp_path):
+    config, _ = load_config(written(tmp_path, {"config": {"rest": {"seen_s": 1e9, "textured": 5}}}))
+    with edgemap.open("demo", odometry="planar", config=config) as session:
+        next(iter(session))
+        assert session.slam.pipeline._rest.rule == RestRule(seen_s=1e9, textured=5)
 
 
 def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):
