@@ -21,7 +21,7 @@ GLOBAL = (topics.TF, topics.TF_STATIC)  # one tree for all robots' programs: nev
 PUBLISHED = (*GLOBAL, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS)
 PICTURES = (topics.PICTURES, topics.INFO)
 LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS)
-DEPTHS = {topics.TF: 100, topics.PICTURES: 1, topics.INFO: 1, topics.OBJECTS: 1, topics.MARKERS: 1}
+DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5, topics.OBJECTS: 1, topics.MARKERS: 1}
 
 
 @dataclass(frozen=True, slots=True)

@@ -241,9 +241,14 @@ template <class T> class Type : public TopicDataType {
     bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
         FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->length);
         Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
-        cdr.read_encapsulation();
         In in{cdr};
-        static_cast<T*>(data)->fields(in);
+        try {
+            cdr.read_encapsulation();
+            static_cast<T*>(data)->fields(in);
+        } catch (const eprosima::fastcdr::exception::Exception& error) {  // dropped, as rmw_fastrtps does
+            fprintf(stderr, "%s of %u bytes: %s\n", T::name(), payload->length, error.what());
+            return false;
+        }
         return true;
     }
     std::function<uint32_t()> getSerializedSizeProvider(void*) override { return [] { return uint32_t(1 << 20); }; }

@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+from edgemap.cli.errors import OptionError
+from edgemap.cli.ros2 import frame_names
 from edgemap.runtime.errors import Ros2Error
 from edgemap.runtime.messages.definitions import definition
 from edgemap.runtime.messages.topics import KINDS
@@ -87,3 +89,10 @@ def test_stamps_become_ros_time():
     assert ros_offset_s(1.7e9, 1.7e9 + 0.05, 5000.0) == 0.0
     assert ros_offset_s(4999.9, 1.7e9, 5000.0) == 1.7e9 - 5000.0
     assert ros_offset_s(3.5, 1.7e9, 5000.0) == 1.7e9 - 3.5
+
+
+@pytest.mark.parametrize("frames", ["map,odom", "map,odom,,lens", "map,odom,map,lens", ""])
+def test_frames_are_four_different_names(frames):
+    with pytest.raises(OptionError, match="four different names"):
+        frame_names(frames)
+    assert frame_names("map, odom,base_footprint,lens") == ["map", "odom", "base_footprint", "lens"]
