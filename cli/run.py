@@ -197,7 +197,7 @@ def command(
             notifier = ServiceNotifier()
             seen = budgeted(source, share, temperature, config)
             files = RunFolder(folder, floor, record | {"cpu": share, "efforts": seen.efforts})
-            edits.listeners.append(files.edited)
+            edits.listeners += [files.edited, report.edited]
 
             def beat(text: str) -> None:
                 notifier.beat(text + seen.status)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 
+from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.map_file import load_annotated_map, write_atomically
@@ -62,6 +63,14 @@ class ReportFile:
         if self._closed:
             return
         self._closed = True
+        self._write()
+
+    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:  # noqa: ARG002
+        """The map was edited, and the run folder has saved it: after the run's end the page is written again."""
+        if self._closed:
+            self._write()
+
+    def _write(self) -> None:
         try:
             write_atomically(self.path, report_page(self._findings()))
         except Exception as error:  # the map is saved, and the run's end goes on
@@ -74,9 +83,8 @@ class ReportFile:
             self.evaluation_rows = self._judge(objects, self._history.frames)
         self._crops.keep({item.id for item in objects}, record.get("merged", {}))
         crops = self._crops.of([item.id for item in objects])
-        return Findings(record, objects, self._history, crops, self._truth, self.evaluation_rows, self._mount(),
-            annotations.zones,
-        )  # fmt: skip
+        rows, zones = self.evaluation_rows, annotations.zones
+        return Findings(record, objects, self._history, crops, self._truth, rows, self._mount(), zones)
 
     def _mount(self) -> bytes | None:
         """mount.jpg, small."""

@@ -122,6 +122,7 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     saved = json.loads((folder / "map.json").read_text())
     assert [zone["name"] for zone in saved["zones"]] == ["hall"]
     assert "held" in {item.get("name") for item in saved["objects"]}
+    assert "hall" in (folder / "report.html").read_text()
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=20) == 0
     edits = [json.loads(line) for line in (folder / "edits.jsonl").read_text().splitlines()]
