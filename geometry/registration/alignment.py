@@ -8,8 +8,8 @@ motion explains nearly as many objects.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,19 @@ class Alignment:
 
 
 def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None) -> Alignment:
-    """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain.
+    """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
+    work = aligning(first, second, rule)
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            return end.value
+
+
+def aligning(
+    first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
+) -> Generator[None, None, Alignment]:
+    """As `align`; yields after every unit of work, each of bounded size.
 
     Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that as
     many of the other objects fall as near to one of their label at random.
@@ -78,8 +90,13 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: Alignme
             f"at least {rule.least_pairs} are needed"
         )
     tried = hypotheses(first, second, rule.gate)
-    modes = best_modes(tried, first, second, rule.gate, rule.reach_m)
-    fits = [fit for mode in modes if (fit := _refined(mode, first, second, rule))]
+    yield
+    modes, fits = (yield from best_modes(tried, first, second, rule.gate, rule.reach_m)), list[_Fit]()
+    for mode in modes:
+        yield
+        if fit := _refined(mode, first, second, rule):
+            fits.append(fit)
+    yield
     if not fits:
         raise AlignmentError(f"no motion lays more than one of {shared} objects with a common label onto its like")
     best = max(fits, key=lambda fit: (len(fit.pairs), -fit.chi2))
@@ -101,6 +118,18 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: Alignme
     distances = [np.linalg.norm(first[i].position_m - best.pose.apply(second[j].position_m)) for i, j in best.pairs]
     rms_m = math.sqrt(float(np.mean(np.square(distances))))
     return Alignment(best.pose, best.covariance, best.pairs, shared, count, chance, rms_m)
+
+
+def realigned(
+    alignment: Alignment, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
+) -> Alignment:
+    """An alignment of maps that have changed a little since it was found. Raises AlignmentError where too few objects
+    still lie on their like."""
+    rule = rule or AlignmentRule()
+    fit = _refined(alignment.pose_a_b, first, second, rule)
+    if fit is None or len(fit.pairs) < max(rule.least_pairs, len(alignment.pairs) - rule.rival_margin):
+        raise AlignmentError(f"{len(alignment.pairs)} objects lay on their like, and no longer do")
+    return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,14 +224,13 @@ def _chance(
     many of the pairs, nearest first, are asked to be as near."""
     span = np.ptp([item.position_m for item in first], axis=0) + 1.0
     probabilities = []
+    covariances, labels = np.array([ours.covariance_m2 for ours in first]), np.array([ours.label for ours in first])
+    rotation = fit.pose.rotation()
     for theirs in second:
-        areas = [
-            math.pi * rule.gate * math.sqrt(float(np.linalg.det(_spread(fit.pose, ours, theirs))))
-            for ours in first
-            if ours.label == theirs.label
-        ]
-        if areas:
-            probabilities.append(min(1.0, sum(areas) / float(np.prod(span))))
+        alike = covariances[labels == theirs.label] + rotation @ theirs.covariance_m2 @ rotation.T
+        if len(alike):
+            area_m2 = math.pi * rule.gate * float(np.sqrt(np.linalg.det(alike)).sum())
+            probabilities.append(min(1.0, area_m2 / float(np.prod(span))))
     probability = float(np.mean(probabilities))
     least = math.inf
     others = shared - 2

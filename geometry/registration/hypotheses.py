@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ SHORTEST_M = 0.7  # nearer objects tell too little of the turn
 MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
 MOST_MODES = 16  # clearly different motions that are looked at closely
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
-CHUNK = 256
+CHUNK = 200_000  # distances between objects, of all motions scored in one unit of work
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,9 +78,10 @@ def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject], gate: fl
 
 def best_modes(
     motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], gate: float, reach_m: float
-) -> list[SE2]:
-    """The motions that lay the most objects onto their like, best first, clearly different from each other."""
-    scores = _scores(motions, first, second, gate, reach_m)
+) -> Generator[None, None, list[SE2]]:
+    """The motions that lay the most objects onto their like, best first, clearly different from each other; yields
+    after every unit of work."""
+    scores = yield from _scores(motions, first, second, gate, reach_m)
     centre = motions.apply(_positions(second).mean(axis=0)[None])[:, 0]
     alive, modes = np.ones(len(scores), dtype=bool), []
     while alive.any() and len(modes) < MOST_MODES:
@@ -93,14 +94,15 @@ def best_modes(
 
 def _scores(
     motions: Motions, first: Sequence[MapObject], second: Sequence[MapObject], gate: float, reach_m: float
-) -> Array:
+) -> Generator[None, None, Array]:
     """For each motion how many objects it explains, near ones in full and those at the gate not at all, (N,)."""
     a, b = _positions(first), _positions(second)
     pair_m2 = _variances(first)[:, None] + _variances(second)[None]
     same = np.array([[ours.label == theirs.label for theirs in second] for ours in first])
     scores = np.zeros(len(motions.yaw_rad))
-    for start in range(0, len(scores), CHUNK):
-        chunk = motions.rows(slice(start, start + CHUNK))
+    size = max(CHUNK // max(len(first) * len(second), 1), 1)
+    for start in range(0, len(scores), size):
+        chunk = motions.rows(slice(start, start + size))
         placed = chunk.apply(b)
         apart2 = ((placed[:, None] - a[None, :, None]) ** 2).sum(axis=-1)
         lever2 = ((b[None] - chunk.middle_b_m[:, None]) ** 2).sum(axis=-1)
@@ -110,7 +112,8 @@ def _scores(
         near *= pair_m2[None] / spread_m2  # a vague motion explains much, and says little by it
         near[(apart2 > reach_m**2) | ~same[None]] = 0.0
         near = np.maximum(near, 0.0)
-        scores[start : start + CHUNK] = np.minimum(near.max(axis=1).sum(axis=1), near.max(axis=2).sum(axis=1))
+        scores[start : start + size] = np.minimum(near.max(axis=1).sum(axis=1), near.max(axis=2).sum(axis=1))
+        yield
     return scores
 
 

@@ -6,7 +6,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.registration.alignment import AlignmentError, align
+from edgemap.geometry.registration.alignment import AlignmentError, align, aligning, realigned
+from edgemap.geometry.registration.hypotheses import CHUNK, Motions
 from edgemap.geometry.se2 import SE2
 
 MOTIONS = st.builds(SE2, st.floats(-6, 6), st.floats(-6, 6), st.floats(-3.1, 3.1))
@@ -147,3 +148,32 @@ def test_the_covariance_is_that_of_the_pairs_as_they_lie():
     variance = (residuals**2).sum() / (2 * len(places) - 3)
     assert variance > 1.2 * 2 * 0.01**2  # or this shows nothing
     assert found.covariance[2, 2] == pytest.approx(variance / ((places - places.mean(axis=0)) ** 2).sum(), rel=1e-3)
+
+
+def test_the_work_comes_in_units_of_bounded_size_and_finds_the_same(monkeypatch):
+    random, distances = np.random.default_rng(3), []
+    room = furnished(random, 40, (12.0, 9.0), 0.7)
+    first, second = (mapped(room, pose, random, sigma_m=0.06, missed=0.1) for pose in (SE2(), SE2(1.0, 2.0, 0.5)))
+    apply = Motions.apply
+
+    def counted(motions, points):
+        distances.append(len(motions.yaw_rad) * len(first) * len(points))
+        return apply(motions, points)
+
+    monkeypatch.setattr(Motions, "apply", counted)
+    work, units = aligning(first, second), 0
+    with pytest.raises(StopIteration) as end:
+        while True:
+            next(work)
+            units += 1
+    assert units > 20
+    assert max(distances) <= CHUNK
+    assert end.value.value.pairs == align(first, second).pairs
+
+
+def test_an_alignment_follows_a_map_that_moved_while_it_was_sought():
+    found = align(mapped(CROOKED), mapped(CROOKED, SE2(1.0, 2.0, 0.5)))
+    now = realigned(found, mapped(CROOKED), mapped(CROOKED, SE2(1.1, 1.9, 0.55)))
+    assert off_by_m(now.pose_a_b, SE2(1.1, 1.9, 0.55)) < 1e-6
+    with pytest.raises(AlignmentError):
+        realigned(found, mapped(CROOKED), mapped(CROOKED, SE2(9.0, 2.0, 2.5)))
