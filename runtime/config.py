@@ -36,8 +36,8 @@ class Config:
     """The step's tuned numbers by stage; each class tells meaning, unit and reason of its own.
 
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
-    landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera:
-    when a live one is opened again. health: of pictures. rest: when a robot stands. attitude: gravity and gyro against the mount.
+    landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera: when a live one is
+    opened again. health: of pictures. rest: when a robot stands. attitude: gravity and gyro against the mount.
     """
 
     floor: FloorRule = field(default_factory=FloorRule)
