@@ -191,7 +191,7 @@ def test_a_video_that_ends_early_keeps_the_map(edgemap, painted_bundle, tmp_path
 
 def test_ctrl_c_ends_cleanly_with_the_map_saved(painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
-    (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 2.0"))
+    (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 0.5"))
     command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", str(pictures), "--bundle", str(painted_bundle)]
     process = subprocess.Popen(
         [*command, "--out", str(out), "--realtime"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

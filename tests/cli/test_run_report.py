@@ -57,7 +57,7 @@ def test_a_fault_leaves_a_report(edgemap, painted_bundle, pictures, tmp_path):
 
 def test_ctrl_c_leaves_a_report(painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
-    (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 2.0"))
+    (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 0.5"))
     command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", str(pictures), "--bundle", str(painted_bundle)]
     process = subprocess.Popen([*command, "--out", str(out), "--realtime"], stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
