@@ -49,10 +49,10 @@ def realsense_recording(tmp_path_factory):
     pytest.importorskip("pyrealsense2")
     import numpy as np
 
-    from edgemap.benchmarks.reliability.record_realsense import record_realsense
+    from edgemap.benchmarks.reliability.record_realsense import record_whole
 
     random = np.random.default_rng(5)
     pictures = [random.integers(0, 256, (480, 640, 3), dtype=np.uint8) for _ in range(60)]
     stamps = [1000.0 + i / 30 for i in range(60)]
-    path = record_realsense(tmp_path_factory.mktemp("realsense") / "drive.db3", pictures, stamps)
+    path = record_whole(tmp_path_factory.mktemp("realsense") / "drive.db3", pictures, stamps)
     return path, pictures, stamps

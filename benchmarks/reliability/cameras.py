@@ -112,16 +112,15 @@ def _but_a_few(demo: DemoDrive, seed: int, number: int) -> list[int]:
 
 
 def _record(demo: DemoDrive, out: Path) -> Path:
-    from edgemap.benchmarks.reliability.record_realsense import record_realsense
+    from edgemap.benchmarks.reliability.record_realsense import record_whole
 
     path = out / "demo.db3"
-    path.unlink(missing_ok=True)
     import pyrealsense2
 
     rs: Any = pyrealsense2
     lens = demo.floor.intrinsics
     numbers = (lens.fx, lens.fy, lens.cx, lens.cy)
-    return record_realsense(path, demo.images, demo.stamps_s, stream_format=rs.format.bgr8, lens=numbers)
+    return record_whole(path, demo.images, demo.stamps_s, stream_format=rs.format.bgr8, lens=numbers)
 
 
 def _one(

@@ -264,16 +264,17 @@ PLAYBACK_POLLS = 25  # of 0.2 s in real time, which is not the world's: a busy m
 class _PlaybackDevice:
     """A RealSense device that plays a recording, at the world's pace."""
 
-    def __init__(self, world: World, inner: RealSenseDevice) -> None:
+    def __init__(self, world: World, inner: RealSenseDevice, ended: Callable[[], bool]) -> None:
         self.size, self.intrinsics, self.rate_hz = inner.size, inner.intrinsics, inner.rate_hz
-        self._world, self._inner = world, inner
+        self._world, self._inner, self._ended = world, inner, ended
 
     def grab(self) -> Picture | None:
         wanted_s = self._world.stamps_s[self._world.next_index()]
         silent = 0
         while silent < PLAYBACK_POLLS:
+            ended = self._ended()  # asked first: what was queued when playback stopped is still there
             picture = self._inner.grab()
-            if picture is not None and picture[0] > wanted_s - 0.02:
+            if (picture is not None and picture[0] > wanted_s - 0.02) or (picture is None and ended):
                 return picture
             silent = 0 if picture is not None else silent + 1
         return None
@@ -298,5 +299,9 @@ class PlaybackDriver(RealSenseDriver):
     def open(self) -> Any:
         """Play on from the world's present."""
         device = super().open()
-        device.pipeline.get_active_profile().get_device().as_playback().set_real_time(False)
-        return _PlaybackDevice(self._world, device)
+        playback, stopped = (
+            device.pipeline.get_active_profile().get_device().as_playback(),
+            self._rs.playback_status.stopped,
+        )
+        playback.set_real_time(False)
+        return _PlaybackDevice(self._world, device, lambda: playback.current_status() == stopped)

@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 import pyrealsense2
 
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.errors import CameraError
+
 rs: Any = pyrealsense2  # its type stubs lack most of it
 
 FX, FY, CX, CY = 615.2, 615.4, 321.1, 239.7
@@ -25,8 +28,13 @@ def record_realsense(
     lens: tuple[float, float, float, float] = (FX, FY, CX, CY),
     fps: int = 30,
     stream: Any = rs.stream.color,
+    pause_s: float = 0.004,
 ) -> Path:
-    """Write a `.db3`: pictures in the stream's own format, (H, W, C) uint8, at the stamps in seconds."""
+    """Write a `.db3`: pictures in the stream's own format, (H, W, C) uint8, at the stamps in seconds.
+
+    pause_s: between two pictures, in real time: the recorder writes on a thread of its own, and drops what it does not
+    come to on a busy machine.
+    """
     height, width = pictures[0].shape[:2]
     intrinsics = rs.intrinsics()
     intrinsics.width, intrinsics.height = width, height
@@ -55,9 +63,22 @@ def record_realsense(
         frame.frame_number, frame.profile = number, profile.as_video_stream_profile()
         frame.pixels = np.ascontiguousarray(picture)
         sensor.on_video_frame(frame)
-        time.sleep(0.004)  # the recorder keeps wall time and writes on a thread of its own
+        time.sleep(pause_s)
     time.sleep(0.2)
     recorded.stop()
     recorded.close()
     del recorder
     return path
+
+
+def record_whole(path: Path, pictures: Sequence[np.ndarray], stamps_s: Sequence[float], **options: Any) -> Path:
+    """`record_realsense`, again and slower until no picture is missing. Raises CameraError."""
+    count = 0
+    for pause_s in (0.004, 0.016, 0.064, 0.256):
+        path.unlink(missing_ok=True)
+        record_realsense(path, pictures, stamps_s, pause_s=pause_s, **options)
+        with open_camera(f"realsense:{path}") as camera:
+            count = sum(1 for _ in iter(camera.read, None))
+        if count == len(pictures):
+            return path
+    raise CameraError(f"{path}: {count} of {len(pictures)} pictures recorded, however slowly")
