@@ -558,7 +558,7 @@ def _drain(camera: Camera) -> None:
         if frame is None:
             return
         assert frame.image.dtype == np.uint8
-        assert frame.stamp_s > last_s
+        assert frame.stamp_s >= last_s
         last_s = frame.stamp_s
 
 

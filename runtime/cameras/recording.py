@@ -46,7 +46,7 @@ class RecordingCamera(CameraBase):
             raise CameraError(f"{path}: no such file")
         self._path, self._open = path, True
         self._recording = recording = McapReading(path)
-        self._last_s = -math.inf
+        self._last_ns = self._last_s = -math.inf
         try:
             self.topic = self._choose(topic)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
@@ -78,9 +78,9 @@ class RecordingCamera(CameraBase):
         stamp_ns, image, _ = decoded
         name = f"{self.name}#{self._delivered}"
         stamp_s = self._exact.get(stamp_ns, to_s(stamp_ns))
-        if stamp_s <= self._last_s:
+        if stamp_ns <= self._last_ns or stamp_s < self._last_s:  # a float may be the same for two nanoseconds
             raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
-        self._last_s = stamp_s
+        self._last_ns, self._last_s = stamp_ns, stamp_s
         return replace(self.frame(image, stamp_s, name), search=stamp_ns not in self._unsearched)
 
     def close(self) -> None:
