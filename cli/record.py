@@ -65,8 +65,8 @@ def command(
             track = wheel_track(source.wheel)
         lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
         facts = Facts(source.name, lens, read_mount(mount, source.mount), source.rate_hz)
-        recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
         with stop_on_signals() as stop:
+            recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
             try:
                 while (frames is None or recorder.frames < frames) and not stop.is_set():
                     frame = next_frame(source, lambda fault: print(fault, file=sys.stderr), stop.is_set)

@@ -183,7 +183,10 @@ def command(
         record |= {"options": options, "config": config_document(tuned)}
         crops = BestCrops()
         edits = Edits(folder / "edits.jsonl", load_edits(edited) if edited else ())
-        with live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops, edits) as page:
+        with (
+            stop_on_signals() as stop,  # from here on there is something to save
+            live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops, edits) as page,
+        ):
             latest = _Latest()
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
@@ -204,17 +207,16 @@ def command(
 
             # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
             sinks: list[Sink] = [progress, latest, *tape, *publishers, *live, *page.sinks, files, report]
-            with stop_on_signals() as stop:
-                try:
-                    done = run(page.camera(seen, stop), slam, sinks, frames, stop, strict, beat, edits)
-                except EdgemapError as error:
-                    if latest.result is None or isinstance(error, (MapError, RunFolderError)):
-                        raise
-                    so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
-                    error.args = (f"{error}; {so_far}",)
+            try:
+                done = run(page.camera(seen, stop), slam, sinks, frames, stop, strict, beat, edits)
+            except EdgemapError as error:
+                if latest.result is None or isinstance(error, (MapError, RunFolderError)):
                     raise
-                finally:
-                    notifier.stopping()
+                so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
+                error.args = (f"{error}; {so_far}",)
+                raise
+            finally:
+                notifier.stopping()
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
             _summary(done, latest, stop.is_set(), report.evaluation_rows)
             if line := where_it_was(slam.mapper, saved):
