@@ -5,10 +5,12 @@ import torch
 
 from edgemap.export.adopt import load_onnx
 from edgemap.export.darknet import Darknet
+from edgemap.export.darknet_weights import read_header
 from edgemap.export.detector.checkpoint import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
 from edgemap.export.odometry.paper import PaperHead
+from edgemap.export.torch_files import read_torch
 
 CFG = "[net]\nwidth=64\nheight=64\n[convolutional]\nfilters=8\nsize=1\nactivation=linear\n"
 CFG += "[yolo]\nanchors=10,14\nclasses=3\n"
@@ -90,3 +92,43 @@ def test_onnx_files_that_are_none(tmp_path):
     for data in (b"", b"\xff" * 100, b"\x08\x07\x12\x01\xff"):
         (tmp_path / "a.onnx").write_bytes(data)
         refusal(load_onnx, tmp_path / "a.onnx")
+
+
+HEAD = "[net]\nwidth=64\nheight=64\n"
+YOLO = "[convolutional]\nfilters=6\n[yolo]\nmask=0\nanchors=1,2\nclasses=1\n"
+
+
+@pytest.mark.parametrize(
+    ("layers", "words"),
+    [
+        ("[convolutional]\nfilters=6\n[shortcut]\nfrom=-1\nweights_type=per_feature\n", "weights_type=per_feature"),
+        ("[convolutional]\nfilters=6\n[route]\nlayers=-1\ngroups=4\n", "group_id=0 of groups=4 does not fit"),
+        ("[convolutional]\nfilters=6\n[route]\nlayers=-1\ngroups=2\ngroup_id=2\n", "group_id=2 of groups=2"),
+        (YOLO + "[convolutional]\nfilters=7\n[yolo]\nmask=0\nanchors=1,2\nclasses=2\n", "layers differ in classes"),
+        ("[upsample]\nscale=2\n", "scale=2 is not supported"),
+        ("[maxpool]\nsize=99\npadding=0\n", "size=99 does not fit into 64x64 cells"),
+    ],
+)
+def test_layers_that_fit_nothing(layers, words):
+    with pytest.raises(ExportError) as caught:
+        Darknet.from_cfg(HEAD + layers + YOLO)
+    assert words in str(caught.value)
+
+
+def test_features_and_strides_that_a_network_has_not():
+    network = Darknet.from_cfg(HEAD + YOLO)
+    with pytest.raises(ExportError, match="has no feature 'tail'"):
+        network.feature_layer("tail")
+    odd = Darknet.from_cfg(HEAD.replace("height=64", "height=48") + "[avgpool]\n" + YOLO)
+    with pytest.raises(ExportError, match="no whole stride of a 64x48 input"):
+        odd.stride(0)
+
+
+def test_torch_files_that_hold_no_checkpoint(tmp_path):
+    with pytest.raises(ExportError, match="no such checkpoint"):
+        read_torch(tmp_path / "none.pt")
+    torch.save([1], tmp_path / "a.pt")
+    with pytest.raises(ExportError, match="holds a list, no checkpoint"):
+        read_torch(tmp_path / "a.pt")
+    with pytest.raises(ExportError, match=r"cannot be read \(not a file\)"):
+        read_header(tmp_path)

@@ -1,0 +1,118 @@
+"""Refusals of readers that no other test meets: each is reached, and says the number or name that is wrong."""
+
+import io
+import json
+import struct
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from edgemap.runtime import config, number_rows, sightings_file
+from edgemap.runtime.cameras.recording import RecordingCamera
+from edgemap.runtime.cameras.video import VideoCamera
+from edgemap.runtime.drives import open_drive
+from edgemap.runtime.drives.pose_files import read_stamps
+from edgemap.runtime.errors import CameraError
+from edgemap.runtime.recordings import chunks
+from edgemap.runtime.recordings.reader import McapReading
+
+POSE = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
+EUROC_CAMERA = (
+    "T_BS: {data: [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]}\n"
+    "resolution: [64, 48]\nintrinsics: [FX, 60.0, 32.0, 24.0]\n"
+)
+
+
+def folder_of(tmp_path, files):
+    """files: text by relative path; a name that ends with .png gets a picture."""
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if name.endswith(".png"):
+            cv2.imwrite(str(path), np.zeros((48, 64, 3), np.uint8))
+        else:
+            path.write_text(text)
+    return tmp_path
+
+
+def euroc(stamp="1000000000", fx="60.0", truth="1000000000 0 0 0 0 0 0 1\n"):
+    camera = EUROC_CAMERA.replace("FX", fx)
+    return {f"image/{stamp}.png": "", "cam0.yaml": camera, "imu.csv": "1000000000,0,0,0,0,0,9.8\n", "truth.txt": truth}
+
+
+@pytest.mark.parametrize(
+    ("kind", "files", "words"),
+    [
+        ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "1 2 3"}, "3 numbers, expected a 3x3 matrix"),
+        ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "60 0 x 0 60 24 0 0 1"}, "not numbers, expected a 3x3"),
+        ("c2w", {"a.png": "", "poses.txt": POSE, "K.txt": "-60 0 32 0 60 24 0 0 1"}, "fx is -60"),
+        ("euroc", euroc(stamp="first"), "named after its stamp in nanoseconds"),
+        ("euroc", euroc(fx="-1.0"), "fx is -1"),
+        ("euroc", euroc(truth="9000000000 0 0 0 0 0 0 1\n"), "no picture lies in it"),
+        ("tum", {"rgb.txt": "# nothing\n"}, "no pictures listed in it"),
+        ("tum", {"rgb.txt": "soon rgb/a.png\n"}, "expected `stamp file`"),
+        ("tum", {"rgb.txt": "1.0 rgb/a\x1b.png\n"}, "expected `stamp file`"),
+        ("yolo", {"images/a.png": ""}, "labels: no such folder"),
+        ("yolo", {"images/a.png": "", "labels/b.txt": ""}, "no label file for any of the 1 pictures"),
+        ("yolo", {"images/a.png": "", "labels/a.txt": "0.5 0.5 0.5 0.1 0.1\n"}, "class 0.5 is not a whole number"),
+        ("drive", {"camera.yaml": "{width: 64, height: 48, fx: 60, fy: 60, cx: 32, cy: 24}"}, "neither images/ nor"),
+    ],
+)  # fmt: skip
+def test_a_folder_that_cannot_be(tmp_path, kind, files, words):
+    with pytest.raises(CameraError) as caught:
+        open_drive(f"{kind}:{folder_of(tmp_path, files)}")
+    assert words in str(caught.value)
+    assert str(caught.value).isprintable()
+
+
+def test_what_is_not_there(tmp_path):
+    for attempt in (
+        lambda: open_drive(f"drive:{tmp_path / 'none'}"),
+        lambda: VideoCamera("none", tmp_path / "none.mp4"),
+        lambda: McapReading(tmp_path / "none.mcap"),
+        lambda: RecordingCamera(str(tmp_path / "none.mcap")),
+    ):
+        with pytest.raises(CameraError, match="no such f"):
+            attempt()
+
+
+def test_more_rows_than_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(number_rows, "ROW_LIMIT", 2)
+    (tmp_path / "times.txt").write_text("1\n2\n3\n")
+    with pytest.raises(CameraError, match="more than 2 rows"):
+        read_stamps(tmp_path / "times.txt")
+    monkeypatch.setattr(sightings_file, "SIGHTINGS_LIMIT", 1)
+    (tmp_path / "sightings.jsonl").write_text('{"label":"chair","map_m":[0,0]}\n' * 2)
+    with pytest.raises(sightings_file.MapError, match="more than 1 sightings"):
+        sightings_file.read_sightings(tmp_path)
+
+
+def test_a_tuned_number_beyond_all_sense(tmp_path):
+    (tmp_path / "run.json").write_text(json.dumps({"config": {"floor": {"max_distance_m": 1e15}}}))
+    with pytest.raises(config.ConfigError, match="not a finite number"):
+        config.load_config(tmp_path / "run.json")
+
+
+def record(opcode, body):
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def test_the_parts_of_a_recording_that_cannot_be(monkeypatch):
+    footer = record(2, struct.pack("<QQI", 500, 0, 0))
+    with pytest.raises(ValueError, match="a summary of"):
+        chunks.read_summary(io.BytesIO(footer + chunks.MAGIC), len(footer + chunks.MAGIC))
+    monkeypatch.setattr(chunks, "FOOTER_BYTES", 13)
+    with pytest.raises(ValueError, match="no footer at its end"):
+        chunks.read_summary(io.BytesIO(record(15, bytes(4)) + chunks.MAGIC), 13 + len(chunks.MAGIC))
+    with pytest.raises(ValueError, match="crc of the data is"):
+        list(chunks.records(io.BytesIO(record(15, struct.pack("<I", 7))), 9))
+    for compression, data, words in (("bz2", b"", "reads lz4, zstd"), ("", bytes(101), "a chunk of more than")):
+        monkeypatch.setattr(chunks, "CHUNK_LIMIT_BYTES", 100)
+        chunk = SimpleNamespace(compression=compression, data=data, uncompressed_crc=0)
+        with pytest.raises(ValueError, match=words):
+            chunks.unpacked(chunk)
+    index = SimpleNamespace(chunk_start_offset=0, message_start_time=0, message_index_offsets={})
+    with pytest.raises(ValueError, match="no chunk where its index says"):
+        list(chunks.messages_by_time(io.BytesIO(footer), [index], {1: None}))
