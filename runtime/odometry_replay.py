@@ -29,6 +29,10 @@ class Features(Tensors):
         super().__init__()
         self._compute: Callable[[], Tensors] | None = compute
 
+    def __bool__(self) -> bool:
+        """There are some, computed or not: without any, the hybrid's network would sleep."""
+        return True
+
     def __missing__(self, name: str) -> NDArray[np.float32]:
         if self._compute is None:
             raise KeyError(name)

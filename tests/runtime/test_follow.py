@@ -92,3 +92,12 @@ def test_what_cannot_be_compared_is_refused():
         follow(Straight(truth=False), Reader(), lambda frame: {})
     with pytest.raises(OdometryError, match="1 frames from frame 11 on"):
         follow(Straight(), Reader(), lambda frame: {}, first=11)
+
+
+def test_features_that_nobody_asked_for_yet_are_features():
+    """The hybrid lets its network sleep in frames without any."""
+    asked = []
+    features = Features(lambda: asked.append(1) or {"a": np.zeros(1, np.float32)})
+    assert features
+    assert not asked
+    assert features["a"].shape == (1,)
