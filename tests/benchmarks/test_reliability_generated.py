@@ -1,0 +1,53 @@
+"""The second fuzzer itself: inputs are their seed's, most reach past the first parse, and failures are noticed."""
+
+import json
+from random import Random
+
+import pytest
+
+from edgemap.benchmarks.reliability import generated_documents
+from edgemap.benchmarks.reliability.drawing import Draw, json_text, of_type
+from edgemap.benchmarks.reliability.workers import ReaderCase, examine
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime import map_file
+
+CHEAP = ("trajectory attachment", "wheel.csv", "times.txt")
+
+
+def few(scratch):
+    return [case for case in generated_documents.cases(scratch) if case.name in CHEAP]
+
+
+def test_an_input_is_its_seeds_and_right_documents_are_read():
+    draws = [json_text(Draw(Random(7), 0.03), of_type(Draw(Random(7), 0.03), map_file._Map)) for _ in range(2)]
+    assert draws[0] == draws[1]
+    for seed in range(30):
+        json.loads(json_text(Draw(Random(seed), 0.0), of_type(Draw(Random(seed), 0.0), map_file._Map)))
+
+
+def test_readers_are_examined_and_counted(tmp_path):
+    report = examine(few, 0, 100, tmp_path)
+    assert report.failures == ()
+    results = {result["reader"]: result for result in report.figures["readers"]}
+    assert set(results) == set(CHEAP)
+    for result in results.values():
+        assert 20 < result["accepted"] < 80
+        assert result["accepted"] + sum(result["refused"].values()) == result["inputs"] == 100
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (EdgemapError("two\nlines"), "two lines"),
+        (EdgemapError("bell \a"), "bell"),
+        (KeyError("x"), "KeyError at"),
+        (MemoryError(), "MemoryError at"),
+        (AssertionError(), "AssertionError at"),
+    ],
+)
+def test_what_is_no_one_line_of_a_typed_error_is_a_failure(tmp_path, error, words):
+    def read(folder, data):
+        raise error
+
+    report = examine(lambda _: [ReaderCase("broken", lambda random: b"x", read)], 0, 3, tmp_path)
+    assert [line for line in report.failures if "3 x" in line and words in line]
