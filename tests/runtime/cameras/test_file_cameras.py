@@ -4,6 +4,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -207,6 +208,7 @@ def test_a_paced_camera_knows_all_that_the_camera_behind_it_knows():
             if name != "truth":
                 assert getattr(paced, name) == getattr(camera, name), name
         assert paced.truth.poses == camera.truth.poses
+        assert isinstance(paced.wheel, Path)
         assert paced.wheel.name == "wheel.csv"
         assert paced.object_records() is None
     assert PacedCamera(Knowing("sim")).object_records() == [{"id": "chair-1"}]
