@@ -345,21 +345,17 @@ class PoseGraph:
             for track in tracks:
                 if track.number not in near and into[track.number] == track.number:
                     into[track.number] = self._merge(track)
+                    if into[track.number] < 0 and len(around := self._around(track)) == 1:
+                        self._became[track.number] = around[0]
 
         for members in self.groups().values():
             leave(members[1 : 1 + max(len(members) - self.rule.visits, 0)])
         own = [track for track in self.tracker.tracks.values() if track.prior_m2 is None]
         linked = {*self._parent, *self._parent.values()}
         leave(track for track in own if track.number not in observed)
-        for track in own:
-            if track.number in near or track.number in linked:
-                continue
-            if track.count < self.rule.minimum or (self._is_full and track.last < len(self.trajectory) // 2):
-                around = self._around(track)
-                if len(around) == 1:
-                    self._became[track.number] = around[0]
-                if around or track.count < self.rule.minimum:
-                    leave([track])
+        old = len(self.trajectory) // 2
+        single = [track for track in own if track.number not in linked]
+        leave(t for t in single if t.count < self.rule.minimum or (t.last < old and self._around(t)))
         excess = sum(into[track.number] == track.number for track in own) - self.rule.maximum
         own = [track for track in own if track.number not in near and into[track.number] == track.number]
         leave(sorted(own, key=lambda track: (track.number not in self._parent, track.count))[: max(excess, 0)])
