@@ -67,4 +67,7 @@ def _plain(loader: _Loader, node: Node) -> Any:
         return [_plain(loader, value) for value in node.value]
     if node.tag.endswith((":int", ":float")) and len(node.value) > DIGIT_LIMIT:
         raise _Refused(f"line {line}: a number of {len(node.value):,} digits")
-    return loader.construct_object(node)
+    value = loader.construct_object(node)
+    if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):  # no text can hold these
+        raise _Refused(f"line {line}: half a character")
+    return value

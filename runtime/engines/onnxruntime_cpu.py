@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import onnxruntime as ort
 
-from edgemap.runtime.network import Compute, Network
+from edgemap.runtime.errors import BundleError
+from edgemap.runtime.network import Compute, Network, Tensors
+from edgemap.runtime.reading import one_line
 
 PROVIDERS = ["CPUExecutionProvider"]
 SPIN_US = "300"  # longer than between two operators, shorter than what a step does between two networks
@@ -29,8 +32,16 @@ def open_onnxruntime(source: Path | bytes, compute: Compute) -> Network:
     session = ort.InferenceSession(model, session_options(compute), providers=PROVIDERS)
     outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
     names = list(outputs)
+
+    def run(tensors: Tensors) -> Any:
+        try:
+            return session.run(names, tensors)  # pyright: ignore[reportArgumentType]
+        except Exception as error:  # as above
+            told = source if isinstance(source, Path) else "a network"
+            raise BundleError(f"{told}: the network fails as it runs ({one_line(error, 160)})") from None
+
     return Network(
         {node.name: tuple(node.shape) for node in session.get_inputs()},
         outputs,
-        lambda tensors: session.run(names, tensors),  # pyright: ignore[reportArgumentType]
+        run,
     )

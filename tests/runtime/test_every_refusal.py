@@ -14,7 +14,9 @@ from edgemap.runtime.cameras.recording import RecordingCamera
 from edgemap.runtime.cameras.video import VideoCamera
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.drives.pose_files import read_stamps
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
+from edgemap.runtime.errors import BundleError, CameraError
+from edgemap.runtime.network import Compute
 from edgemap.runtime.recordings import chunks
 from edgemap.runtime.recordings.reader import McapReading
 
@@ -116,3 +118,32 @@ def test_the_parts_of_a_recording_that_cannot_be(monkeypatch):
     index = SimpleNamespace(chunk_start_offset=0, message_start_time=0, message_index_offsets={})
     with pytest.raises(ValueError, match="no chunk where its index says"):
         list(chunks.messages_by_time(io.BytesIO(footer), [index], {1: None}))
+
+
+def test_half_a_character_in_yaml(tmp_path):
+    """Python's strings hold it, no file does, and what checks the values cannot encode it."""
+    for text in ('{"config": {"floor": {"max_distance_m": "\\ud800"}}}', '"\\udfff": 1'):
+        (tmp_path / "a.yaml").write_text(text)
+        with pytest.raises(config.ConfigError, match="half a character"):
+            config.load_config(tmp_path / "a.yaml")
+
+
+def test_a_network_that_fails_as_it_runs_is_the_bundles_failure(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    helper = onnx.helper
+    graph = helper.make_graph(
+        [helper.make_node("Reshape", ["x", "shape"], ["y"])],
+        "g",
+        [
+            helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, (1, 4)),
+            helper.make_tensor_value_info("shape", onnx.TensorProto.INT64, (2,)),
+        ],
+        [helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, (None, None))],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    path = tmp_path / "a.onnx"
+    onnx.save(model, path)
+    network = open_onnxruntime(path, Compute(1))
+    with pytest.raises(BundleError, match="the network fails as it runs") as caught:
+        network.run({"x": np.zeros((1, 4), np.float32), "shape": np.array([3, 3])})
+    assert str(caught.value).isprintable()
