@@ -7,6 +7,7 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +40,7 @@ class RerunStream:
     def __init__(self, target: Path | tuple[str, int], stream: MessageStream) -> None:
         need("rerun", "--rerun", ("rerun",))
         os.environ.setdefault("RUST_LOG", "off")  # what fails is said in our own line
-        import rerun as rr
-        import rerun.blueprint as rrb
+        rr, rrb = (import_module(name) for name in ("rerun", "rerun.blueprint"))
 
         self.name, self._stream, self._rr = "Rerun", stream, rr
         ids = stream.frames
