@@ -140,9 +140,9 @@ class FloorMap:
         return self._overlaps.best(identity)
 
     def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:
-        """Everything moves with the pose that it was seen from, or with the landmark that it turned out to be when that
-        pose was dropped. What turns out to be one merges, and what turns out to be two parts, as when it is sighted: a
-        bounded number of pools in each frame."""
+        """Everything moves with the pose that it was seen from, or with the landmark that it turned out to be where
+        poses of that time are dropped. What turns out to be one merges, and what turns out to be two parts, as when it
+        is sighted: a bounded number of pools in each frame."""
         landmarks = landmarks or LandmarkCorrection()
         self._recognise(landmarks.of_track)
         for index in self._pools.values():
@@ -155,7 +155,7 @@ class FloorMap:
             pose_m2 = correction.point_covariances(stamps, after)
             by_m = after - before
             for at, pool in enumerate(pools):
-                if pool.key[3] not in landmarks.moves_m and pool.landmark in landmarks.moves_m:
+                if pool.anchor_s < landmarks.since_s and pool.landmark in landmarks.moves_m:
                     by_m[at] = landmarks.moves_m[pool.landmark]
             changed = np.abs(by_m).max(axis=1) > 0.0
             far = np.abs(by_m).max(axis=1) > self.rule.still_m
@@ -278,12 +278,15 @@ class FloorMap:
         while len(item.pools) > self.rule.maximum_pools:
             own = [pool for pool in item.pools if pool.saved is None]
             gone = min(own, key=lambda pool: (pool.updated, pool.key))
-            others = [pool for pool in own if pool is not gone and not pool.is_apart(gone)]
+            others = [p for p in own if p is not gone and not p.is_apart(gone) and p.updated < self._frames]
             if not others:
                 return
             here = index.place[:2, gone.row]
             near = [float(np.abs(index.place[:2, pool.row] - here).sum()) for pool in others]
-            kept = others[near.index(min(near))]
+            pair = gone, others[near.index(min(near))]
+            kept, gone = sorted(pair, key=lambda pool: (-pool.weight, pool.key))  # with its time and its landmark
+            if kept.landmark not in self._landmarks and gone.landmark != gone.key[3]:
+                kept.landmark = gone.landmark
             index.join(kept.row, gone.row)
             item.pools.remove(gone)
             del self._owner[gone]

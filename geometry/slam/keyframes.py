@@ -77,10 +77,12 @@ class TrajectoryCorrection:
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkCorrection:
     """What a correction says of landmarks. of_track: the landmark that each track is known to be now, by their numbers.
-    moves_m: how far each landmark moved, (2,)."""
+    moves_m: how far each landmark moved, (2,). since_s: of what was seen before that stamp, poses are dropped.
+    """
 
     of_track: Mapping[int, int] = field(default_factory=dict)
     moves_m: Mapping[int, Array] = field(default_factory=dict)
+    since_s: float = -math.inf
 
 
 def composed(a: Array, b: Array) -> Array:

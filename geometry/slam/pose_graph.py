@@ -149,7 +149,9 @@ class PoseGraph:
         another since this was last asked."""
         became, self._became = self._became, {}
         known = {number: self._root(number) for number in self.tracker.tracks}
-        return LandmarkCorrection(known | {number: known[kept] for number, kept in became.items()}, self._moves_m)
+        since_s = self.trajectory.stamps_s[len(self.trajectory) // 2] if self._is_full else -math.inf
+        known |= {number: known[kept] for number, kept in became.items()}
+        return LandmarkCorrection(known, self._moves_m, since_s)
 
     def _root(self, number: int) -> int:
         while number in self._parent:

@@ -19,7 +19,7 @@ MAXIMUM, TRACKS, LAP = 40, 40, 50  # keyframes, tracks, steps
 @pytest.fixture(scope="module")
 def laps():
     """After each lap: keyframes, those of the first two laps, tracks, observations, links so far, objects, pools; and
-    the drive."""
+    the drive and the mapper."""
     rule = GraphRule(keyframes=KeyframeRule(maximum=MAXIMUM), maximum=TRACKS)
     mapper, drive, rows = new_mapper(replace(Config(), loop_closure=rule)), Drive(0), []
     assert isinstance(mapper.loop_closer, LoopCloser)
@@ -33,11 +33,11 @@ def laps():
                 len(stamps), sum(stamp_s < 2 * LAP for stamp_s in stamps), len(graph.tracker.tracks),
                 len(graph._observations), graph.links, len(mapper.objects()), len(mapper.map._owner),
             ])  # fmt: skip
-    return np.array(rows), drive
+    return np.array(rows), drive, mapper
 
 
 def test_the_graph_stays_small(laps):
-    rows, _ = laps
+    rows, *_ = laps
     keyframes, _, tracks, observations, *_ = rows[2:].max(axis=0)
     assert keyframes <= MAXIMUM + 15  # made while a closure is under way
     assert tracks <= TRACKS + 14  # those in view are never dropped
@@ -45,14 +45,24 @@ def test_the_graph_stays_small(laps):
 
 
 def test_the_first_laps_stay_what_later_ones_are_known_against(laps):
-    rows, _ = laps
+    rows, *_ = laps
     assert (rows[5:, 1] > MAXIMUM / 6).all()
     found = np.diff(rows[:, 4])
     assert found[-5:].mean() > 0.8 * found[5:10].mean()  # landmarks are found again as often as ever
 
 
 def test_no_object_is_doubled(laps):
-    rows, drive = laps
+    rows, drive, _ = laps
     objects, pools = rows[:, 5], rows[:, 6]
     assert objects.max() <= len(drive.room)
     assert pools[-5:].mean() < 1.1 * pools[5:10].mean()
+
+
+def test_what_most_sightings_of_an_object_went_into_stays_with_its_landmark(laps):
+    *_, mapper = laps
+    groups = mapper.loop_closer.graph.groups()
+    heaviest = [max(item.pools, key=lambda pool: pool.weight) for item in mapper.map._objects.values()]
+    known = [pool for pool in heaviest if pool.landmark in groups]
+    assert len(known) >= 0.8 * len(heaviest)
+    for pool in known:
+        assert np.linalg.norm(pool.position_m - groups[pool.landmark][0].position_m) < 0.3

@@ -192,20 +192,19 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
 
 
 def test_what_a_dropped_pose_saw_moves_with_its_landmark():
-    """Track 5 turned out to be landmark 2 and left the graph; track 6 is in it still, and moves with its pose."""
+    """Track 5 is landmark 2, and poses of its time are dropped; track 6 was seen later, and moves with its pose."""
     floor_map, still = (
         FloorMap(),
         TrajectoryCorrection(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), np.eye(3)[None]),
     )
     random = np.random.default_rng(0)
-    for index in range(6):
-        seen = sighted([("chair", 2.0, 0.0), ("couch", 2.0, 1.0)], SE2(), index, random, sigma_m=0.01)
-        floor_map.update(
-            [item.placed(SE2(), np.eye(3) * 1e-4, track) for item, track in zip(seen, (5, 6), strict=True)]
-        )
-    before = {item.id: item.position_m for item in floor_map.objects()}
+    for label, track, first in (("chair", 5, 0), ("couch", 6, 100)):
+        for index in range(first, first + 6):
+            (seen,) = sighted([(label, 2.0, 1.0 if label == "couch" else -0.5)], SE2(), index, random, sigma_m=0.01)
+            floor_map.update([seen.placed(SE2(), np.eye(3) * 1e-4, track)])
+    before = {item.label: item.position_m for item in floor_map.objects()}
     moves_m = {2: np.array([0.3, -0.1]), 6: np.array([9.0, 9.0])}
-    floor_map.moved(still, LandmarkCorrection({5: 2, 6: 6}, moves_m))
-    moved_m = {item.id: item.position_m - before[item.id] for item in floor_map.objects()}
-    assert moved_m["chair-1"] == pytest.approx([0.3, -0.1])
-    assert moved_m["couch-1"] == pytest.approx([0.0, 0.0])
+    floor_map.moved(still, LandmarkCorrection({5: 2, 6: 6}, moves_m, since_s=5.0))
+    moved_m = {item.label: item.position_m - before[item.label] for item in floor_map.objects()}
+    assert moved_m["chair"] == pytest.approx([0.3, -0.1], abs=0.02)
+    assert moved_m["couch"] == pytest.approx([0.0, 0.0], abs=0.02)
