@@ -67,11 +67,8 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
     A YAML file has two sections, both optional: `options` (the flags of `edgemap run` without dashes) and `config` (any
     part of the tree). Raises ConfigError in one line that names the value.
     """
-    path = path / "run.json" if path.is_dir() else path
-    if path.suffix == ".json":
-        document = decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
-    else:
-        document = read_yaml(path, ConfigError)
+    path = _file(path)
+    document = _run_json(path) if path.suffix == ".json" else read_yaml(path, ConfigError)
     if not isinstance(document, dict) or not ({"config", "options"} & document.keys()):
         raise ConfigError(f"{path}: has neither a section `config` nor `options`")
     options = document.get("options") or {}
@@ -82,12 +79,20 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
 
 def load_efforts(path: Path) -> list[Effort]:
     """What a budget decided in the run that a run.json tells of, in order; none for a YAML file. Raises ConfigError."""
-    path = path / "run.json" if path.is_dir() else path
+    path = _file(path)
     if path.suffix != ".json":
         return []
-    document = decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
-    rows = convert(document.get("efforts", []), list[_Effort], f"{path}: efforts", ConfigError)
+    rows = convert(_run_json(path).get("efforts", []), list[_Effort], f"{path}: efforts", ConfigError)
     return [Effort(**msgspec.structs.asdict(row)) for row in rows]
+
+
+def _file(path: Path) -> Path:
+    """A run folder's run.json; a file as it is."""
+    return path / "run.json" if path.is_dir() else path
+
+
+def _run_json(path: Path) -> dict[str, Any]:
+    return decode_json(read_bytes(path, MAX_BYTES, ConfigError), dict, path, ConfigError)
 
 
 class _Effort(Strict):

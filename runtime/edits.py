@@ -7,13 +7,14 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import msgspec
 from msgspec import Meta
 
-from edgemap.geometry.objects.edits import MOST_CORNERS, Annotations, Edit, EditError
+from edgemap.geometry.objects.edits import MOST_CORNERS, Annotations, Edit, EditError, EditKind
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import DiskError
 from edgemap.runtime.mapper import Mapper
@@ -22,6 +23,7 @@ from edgemap.runtime.sinks.line_file import LineFile
 
 MOST_WAITING = 100
 FILE_BYTES = 16 << 20
+KINDS = get_args(EditKind)
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
 Edited = Callable[[list[MapObject], Annotations], None]
 
@@ -110,16 +112,13 @@ def load_edits(path: Path) -> list[tuple[int, Edit]]:
         record = decode_json(line, _Line, f"{path}:{number}", EditError)
         if record.do not in KINDS:
             raise EditError(f"{path}:{number}: no edit is called {record.do!r} (known: {', '.join(KINDS)})")
-        fields: dict[str, Any] = {name: getattr(record, name) for name in ("do", "id", "name", "on", "into")}
-        found.append((record.frames, Edit(**fields, corners_m=tuple(record.corners_m))))
+        values: dict[str, Any] = {item.name: getattr(record, item.name) for item in fields(Edit)}
+        values["corners_m"] = tuple(record.corners_m)
+        found.append((record.frames, Edit(**values)))
     return found
-
-
-KINDS = ("rename", "confirm", "delete", "merge", "restore", "zone", "drop_zone")
 
 
 def _told(edit: Edit) -> dict[str, Any]:
     """An edit's fields, without those that say nothing."""
-    plain = Edit(edit.do)
-    names = ("do", "id", "name", "on", "into", "corners_m")
-    return {name: getattr(edit, name) for name in names if name == "do" or getattr(edit, name) != getattr(plain, name)}
+    told = {item.name: getattr(edit, item.name) for item in fields(Edit)}
+    return {"do": edit.do} | {name: value for name, value in told.items() if value != getattr(Edit(edit.do), name)}

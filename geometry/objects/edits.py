@@ -20,6 +20,7 @@ from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
 Corners = tuple[tuple[float, float], ...]
+EditKind = Literal["rename", "confirm", "delete", "merge", "restore", "zone", "drop_zone"]
 
 MOST_CORNERS, MOST_ZONES, LONGEST_NAME = 100, 200, 80
 LEAST_ZONE_M2 = 0.01
@@ -71,7 +72,7 @@ class Edit:
     `id`. zone: a zone `id`, or a new one where it is empty, has `name` and `corners_m`. drop_zone: zone `id` goes.
     """
 
-    do: Literal["rename", "confirm", "delete", "merge", "restore", "zone", "drop_zone"]
+    do: EditKind
     id: str = ""
     name: str = ""
     on: bool = True

@@ -108,7 +108,8 @@ class HybridOdometry:
         asleep = set() if features and self._fed else self._needy
         self._fed = bool(features)
         awake = [index for index in range(len(self._members)) if index not in asleep]
-        for index in self._slept - asleep:
+        woken = self._slept - asleep
+        for index in woken:
             self._members[index].odometry.reset("slept")
         first, *others = awake
         waiting = [self._beside.submit(self._members[index].odometry.step, frame, features) for index in others]
@@ -116,20 +117,19 @@ class HybridOdometry:
         motions[first] = self._members[first].odometry.step(frame, features)
         for index, future in zip(others, waiting, strict=True):
             motions[index] = future.result()
-        for index in self._slept - asleep:
+        for index in woken:
             motions[index] = Motion(blind=True)
         self._slept = asleep
         joined = self._joined(frame.stamp_s, motions)
-        self._blind_rad = 0.0
+        self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return joined
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
-        began_s = self._last_s
         joined = self._joined(
             stamp_s, [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
         )
-        self._blind_rad, self._last_s = self._blind_rad + joined.motion.yaw_rad, began_s
+        self._blind_rad += joined.motion.yaw_rad
         return joined
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
@@ -159,7 +159,7 @@ class HybridOdometry:
 
     def _joined(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
         checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
-        dt_s, self._last_s = stamp_s - self._last_s, stamp_s
+        dt_s = stamp_s - self._last_s
         checked = [self._within_reach(index, checked, dt_s) for index in range(len(checked))]
         named = list(zip(self._members, checked, strict=True))
         faults = "; ".join(motion.fault for _, motion in named if motion.fault)
@@ -177,9 +177,9 @@ class HybridOdometry:
             guess = self._coasting.guess(stamp_s, told)
             return guess if not alive else _turned(guess, alive[0])
         found = consensus(alive, self._rule.gate, self._rule.known_sigma)
-        told = "; ".join(
-            filter(None, (told, self._scale.judge(*(self._of(source, alive) for source in (CAMERA, WHEELS)))))
-        )
+        wheels = self._of(WHEELS, alive)
+        camera = None if wheels is None else self._of(CAMERA, alive)
+        told = "; ".join(filter(None, (told, self._scale.judge(camera, wheels))))
         self._conflicts = self._conflicts + 1 if found.conflict else 0
         if self._conflicts == self._rule.lasting_conflict:
             told = "; ".join(filter(None, (told, f"hybrid odometry: {found.conflict}: they disagree")))
