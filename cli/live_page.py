@@ -7,13 +7,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from edgemap.runtime.errors import MissingExtraError
-from edgemap.runtime.extras import install_hint
+from edgemap.runtime.extras import need
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -89,8 +87,7 @@ def live_page(
     if not wanted:
         yield NoPage()
         return
-    if any(find_spec(name) is None for name in ("starlette", "uvicorn", "websockets")):
-        raise MissingExtraError(f"--view needs starlette, uvicorn and websockets: {install_hint('view')}")
+    need("view", "--view", ("starlette", "uvicorn", "websockets"))
     from edgemap.view.page import LivePage
     from edgemap.view.pause import Pause
     from edgemap.view.server import PageServer

@@ -98,8 +98,7 @@ def _everything(
     """All points that are to be seen, (N, 2), the ends of ellipses among them."""
     points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in zones)]
     for item in objects:
-        reach = np.minimum(np.sqrt(CHI2_95 * np.diag(item.covariance_m2)), LONGEST_AXIS_M)
-        points.append(item.position_m + np.array([reach, -reach]))
+        points.append(ellipse_ends(item.position_m, item.covariance_m2))
     points.append(np.array([(seen.x_m, seen.y_m) for seen in sightings]).reshape(-1, 2))
     points.append(np.array([(pose.x_m, pose.y_m) for pose in (way.poses if way else ())]).reshape(-1, 2))
     points.append(np.array([(x_m, y_m) for _, x_m, y_m in truth]).reshape(-1, 2))
@@ -182,6 +181,12 @@ def _centres(axes: Axes, objects: Sequence[MapObject], colours: dict) -> None:
         axes.plot(y_m, x_m, marker=label_marker(item.label), color=colours[item.label], markersize=6, zorder=4)
     if not objects:
         axes.text(0.5, 0.5, "no objects", ha="center", va="center", transform=axes.transAxes, color=INK)
+
+
+def ellipse_ends(position_m: NDArray[np.float64], covariance_m2: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Two corners (2, 2) of the box round the 95 % ellipse, no farther off than `LONGEST_AXIS_M`."""
+    reach = np.minimum(np.sqrt(CHI2_95 * np.diag(covariance_m2)), LONGEST_AXIS_M)
+    return position_m + np.array([reach, -reach])
 
 
 def ellipse_patch(position_m: NDArray[np.float64], covariance_m2: NDArray[np.float64], colour: tuple) -> Ellipse:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.map_object import CHI2_95
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
-from edgemap.plots.floor_map import LONGEST_AXIS_M, ellipse_patch
+from edgemap.plots.floor_map import ellipse_ends, ellipse_patch
 from edgemap.plots.style import (
     INK,
     Axes,
@@ -77,7 +76,6 @@ def _map(axes: Axes, sightings: list[Sighting]) -> None:
         covariance, colour = sighting.covariance_m2 + sighting.shared_m2, colours[sighting.label]
         axes.add_patch(ellipse_patch(sighting.position_base_m, covariance, colour))
         axes.plot(*sighting.position_base_m[::-1], marker=label_marker(sighting.label), markersize=7, color=colour)
-        reach = np.minimum(np.sqrt(CHI2_95 * np.diag(covariance)), LONGEST_AXIS_M)
-        points.append(sighting.position_base_m + np.array([reach, -reach]))
+        points.append(ellipse_ends(sighting.position_base_m, covariance))
     floor_axes(axes, "(c) 2-D map with 95 % ellipses", "base")
     end_where_the_data_ends(axes, np.concatenate(points))

@@ -31,6 +31,7 @@ class MapObjects(list[MapObject]):
 def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) -> str:
     """The map as the report draws it, and one row per object. The drawing is a picture of its own, so that its styles
     stay out of the page."""
+    from edgemap.runtime.report.history import bound_m
     from edgemap.runtime.report.markup import el, joined
 
     poses: list[SE2] = []
@@ -42,8 +43,8 @@ def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) ->
     heads = ("object", "x", "y", "± (95 %)", "seen", "confidence")
     rows_of = [
         el("tr", [el("td", text) for text in (
-            item.id, f"{item.position_m[0]:.2f} m", f"{item.position_m[1]:.2f} m", f"{_bound_m(item):.2f} m",
-            f"{item.count}×", f"{item.confidence:.2f}")])
+            item.id, f"{item.position_m[0]:.2f} m", f"{item.position_m[1]:.2f} m",
+            f"{bound_m(item.covariance_m2):.2f} m", f"{item.count}×", f"{item.confidence:.2f}")])
         for item in objects
     ]  # fmt: skip
     return joined(
@@ -68,10 +69,3 @@ def png(picture: NDArray[np.uint8]) -> bytes:
     import cv2
 
     return cv2.imencode(".png", picture)[1].tobytes()
-
-
-def _bound_m(item: MapObject) -> float:
-    """The longer half axis of the 95 % ellipse."""
-    from edgemap.geometry.objects.map_object import CHI2_95
-
-    return float(np.sqrt(CHI2_95 * max(np.linalg.eigvalsh(item.covariance_m2)[-1], 0.0)))

@@ -69,6 +69,14 @@ class StepResult:
         return self.update.object_ids
 
     @property
+    def object_of_box(self) -> dict[int, str]:
+        """The object of each box that stands on the floor, by the box's row in `detections`."""
+        return {
+            placed.sighting.detection: identity
+            for placed, identity in zip(self.sightings, self.object_ids, strict=True)
+        }
+
+    @property
     def merged(self) -> dict[str, str]:
         """Ids that are no more, to the id that they became part of."""
         return self.update.merged

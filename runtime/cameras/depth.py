@@ -12,16 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.cameras.realsense import RealSenseDriver, import_realsense, lens_of
+from edgemap.runtime.cameras.realsense import (
+    POLL_MS,
+    SILENT_POLLS,
+    RealSenseDriver,
+    as_fast_as_read,
+    import_realsense,
+    is_recording,
+    lens_of,
+)
 from edgemap.runtime.drives.open import READERS, open_drive
-from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, picture_size
-from edgemap.runtime.drives.pictures import PICTURE_BYTES
+from edgemap.runtime.drives.pictures import PICTURE_BYTES, decoded
 from edgemap.runtime.errors import CameraError
-from edgemap.runtime.reading import read_bytes
+from edgemap.runtime.reading import read_bytes, user_path
 
 Depth = NDArray[np.float32]
-
-POLL_MS, SILENT_POLLS = 200, 50
 
 
 def depth_pictures(spec: str) -> tuple[Intrinsics, Iterator[Depth]] | None:
@@ -34,8 +39,8 @@ def depth_pictures(spec: str) -> tuple[Intrinsics, Iterator[Depth]] | None:
     if kind == "realsense":
         rs = import_realsense()
         config = rs.config()
-        if rest.endswith((".db3", ".bag")) or "/" in rest:
-            config.enable_device_from_file(rest, repeat_playback=False)
+        if is_recording(rest):
+            config.enable_device_from_file(str(user_path(rest)), repeat_playback=False)
         else:
             config = RealSenseDriver(spec, rest or None).config()
         return _realsense(rs, config, spec)
@@ -50,12 +55,10 @@ def _realsense(rs: ModuleType, config: Any, name: str) -> tuple[Intrinsics, Iter
         config.enable_stream(stream)
     pipeline = rs.pipeline()
     try:
+        playback = as_fast_as_read(rs, pipeline, config)
         active = pipeline.start(config)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
-    playback = active.get_device().as_playback()
-    if playback:
-        playback.set_real_time(False)
     lens = lens_of(active.get_stream(rs.stream.color), name)
     return lens, _aligned(rs, pipeline, playback, name)
 
@@ -82,14 +85,7 @@ def _aligned(rs: ModuleType, pipeline: Any, playback: Any, name: str) -> Iterato
 
 def _read(path: Path) -> Depth:
     """A 16-bit picture of millimetres. Raises CameraError."""
-    data = read_bytes(path, PICTURE_BYTES, CameraError)
-    size = picture_size(data)
-    if size is not None and size[0] * size[1] > PIXEL_LIMIT:
-        raise CameraError(f"{path}: picture of {size[0]}x{size[1]} px, at most {PIXEL_LIMIT:,} px are decoded")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if size is not None else None
-    except cv2.error:
-        image = None
+    image = decoded(read_bytes(path, PICTURE_BYTES, CameraError), str(path), cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
         raise CameraError(f"{path}: not a depth picture (one channel of 16 bits, millimetres)")
     return image.astype(np.float32) / np.float32(1000.0)

@@ -109,9 +109,9 @@ def _open_realsense(
     rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None
 ) -> Camera:
     from edgemap.runtime.cameras.imu_buffer import ImuCamera
-    from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording
+    from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording, is_recording
 
-    if rest.endswith((".db3", ".bag")) or "/" in rest:
+    if is_recording(rest):
         return RealSenseRecording(user_path(rest), name, intrinsics, mount)
     driver = RealSenseDriver(name, rest or None)
     return ImuCamera(_open_live(driver, intrinsics, mount, recovery), driver.imu)

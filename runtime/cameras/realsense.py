@@ -43,6 +43,20 @@ def import_realsense() -> ModuleType:
     return pyrealsense2
 
 
+def is_recording(rest: str) -> bool:
+    """Whether what follows `realsense:` is a file, and no serial number."""
+    return rest.endswith((".db3", ".bag")) or "/" in rest
+
+
+def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
+    """The playback of a recording, out of real time; call it before the start: in real time, playback drops the
+    pictures that come before the pipeline waits for them. False where the configuration names a device."""
+    playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
+    if playback:
+        playback.set_real_time(False)
+    return playback
+
+
 def lens_of(profile: Any, name: str) -> Intrinsics:
     """Intrinsics of a librealsense video stream profile.
 
@@ -189,10 +203,7 @@ class RealSenseRecording(CameraBase):
         try:
             config.enable_device_from_file(str(path), repeat_playback=False)
             config.enable_stream(rs.stream.color)
-            # Before the start: in real time, playback drops the pictures that come before the pipeline waits for them.
-            resolved = config.resolve(rs.pipeline_wrapper(self._pipeline))
-            self._playback = resolved.get_device().as_playback()
-            self._playback.set_real_time(False)
+            self._playback = as_fast_as_read(rs, self._pipeline, config)
             profile = self._pipeline.start(config).get_stream(rs.stream.color)
             self._running = True
         except RuntimeError as error:

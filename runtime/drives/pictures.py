@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, SIDE_LIMIT, picture_size
@@ -60,6 +61,15 @@ def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
     Raises CameraError where they are no picture, cut short, or where the picture has too many pixels: the file's header
     says how many before anything is decoded.
     """
+    image = decoded(data, name, cv2.IMREAD_COLOR)
+    if image is None:
+        raise CameraError(f"{name}: not a picture that OpenCV reads ({len(data)} bytes)")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def decoded(data: bytes, name: str, flags: int) -> MatLike | None:
+    """What OpenCV reads in a picture file's bytes by its flags; None where that is nothing. Raises CameraError for what
+    is cut short or has too many pixels."""
     if _is_cut_short(data):
         raise CameraError(f"{name}: picture is cut short ({len(data)} bytes)")
     size = picture_size(data)
@@ -67,12 +77,9 @@ def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
         raise CameraError(f"{name}: picture of {size[0]}x{size[1]} px, at most {PIXEL_LIMIT:,} px are decoded")
     try:
         with quietly():
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if size is not None else None
+            return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if size is not None else None
     except cv2.error:
-        image = None
-    if image is None:
-        raise CameraError(f"{name}: not a picture that OpenCV reads ({len(data)} bytes)")
-    return np.asarray(image, dtype=np.uint8)
+        return None
 
 
 def _is_cut_short(data: bytes) -> bool:

@@ -135,10 +135,7 @@ def odometry(
 
 def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
     """`vision_msgs/Detection2DArray`: every box, px; its id is the map object's where one stands there."""
-    objects = {
-        placed.sighting.detection: identity
-        for placed, identity in zip(result.sightings, result.object_ids, strict=True)
-    }
+    objects = result.object_of_box
     found, head = [], header(stamp_ns, ids.optical)
     detections = result.detections
     boxes = zip(detections.boxes.tolist(), detections.scores.tolist(), detections.labels, strict=True)

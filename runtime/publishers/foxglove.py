@@ -91,10 +91,7 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
     """`foxglove.ImageAnnotations`: each box in its label's colour, with label, score and object."""
     from foxglove import messages
 
-    objects = {
-        placed.sighting.detection: f" {identity}"
-        for placed, identity in zip(result.sightings, result.object_ids, strict=True)
-    }
+    objects = result.object_of_box
     stamp = messages.Timestamp(stamp_ns // 10**9, stamp_ns % 10**9)
     found, white = result.detections, messages.Color(r=1.0, g=1.0, b=1.0, a=1.0)
     points, texts = [], []
@@ -115,7 +112,7 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
             messages.TextAnnotation(
                 timestamp=stamp,
                 position=messages.Point2(x=x0, y=y0),
-                text=f"{label} {score:.2f}{objects.get(index, '')}",
+                text=f"{label} {score:.2f} {objects.get(index, '')}".rstrip(),
                 font_size=LETTER_PX,
                 text_color=white,
                 background_color=colour,

@@ -59,7 +59,7 @@ class History:
 
     def add(self, result: StepResult) -> None:
         """Take in one step."""
-        self.last_s, self._last_bound_m = result.frame.stamp_s, _bound_m(result.pose_covariance)
+        self.last_s, self._last_bound_m = result.frame.stamp_s, bound_m(result.pose_covariance)
         if self.frames == 0:
             self.start_s = self.last_s
         self._journal, self.path_m = result.trajectory, result.update.travelled_m
@@ -95,7 +95,7 @@ class History:
         return [PoseSample(stamp_s, SE2(*pose), bound) for (stamp_s, bound), pose in zip(bounds, poses, strict=True)]
 
 
-def _bound_m(covariance: np.ndarray) -> float:
+def bound_m(covariance: np.ndarray) -> float:
     """The longer half axis of the position's 95 % ellipse."""
     (a, b), (_, c) = covariance[0, :2], covariance[1, :2]
     largest = (a + c) / 2.0 + np.hypot((a - c) / 2.0, b)
