@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.robust import NORMAL
+
 Array = NDArray[np.float64]
 
 STEEPEST_RAD = math.radians(45.0)  # between a plane's normal and where up is expected
@@ -80,7 +82,7 @@ def _plane(
         on = off < quiet
         if on.sum() < max(LEAST_POINTS, LEAST_SHARE * total):
             return None
-        quiet = float(np.clip(BAND * 1.4826 * np.median(off[on]), QUIETEST, 1.0))
+        quiet = float(np.clip(BAND * NORMAL * np.median(off[on]), QUIETEST, 1.0))
         weights = 1.0 / band[on] ** 2
         centre = (weights[:, None] * points[on]).sum(axis=0) / weights.sum()
         offsets = points[on] - centre

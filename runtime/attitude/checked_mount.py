@@ -15,6 +15,7 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.room_edges import room_up
+from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.calibration.level import pitch_roll, up_optical
 from edgemap.runtime.calibration.segments import segments_of
@@ -107,8 +108,7 @@ class CheckedMount:
         rule, looks = self._rule, np.array(self._looks)
         if len(looks) < rule.fewest or looks[-1, 0] - looks[0, 0] < rule.judged_s:
             return ""
-        middle = np.median(looks[:, 1:], axis=0)
-        scatter = 1.4826 * np.median(np.abs(looks[:, 1:] - middle), axis=0)
+        middle, scatter = median_and_scatter(looks[:, 1:])
         steady = scatter.max() < rule.steady_rad
         off = np.abs(middle - self._offset).max()
         self._right = bool(steady and off < rule.wrong_rad)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.calibration.level import pitch_roll
 from edgemap.runtime.errors import CalibrationError
 
@@ -73,8 +74,7 @@ def fit_floor_depth(
             f"see two square metres of free floor, {NEAREST_M:g} to {FARTHEST_M:g} m away"
         )
     values = np.array([(plane.height_m, *pitch_roll(plane.up)) for plane in planes])
-    middle = np.median(values, axis=0)
-    scatter = 1.4826 * np.median(np.abs(values - middle), axis=0)
+    middle, scatter = median_and_scatter(values)
     if scatter[0] > MOST_SCATTER_M or scatter[1:].max() > MOST_SCATTER_RAD:
         raise CalibrationError(
             f"the floor lies {100 * scatter[0]:.1f} cm and {math.degrees(scatter[1:].max()):.1f} deg apart from "

@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.robust import median_and_scatter
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import CalibrationError, OdometryError
 from edgemap.runtime.frame import Frame
@@ -66,8 +65,8 @@ def fit_wheel_height(frames: Iterable[Frame], wheels: Trajectory, lens: Intrinsi
             f"the wheels rolled {travelled_m:.1f} m straight on with a floor in view, need "
             f"{FEWEST_WINDOWS * WINDOW_M:g} m or more: drive on, or pass --height METRES"
         )
-    middle = float(np.median(ratios))
-    sigma = 1.4826 * float(np.median(np.abs(np.array(ratios) - middle))) / math.sqrt(len(ratios))
+    middle, scatter = map(float, median_and_scatter(ratios))
+    sigma = scatter / math.sqrt(len(ratios))
     if sigma > WORST_SHARE * middle:
         raise CalibrationError(
             f"wheels and floor give the height to {100 * sigma / middle:.0f} % only, expected {100 * WORST_SHARE:g} %: "

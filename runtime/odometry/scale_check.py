@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edgemap.geometry.odometry.covariance_intersection import MotionEstimate
+from edgemap.geometry.robust import median_and_scatter
 from edgemap.geometry.se2 import SE2
 
 
@@ -74,8 +75,8 @@ class ScaleCheck:
         rule, found = self._rule, np.array(self._found)
         if len(found) < rule.fewest:
             return ""
-        ratio = float(np.median(found[:, 0]))
-        error = 1.4826 * float(np.median(np.abs(found[:, 0] - ratio))) / math.sqrt(len(found))
+        ratio, scatter = map(float, median_and_scatter(found[:, 0]))
+        error = scatter / math.sqrt(len(found))
         off = abs(math.log(max(ratio, 1e-3)))
         if off < max(math.log1p(rule.wrong_share), rule.sigmas * error) or found[:, 2].mean() < rule.nees:
             return ""

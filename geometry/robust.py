@@ -1,0 +1,17 @@
+"""Middle and scatter of values among which some are wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation (Hampel 1974)
+
+
+def median_and_scatter(values: ArrayLike) -> tuple[Array, Array]:
+    """Median of rows (N,) or (N, K), and the standard deviation of normal errors that scatter about it as much."""
+    found = np.asarray(values, dtype=np.float64)
+    middle = np.asarray(np.median(found, axis=0))
+    return middle, NORMAL * np.asarray(np.median(np.abs(found - middle), axis=0))
