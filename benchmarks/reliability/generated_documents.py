@@ -1,6 +1,6 @@
 """Second fuzzer: JSON, YAML, tables, whole drive folders and the command line's texts, drawn from their grammars.
 
-What a reader accepts is used the way the commands use it: a map is exported, queried and laid onto itself, a drive is
+What a reader accepts is used the way the commands use it: a map is exported, queried and aligned with itself, a drive is
 driven through. An AssertionError here says that something was accepted which cannot be.
 """
 
@@ -166,7 +166,7 @@ def _use_map(folder: Path, data: bytes) -> None:
     for text in (geojson_text(objects), csv_text(objects)):
         text.encode()
     for export in (vector_text, grid_of, lambda found: merge_maps(found, again, align(found, again))):
-        with suppress(EdgemapError):  # a map may be too large for a grid, and too small to be laid onto another
+        with suppress(EdgemapError):  # a map may be too large for a grid, and too small to be aligned with another
             export(objects)
 
 

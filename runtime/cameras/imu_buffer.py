@@ -25,8 +25,8 @@ class ImuBuffer:
     """Samples on the clock of the frames, in the IMU's axes. Threads may push while another takes.
 
     rotation: (3, 3), takes IMU directions into the camera's optical frame. kept: the most that wait, None for all.
-    clock_s: for samples pushed as they are measured, the host's seconds: where the device's clock jumps or begins
-    anew, their stamps go on by these, as those of the pictures do (`StreamClock`).
+    clock_s: for samples pushed as they are measured, the host's seconds: where the device's clock jumps or restarts,
+    their stamps go on by these, as those of the pictures do (`StreamClock`).
     """
 
     def __init__(

@@ -20,7 +20,7 @@ SET_BACK_S = 1.0  # a pose that is older than the newest by less came late
 
 
 class GrowingTrack:
-    """The newest poses, by stamps that go forward. It begins anew where a robot's odometry does: at a pose that wheels
+    """The newest poses, by stamps that go forward. It restarts where a robot's odometry does: at a pose that wheels
     do not reach in the time, or after a clock was set back."""
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class GrowingTrack:
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose at a stamp, interpolated, and beyond the newest one for `AHEAD_S` extrapolated. Raises
-        OdometryError, also once where it began anew. tolerance_s: before the oldest one."""
+        OdometryError, also once where it restarted. tolerance_s: before the oldest one."""
         if self._began_anew:
             self._began_anew = False
             raise OdometryError(f"poses began anew at {self._stamps[0]:.3f} s")
