@@ -116,9 +116,9 @@ def _by_edges(
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
 
+    from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.calibration.board import frames_of
-    from edgemap.runtime.calibration.gravity import OFFSET_RAD
     from edgemap.runtime.calibration.level import pitch_roll
     from edgemap.runtime.calibration.segments import find_segments
     from edgemap.runtime.calibration.tilt import fit_tilt
@@ -147,7 +147,8 @@ def _by_edges(
             raise
         print(f"no angles from edges ({error}); gravity's are taken, with the accelerometer's offset in them")
         angles, sigma = pitch_roll(up), (OFFSET_RAD, OFFSET_RAD)
-        record = {"method": "gravity", "sigma_pitch_deg": 2.5, "sigma_roll_deg": 2.5}
+        offset_deg = round(math.degrees(OFFSET_RAD), 4)
+        record = {"method": "gravity", "sigma_pitch_deg": offset_deg, "sigma_roll_deg": offset_deg}
     tilted = _with_lever_arm(Mount(height or 1.0, *angles), known)
     sigma_m = 0.0
     if height is None and wheel is not None:
@@ -176,7 +177,7 @@ def _tell(mount: Mount, height_m: float, pitch_rad: float, roll_rad: float) -> N
 
 def _compare_gravity(mount: Mount, up: Any) -> None:
     """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
-    from edgemap.runtime.calibration.gravity import OFFSET_RAD
+    from edgemap.geometry.camera.inertial import OFFSET_RAD
     from edgemap.runtime.calibration.level import pitch_roll
     from edgemap.runtime.errors import CalibrationError
 

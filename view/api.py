@@ -14,8 +14,9 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.objects.edits import LONGEST_NAME, MOST_CORNERS, Edit, EditError
-from edgemap.runtime.reading import HIDDEN, Coordinate
+from edgemap.geometry.objects.edits import MOST_CORNERS, Edit, EditError
+from edgemap.runtime.map_file import GivenName
+from edgemap.runtime.reading import Coordinate
 from edgemap.view import answers
 from edgemap.view.page import LivePage, Moment
 from edgemap.view.updates import Pictures, Vitals
@@ -23,7 +24,6 @@ from edgemap.view.updates import Pictures, Vitals
 BODY_BYTES = 16_384
 BODY_LIMIT_S = 5.0  # for a body to come: one that never does holds a connection
 EDIT_LIMIT_S = 5.0
-Name = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]
 OPENAPI = Path(__file__).parent / "openapi.yaml"
 
 T = TypeVar("T")
@@ -47,20 +47,20 @@ class PauseWish(msgspec.Struct, forbid_unknown_fields=True):
 class ObjectWish(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PATCH /api/objects/{id}: what is to change."""
 
-    name: Name | None = None
+    name: GivenName | None = None
     confirmed: bool | None = None
 
 
 class MergeWish(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/objects/{id}/merge."""
 
-    into: Name
+    into: GivenName
 
 
 class ZoneWish(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/zones and PUT /api/zones/{id}."""
 
-    name: Name
+    name: GivenName
     corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MOST_CORNERS)]
 
 

@@ -20,6 +20,7 @@ from edgemap.geometry.camera.imu import ImuSamples
 Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
+OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
 _TILT, _BIAS, _VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 
 

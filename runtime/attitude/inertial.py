@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
-from edgemap.geometry.camera.inertial import InertialNoise, InertialState, inertial_start, inertial_step
+from edgemap.geometry.camera.inertial import OFFSET_RAD, InertialNoise, InertialState, inertial_start, inertial_step
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.checked_mount import MountRule
 from edgemap.runtime.attitude.protocol import AttitudeSource
@@ -31,7 +31,7 @@ class AttitudeRule:
     mount_sigma_rad: of the mount's angles where nothing measures tilt: a robot on wheels that brakes on hard floors.
     """
 
-    offset_rad: float = math.radians(2.5)
+    offset_rad: float = OFFSET_RAD
     farthest_rad: float = math.radians(6.0)
     nodding_rad: float = math.radians(0.5)
     nodding_s: float = 2.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,13 +13,12 @@ Array = NDArray[np.float64]
 WINDOW_S = 0.5
 FEWEST_WINDOWS = 4
 WORST_M_S2 = 1.0  # by which a window's mean may differ from gravity; a sensor's offset is 0.7
-OFFSET_RAD = math.radians(2.5)  # what an uncalibrated accelerometer's offset (BMI055: 70 mg, 4 deg at most) does
 
 
 def gravity(samples: ImuSamples) -> Array | None:
     """Up, (3,) unit vector of the optical frame: the median over half seconds; None where samples are too few.
 
-    Known to `OFFSET_RAD` and not better: at rest an accelerometer's offset looks like a tilt.
+    Known to `inertial.OFFSET_RAD` and not better: at rest an accelerometer's offset looks like a tilt.
     """
     if not len(samples):
         return None
