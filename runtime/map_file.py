@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -76,17 +77,22 @@ def zone_record(zone: Zone) -> dict:
     }
 
 
-def write_atomically(path: Path, text: str | bytes) -> None:
+def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes]]) -> None:
     """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
 
-    Where the file system can, the new file has no name until it is whole, so a process that is killed leaves none
-    behind. Raises DiskError where the folder does not take it.
+    text: or what gives it block by block, each time that it is called. Where the file system can, the new file has no
+    name until it is whole, so a process that is killed leaves none behind. Raises DiskError where the folder does not
+    take it.
     """
-    data = text.encode() if isinstance(text, str) else text
+    whole = text.encode() if isinstance(text, str) else text
+
+    def blocks() -> Iterable[bytes]:
+        return whole() if callable(whole) else (whole,)
+
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         try:
-            handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), data)
+            handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), blocks())
             try:
                 temporary.unlink(missing_ok=True)
                 # src_dir_fd, unused with an absolute path, is what makes Python follow the link (AT_SYMLINK_FOLLOW).
@@ -98,7 +104,7 @@ def write_atomically(path: Path, text: str | bytes) -> None:
                 raise
             temporary.unlink(missing_ok=True)
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-            os.close(_write(os.open(temporary, flags, 0o644), data))
+            os.close(_write(os.open(temporary, flags, 0o644), blocks()))
         try:
             temporary.replace(path)
         except BaseException:
@@ -108,12 +114,13 @@ def write_atomically(path: Path, text: str | bytes) -> None:
         raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
 
 
-def _write(handle: int, data: bytes) -> int:
-    """Write all of it and wait for the disk; the handle stays open, but where that fails."""
+def _write(handle: int, blocks: Iterable[bytes]) -> int:
+    """Write all of them and wait for the disk; the handle stays open, but where that fails."""
     try:
-        left = memoryview(data)
-        while left:
-            left = left[os.write(handle, left) :]
+        for block in blocks:
+            left = memoryview(block)
+            while left:
+                left = left[os.write(handle, left) :]
         os.fsync(handle)
     except BaseException:
         os.close(handle)

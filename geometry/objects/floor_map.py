@@ -12,6 +12,7 @@ from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,21 @@ from edgemap.geometry.objects.association import AssociationRule, Estimate
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, id_order
-from edgemap.geometry.objects.observation_pool import SAVED_SIDE, VIEW_M, ObservationPool, keys_of, move_views
+from edgemap.geometry.objects.observation_pool import (
+    SAVED_SIDE,
+    VIEW_M,
+    ObservationPool,
+    keys_of,
+    move_views,
+    outermost,
+)
 from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 
 Array = NDArray[np.float64]
+
+MERGED_IDS = 4096  # ids that are no more, told until so many newer ones are
 
 
 @dataclass(slots=True, eq=False)
@@ -315,7 +325,8 @@ class FloorMap:
             for old in renamed:
                 del self._objects[old]
                 self._change(old)
-            self.merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
+            merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
+            self.merged = dict(islice(merged.items(), max(len(merged) - MERGED_IDS, 0), None))
 
     def _forget(self) -> None:
         """Drop what never gathered enough evidence and has not been seen for long, so that a long drive stays quick."""
@@ -384,5 +395,5 @@ class FloorMap:
             return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
         plain = estimate.as_object(best.id, best.label)
         views = sorted(set[tuple[int, int]]().union(*(pool.views for pool in best.pools)))
-        places = tuple(((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views)
+        places = outermost([((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views], plain.position_m)
         return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)

@@ -131,7 +131,7 @@ class Forgetter:
             if log_odds < self.rule.gone and item.id not in sighted:
                 floor_map.drop(item.id)
                 gone.append(item.id)
-                for known in (self._log_odds, self._open):
+                for known in (self._log_odds, self._open, self._own):
                     known.pop(item.id, None)
             else:
                 presence = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0

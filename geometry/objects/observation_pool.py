@@ -25,6 +25,7 @@ Key = tuple[int, int, int, int, int]  # cell x, cell y, side, track, rank among 
 CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
 SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
 VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
+DIRECTIONS = 24  # from an object, in each of which the farthest place that it was seen from is told
 SAVED_SIDE = -1
 
 
@@ -144,6 +145,18 @@ def move_views(pools: Sequence[ObservationPool], correction: TrajectoryCorrectio
     for pool in pools:
         moved = [(stamp_s, x_m, y_m) for stamp_s, x_m, y_m in islice(rows, len(pool.views))]
         pool.views = {_square(x_m, y_m): (stamp_s, x_m, y_m) for stamp_s, x_m, y_m in reversed(moved)}
+
+
+def outermost(places_m: Sequence[tuple[float, float]], position_m: Array) -> tuple[tuple[float, float], ...]:
+    """Of places (x, y) that an object at (2,) was seen from, the farthest in each direction, in the order given: from
+    the nearer ones it was seen over the same floor."""
+    x_m, y_m = position_m
+    farthest: dict[int, tuple[float, int]] = {}
+    for row, (from_x_m, from_y_m) in enumerate(places_m):
+        dx_m, dy_m = from_x_m - x_m, from_y_m - y_m
+        direction = int((math.atan2(dy_m, dx_m) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS
+        farthest[direction] = max(farthest.get(direction, (-1.0, 0)), (dx_m * dx_m + dy_m * dy_m, row))
+    return tuple(places_m[row] for row in sorted(row for _, row in farthest.values()))
 
 
 def mean_variance(covariance: Array) -> float:

@@ -18,13 +18,13 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import DiskError, RunFolderError
 from edgemap.runtime.loop_closing import LoopCorrection
 from edgemap.runtime.map_file import save_map, write_atomically
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.sinks.line_file import LineFile
+from edgemap.runtime.sinks.rewriting import rewrite
 from edgemap.runtime.slam import StepResult
 from edgemap.runtime.timing import percentiles
 from edgemap.runtime.trajectory import tum_line
@@ -175,16 +175,11 @@ class RunFolder:
         }
 
     def _rewrite(self) -> None:
-        """Trajectory and sightings as known now, each replaced atomically. Raises DiskError."""
+        """Trajectory and sightings as known now. Raises DiskError."""
         journal = self._journal
         if journal is None or journal.revision == self._rewritten_at:
             return
-        for line_file, change in ((self._trajectory, trajectory_now), (self._sightings, sightings_now)):
-            try:
-                text = line_file.path.read_text()
-            except OSError as error:
-                raise DiskError(f"{line_file.path}: cannot be read ({error.strerror})") from None
-            write_atomically(line_file.path, change(text, journal))
+        rewrite(self._trajectory.path, self._sightings.path, journal)
         self._rewritten_at = journal.revision
 
     def _write_record(self, finished: bool) -> None:
@@ -232,21 +227,3 @@ def sighting_record(result: StepResult, detection: int, placed: Any, identity: s
         "width_m": round(sighting.width_m, 4),
         "height_m": round(sighting.height_m, 4),
     }
-
-
-def trajectory_now(text: str, journal: PoseJournal) -> str:
-    """TUM text of poses as known at the time to the same stamps' poses as known now."""
-    stamps_s = [float(line.split(maxsplit=1)[0]) for line in text.splitlines()]
-    poses = journal.at(stamps_s) if stamps_s else ()
-    return "".join(tum_line(stamp_s, SE2(*pose)) for stamp_s, pose in zip(stamps_s, poses, strict=True))
-
-
-def sightings_now(text: str, journal: PoseJournal) -> str:
-    """Lines of sightings.jsonl with `map_m` as known at the time to the same as known now."""
-    records = [json.loads(line) for line in text.splitlines()]
-    if not records:
-        return text
-    points = journal.points([record["stamp_s"] for record in records], [record["base_m"] for record in records])
-    for record, point in zip(records, points.tolist(), strict=True):
-        record["map_m"] = [round(value, 4) for value in point]
-    return "".join(json.dumps(record) + "\n" for record in records)
