@@ -22,6 +22,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
     "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
     "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),
+    "fleet serve": ("fleet_serve", "keep one map of a place from the maps of many robots"),
+    "fleet show": ("fleet_show", "a fleet's merged map, its robots and where they are"),
     "record": ("record", "a camera's pictures into one MCAP file; Foxglove and ROS 2 open it"),
     "simulate": ("simulate", "render a robot's drive through a furnished home, with its truth"),
     "calibrate intrinsics": ("calibrate_intrinsics", "the lens, from pictures of a chessboard"),

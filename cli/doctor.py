@@ -43,6 +43,7 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
     ),
     "foxglove": ("run --foxglove", {"foxglove": "foxglove-sdk", "mcap_ros2": "mcap-ros2-support"}),
     "mqtt": ("run --mqtt", {"paho": "paho-mqtt"}),
+    "fleet": ("run --fleet, fleet serve", {"zenoh": "eclipse-zenoh"}),
     "ros2": (
         "run --ros2, cameras and sensors on ROS 2 topics",
         {"cyclonedds": "cyclonedds", "mcap_ros2": "mcap-ros2-support"},

@@ -36,14 +36,17 @@ MqttBroker = Annotated[
         "Assistant finds the robot by itself. User and password: EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
     ),
 ]
-MqttName = Annotated[
+RobotName = Annotated[
     str | None,
-    arg(metavar="NAME", help="The robot's name on the broker: topics edgemap/NAME/…; by default the machine's."),
+    arg(
+        metavar="NAME",
+        help="The robot's name, with --mqtt (topics edgemap/NAME/…) and --fleet; by default the machine's.",
+    ),
 ]
 
 
 def open_publishers(
-    floor: FloorCamera, foxglove: str | None, rerun: str | None, mqtt: str | None, mqtt_name: str | None
+    floor: FloorCamera, foxglove: str | None, rerun: str | None, mqtt: str | None, robot: str | None
 ) -> list[Sink]:
     """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
     from edgemap.runtime.messages.stream import MessageStream
@@ -71,7 +74,7 @@ def open_publishers(
 
         user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
         host, port = host_and_port(mqtt, "--mqtt", 1883)
-        sinks.append(MqttPublisher(host, port, mqtt_name or socket.gethostname(), user, password, __version__))
+        sinks.append(MqttPublisher(host, port, robot or socket.gethostname(), user, password, __version__))
     return sinks
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.budget import CpuShare, Temperature, budgeted, read_share
+from edgemap.cli.fleet import Fleet, fleet_sinks
 from edgemap.cli.options import (
     BundleName,
     CameraFile,
@@ -31,7 +32,7 @@ from edgemap.cli.options import (
     open_described,
     typed_options,
 )
-from edgemap.cli.publishers import Foxglove, MqttBroker, MqttName, Rerun, open_publishers
+from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RobotName, open_publishers
 from edgemap.cli.ros2 import (
     FRAMES,
     ImuTopic,
@@ -105,7 +106,8 @@ def command(
     foxglove: Foxglove = None,
     rerun: Rerun = None,
     mqtt: MqttBroker = None,
-    mqtt_name: MqttName = None,
+    fleet: Fleet = None,
+    robot: RobotName = None,
     ros2: Ros2 = False,
     ros2_pictures: Ros2Pictures = False,
     ros2_best_effort: Ros2BestEffort = False,
@@ -191,7 +193,7 @@ def command(
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
-            publishers = open_publishers(floor, foxglove, rerun, mqtt, mqtt_name)
+            publishers = open_publishers(floor, foxglove, rerun, mqtt, robot) + fleet_sinks(fleet, robot, saved)
             tape = recording_sinks(recording, lossless, source, floor, odometry, decided)
             live = ros2_sinks(
                 ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,

@@ -187,11 +187,15 @@ def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
     """
     if path.is_dir():
         path = path / "map.json"
-    data = read_bytes(path, MAP_BYTES, MapError)
-    other = f"{path}: not an {FORMAT} document"
+    return read_map(read_bytes(path, MAP_BYTES, MapError), str(path))
+
+
+def read_map(data: bytes, source: str) -> tuple[list[MapObject], Annotations]:
+    """As `load_annotated_map`, of the document itself. source: for messages."""
+    other = f"{source}: not an {FORMAT} document"
     if decode_json(data, _Head, other, MapError).format != FORMAT:
         raise MapError(other)
-    where = f"{path}: damaged map"
+    where = f"{source}: damaged map"
     document = decode_json(data, _Map, where, MapError)
     seen: set[str] = set()
     for record in (*document.objects, *document.deleted, *document.zones):

@@ -1,14 +1,17 @@
 """Live outputs as a user starts them: a process, and a client beside it."""
 
 import json
+import socket
 import subprocess
 import sys
 
 import pytest
 from support.broker import MISSING, Broker
 
+from edgemap.cli import main
 from edgemap.cli.errors import OptionError
 from edgemap.cli.publishers import host_and_port
+from edgemap.runtime.map_file import load_map
 
 
 @pytest.fixture
@@ -18,7 +21,7 @@ def start(tmp_path, painted_bundle):
 
     def begin(*arguments):
         command = [sys.executable, "-u", "-m", "edgemap.cli", "run", "--bundle", painted_bundle]
-        command += ["--out", tmp_path / "run", *arguments]
+        command += [*([] if "--out" in arguments else ["--out", tmp_path / "run"]), *arguments]
         processes.append(subprocess.Popen([*map(str, command)], stdout=subprocess.PIPE, text=True))
         return processes[-1]
 
@@ -50,7 +53,7 @@ def test_a_run_tells_a_broker_what_appears(start, tmp_path):
     broker = Broker(tmp_path)
     listener = broker.listen("edgemap/vacuum/#")
     try:
-        start("--mqtt", f"127.0.0.1:{broker.port}", "--mqtt-name", "vacuum")
+        start("--mqtt", f"127.0.0.1:{broker.port}", "--robot", "vacuum")
         told = {}
         while "edgemap/vacuum/events" not in told:
             topic, payload = listener.stdout.readline().rstrip("\n").split("\t")
@@ -78,7 +81,8 @@ def test_addresses_that_are_none(text):
 
 
 @pytest.mark.parametrize(
-    ("option", "package"), [("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho")]
+    ("option", "package"),
+    [("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho"), ("--fleet=home", "zenoh")],
 )
 def test_without_the_extra_one_line_names_it(tmp_path, painted_bundle, option, package):
     """In a process in which the package is not to be found, as on a robot with the base install."""
@@ -101,3 +105,51 @@ def test_without_the_extra_one_line_names_it(tmp_path, painted_bundle, option, p
     assert f"{option.partition('=')[0]} needs {package}" in line
     assert "pip install" in line
     assert not (tmp_path / "run").exists()
+
+
+def test_two_robots_one_map_by_commands_alone(start, tmp_path, capsys):
+    """A keeper and two robots that see the same, as processes of their own, and somebody who asks late."""
+    pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        address = f"127.0.0.1:{probe.getsockname()[1]}"
+    place = tmp_path / "home"
+    command = [sys.executable, "-u", "-m", "edgemap.cli", "fleet", "serve", "home", "-o", place, "--listen", address]
+    keeper = subprocess.Popen([*map(str, command), "--every", "0.2"], stdout=subprocess.PIPE, text=True)
+    try:
+        assert keeper.stdout is not None
+        assert keeper.stdout.readline() == f"map of home: {place}/map.json\n"
+        for name in ("one", "two"):
+            robot = start("--fleet", f"home@{address}", "--robot", name, "--frames", 200, "--out", tmp_path / name)
+            robot.communicate(timeout=120)
+            faults = json.loads((tmp_path / name / "run.json").read_text())["faults"]
+            assert not [fault for fault in faults if "fleet" in fault]
+        while True:
+            main(["fleet", "show", f"home@{address}", "--json"])
+            document = json.loads(capsys.readouterr().out)
+            robots = document["fleet"]["robots"]
+            if all(robots.get(name, {}).get("objects") and not robots[name]["here"] for name in ("one", "two")):
+                break
+        main(["fleet", "show", f"home@{address}", "-o", str(tmp_path / "late.json")])
+        assert f"{len(document['objects'])} objects in home, saved in" in capsys.readouterr().out
+        one, two = (load_map(tmp_path / name) for name in ("one", "two"))
+        late = load_map(tmp_path / "late.json")
+        assert len(late) == len(one) == len(two)
+        assert sum(item.count for item in late) == sum(item.count for item in [*one, *two])
+        with pytest.raises(SystemExit):
+            main(
+                [
+                    "run",
+                    "--map",
+                    str(tmp_path / "late.json"),
+                    "--fleet",
+                    f"home@{address}",
+                    "--out",
+                    str(tmp_path / "x"),
+                ]
+            )
+        assert "what they saw would count twice" in capsys.readouterr().err
+    finally:
+        keeper.terminate()
+        keeper.communicate(timeout=30)
+    assert keeper.returncode == 0
+    assert [item.id for item in load_map(place)] == [item.id for item in late]

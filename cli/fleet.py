@@ -1,0 +1,64 @@
+"""`edgemap fleet serve` and `edgemap fleet show`, and the fleet's options of `edgemap run`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from edgemap.cli.arguments import arg
+from edgemap.cli.errors import OptionError
+from edgemap.cli.publishers import host_and_port
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from edgemap.runtime.fleet.sink import FleetSink
+
+LOCAL = "127.0.0.1"
+
+Fleet = Annotated[
+    str | None,
+    arg(
+        metavar="PLACE[@HOST[:PORT]]",
+        help="Send the map and the pose to who keeps the map of a place, on this machine where HOST is left out (extra "
+        "fleet, docs/fleet.md).",
+    ),
+]
+
+
+def place_and_address(text: str, option: str) -> tuple[str, str]:
+    """`PLACE`, and the address after its `@` for zenoh. Raises OptionError."""
+    from edgemap.runtime.fleet.network import PORT
+
+    place, at, host = text.partition("@")
+    return place, address(host if at else LOCAL, option, PORT)
+
+
+def address(text: str, option: str, port: int) -> str:
+    """HOST:PORT as zenoh writes it. Raises OptionError."""
+    host, number = host_and_port(text, option, port)
+    return f"[{host}]:{number}" if ":" in host else f"{host}:{number}"
+
+
+def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> list[FleetSink]:
+    """The sink of `--fleet`, where it is asked for. Raises OptionError, PublishError or MissingExtraError."""
+    if fleet is None:
+        return []
+    import socket
+
+    from edgemap.runtime.fleet.sink import FleetSink
+
+    if saved is not None and _of_a_fleet(saved):
+        raise OptionError(
+            f"--map {saved} is merged from robots of a fleet: with --fleet what they saw would count twice; go on with "
+            "this robot's own map"
+        )
+    place, where = place_and_address(fleet, "--fleet")
+    return [FleetSink(place, robot or socket.gethostname(), where)]
+
+
+def _of_a_fleet(saved: Path) -> bool:
+    from edgemap.runtime.map_file import MAP_BYTES
+    from edgemap.runtime.reading import read_bytes
+
+    path = saved / "map.json" if saved.is_dir() else saved
+    return b'"pose_place_map"' in read_bytes(path, MAP_BYTES, OptionError)

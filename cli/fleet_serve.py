@@ -1,0 +1,99 @@
+"""`edgemap fleet serve`: keeps the merged map of a place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from edgemap.cli.arguments import arg
+from edgemap.cli.errors import OptionError
+from edgemap.cli.fleet import address, place_and_address
+
+
+def command(
+    place: Annotated[
+        tyro.conf.Positional[str],
+        arg(metavar="PLACE[@HOST[:PORT]]", help="Its name; with HOST: meet the robots at the zenoh router there."),
+    ],
+    *,
+    out: Annotated[Path | None, arg(aliases=["-o"], metavar="DIR", help="Its folder; PLACE by default.")] = None,
+    listen: Annotated[
+        str,
+        arg(
+            metavar="HOST[:PORT]",
+            help="Address for the robots to connect to; 0.0.0.0 for every network. There is no password: only in "
+            "networks you trust.",
+        ),
+    ] = "127.0.0.1:7447",
+    reference: Annotated[
+        Path | None,
+        arg(
+            name="map",
+            metavar="SAVED",
+            help="A map of the place made before: its frame is the place's, it is merged too.",
+        ),
+    ] = None,
+    every: Annotated[float, arg(metavar="S", help="Seconds between two merges.")] = 2.0,
+) -> None:
+    """Keep one map of a place from the latest map of each robot that runs with `--fleet PLACE`, until Ctrl-C.
+
+    DIR/map.json is the merged map, written atomically; DIR/robots/NAME.json the latest map of each. Maps are laid onto
+    each other by their objects, as `map merge` does; one that fits nowhere with certainty stays apart, with the reason,
+    until it does. A robot that is away stays in the map; when it is back its new map takes the place of its old one.
+    """
+    from edgemap.geometry.errors import MapError
+    from edgemap.runtime.errors import DiskError
+    from edgemap.runtime.fleet.keeper import PlaceKeeper
+    from edgemap.runtime.fleet.network import PORT
+    from edgemap.runtime.loop import stop_on_signals
+
+    if not 0.1 <= every <= 3600.0:
+        raise OptionError(f"--every {every:g}: 0.1 to 3600 s")
+    name, router = place_and_address(place, "PLACE")
+    through_router = "@" in place
+    folder = out or Path(name)
+    own = "" if through_router else address(listen, "--listen", PORT)
+    with stop_on_signals() as stop:
+        keeper = PlaceKeeper(name, folder, router if through_router else "", own, reference)
+        try:
+            print(f"map of {name}: {folder}/map.json", flush=True)
+            print(f"robots:  edgemap run --fleet {name}@{router if through_router else own} --robot NAME", flush=True)
+            told: dict[str, str] = {}
+            while not stop.is_set():
+                try:
+                    keeper.update()
+                except DiskError:
+                    raise
+                except MapError as error:
+                    told = _tell(told, told | {"": str(error)})
+                else:
+                    told = _tell(told, lines(keeper.document()["fleet"]["robots"]))
+                stop.wait(every)
+            keeper.update()
+        finally:
+            keeper.close()
+
+
+def _tell(before: dict[str, str], now: dict[str, str]) -> dict[str, str]:
+    for name, line in now.items():
+        if before.get(name) != line:
+            print(line, flush=True)
+    return now
+
+
+def lines(robots: dict) -> dict[str, str]:
+    """One line about each robot, of the document's `fleet.robots`."""
+    found = {}
+    for name, robot in robots.items():
+        here = "" if robot["here"] else ", away"
+        if "apart" in robot:
+            said = f"apart: {robot['apart']}"
+        else:
+            x_m, y_m, yaw_rad = robot["pose_place_map"]
+            laid = f"{robot['pairs']} of {robot['shared']} laid onto their like" if robot["pairs"] else "first"
+            said = f"{laid}, its frame at x {x_m:.2f} m, y {y_m:.2f} m, yaw {57.29578 * yaw_rad:.0f} deg"
+        refused = f"; refused: {robot['refused']}" if "refused" in robot else ""
+        found[name] = f"{name:<16} {robot['objects']:4d} objects{here}; {said}{refused}"
+    return found

@@ -1,0 +1,95 @@
+"""Where a fleet meets: names, keys and sessions of zenoh, and maps as its messages."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import zlib
+from typing import Any
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.errors import PublishError
+from edgemap.runtime.extras import need
+from edgemap.runtime.map_file import read_map
+
+ROOT, PORT = "edgemap/fleet", 7447
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", re.ASCII)
+MESSAGE_BYTES, MAP_BYTES = 512 << 10, 16 << 20  # as sent, and once inflated
+
+
+def name_of(text: str, what: str) -> str:
+    """A robot's or a place's name: one part of a key, and of a file's name. Raises PublishError."""
+    if not NAME.fullmatch(text):
+        said = "a name has 1 to 64 of A-Z a-z 0-9 _ . - and begins with a letter or digit"
+        raise PublishError(f"{what} {text[:70]!r}: {said}")
+    return text
+
+
+def place_key(place: str) -> str:
+    """`PLACE/map` is the merged map, `PLACE/keeper` who keeps it, and `PLACE/robots/NAME/map` and `/pose` a robot's."""
+    return f"{ROOT}/{place}"
+
+
+def robot_of(key: str) -> str | None:
+    """The robot that a key `…/robots/NAME` or `…/robots/NAME/map` is about."""
+    name = key.partition("/robots/")[2].partition("/")[0]
+    return name if NAME.fullmatch(name) else None
+
+
+def open_session(connect: str = "", listen: str = "", wait_s: float | None = None) -> Any:
+    """A zenoh session: a router that listens on an address (`127.0.0.1:7447`), or a peer that connects to one.
+
+    A peer need not find anybody there: it connects in the background, again and again. wait_s: connect as a client,
+    which other clients and peers reach through a router, and give up after so long. Where ZENOH_CONFIG names a file
+    that file says all of this, and encryption and who may do what besides. Raises PublishError, or MissingExtraError.
+    """
+    need("fleet", "--fleet", ("zenoh",))
+    import zenoh
+
+    given = os.environ.get("ZENOH_CONFIG")
+    try:
+        config = zenoh.Config.from_file(given) if given else zenoh.Config()
+        options = {} if given else {
+            "mode": "router" if listen else "peer" if wait_s is None else "client",
+            "scouting/multicast/enabled": False,
+            "scouting/gossip/enabled": False,
+            "listen/endpoints": [f"tcp/{listen}"] if listen else [],
+            "connect/endpoints": [f"tcp/{connect}"] if connect else [],
+            "connect/timeout_ms": -1 if wait_s is None else round(1e3 * wait_s),
+            "connect/exit_on_failure": wait_s is not None,
+            "transport/link/rx/max_message_size": MESSAGE_BYTES + 4096,
+        }  # fmt: skip
+        for key, value in options.items():
+            config.insert_json5(key, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        line = str(error).split(" at ")[0]
+        where = f"listening on {listen}" if listen else f"connecting to {connect}"
+        raise PublishError(f"fleet, {where}: {line}") from None
+
+
+def packed(document: dict[str, Any]) -> bytes:
+    """A document as a message: compact JSON, deflated."""
+    return zlib.compress(json.dumps(document, separators=(",", ":")).encode(), 6)
+
+
+def unpacked(message: bytes, source: str) -> bytes:
+    """The JSON text of a message. Raises MapError where it is too large, or damaged."""
+    if len(message) > MESSAGE_BYTES:
+        raise MapError(f"{source}: a message of {len(message):,} bytes, at most {MESSAGE_BYTES:,} are read")
+    inflate = zlib.decompressobj()
+    try:
+        text = inflate.decompress(message, MAP_BYTES)
+    except zlib.error as error:
+        raise MapError(f"{source}: a damaged message ({error})") from None
+    if not inflate.eof:
+        raise MapError(f"{source}: a message that is cut off, or of more than {MAP_BYTES:,} bytes once inflated")
+    return text
+
+
+def unpacked_map(message: bytes, source: str) -> tuple[list[MapObject], Annotations]:
+    """A map as it came, every value checked. Raises MapError."""
+    return read_map(unpacked(message, source), source)
