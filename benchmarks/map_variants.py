@@ -7,6 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from edgemap.evaluation.objects import TrueObject
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
@@ -120,7 +123,7 @@ def map_drive(
         )
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
-            true = seen_from(observed, floor.at(given.step(frame)), pipeline.rule)
+            true = seen_from(observed, floor.at(given.step(frame)), pipeline.rule, frame.depth)
             for name, variant in variants.items():
                 seen, motion = observed, odometry.motions[variant.odometry, variant.wheels]
                 if variant.odometry == "truth" and camera.attitudes is not None:
@@ -130,11 +133,13 @@ def map_drive(
     return {name: mapper.objects() for name, mapper in mappers.items()}
 
 
-def seen_from(observed: FrameObservations, camera: FloorCamera, rule: FloorRule) -> FrameObservations:
+def seen_from(
+    observed: FrameObservations, camera: FloorCamera, rule: FloorRule, depth: NDArray[np.float32] | None = None
+) -> FrameObservations:
     """The same boxes on the floor as another attitude has it; none where the picture was not searched."""
     if not observed.looked:
         return replace(observed, camera=camera)
-    sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s)
+    sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s, depth)
     return replace(observed, sightings=sightings, camera=camera)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,8 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 @dataclass(frozen=True, slots=True)
 class Selection:
     """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
-    for the kind's own. wheels, imu: whether those that come with the data may be used."""
+    for the kind's own. wheels, imu, depth: whether those that come with the data may be
+    used."""
 
     first: int = 0
     every: int = 1
@@ -40,6 +41,7 @@ class Selection:
     lengths_m: tuple[float, ...] | None = None
     wheels: bool = True
     imu: bool = True
+    depth: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +71,7 @@ def score_drive(
 
     Raises CameraError for data, OdometryError for an odometry that cannot be had, or data without truth or mount.
     """
-    camera, full = _open(spec)
+    camera, full = _open(spec, selection.depth)
     with camera:
         if camera.truth is None:
             raise OdometryError(f"{spec} brings no true poses of its own to compare with")
@@ -107,8 +109,8 @@ def sequence_names(specs: Sequence[str]) -> list[str]:
     return [name if times[name] == 1 else spec for name, spec in zip(short, specs, strict=True)]
 
 
-def _open(spec: str) -> tuple[Camera, NDArray[np.float64] | None]:
+def _open(spec: str, depth: bool) -> tuple[Camera, NDArray[np.float64] | None]:
     if spec.partition(":")[0] not in READERS:
-        return open_camera(spec), None
+        return open_camera(spec, depth=depth), None
     drive = open_drive(spec)
-    return drive_camera(drive, spec), drive.full_poses
+    return drive_camera(drive if depth else replace(drive, depth=()), spec), drive.full_poses

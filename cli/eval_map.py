@@ -17,6 +17,7 @@ from edgemap.cli.options import (
     OdometrySpec,
     PrecisionName,
     Threads,
+    WithoutDepth,
     WithoutImu,
     WithoutWheels,
     at_least,
@@ -38,6 +39,7 @@ def command(
     odometry: OdometrySpec = "hybrid",
     without_wheels: WithoutWheels = False,
     without_imu: WithoutImu = False,
+    without_depth: WithoutDepth = False,
     frames: Annotated[int | None, arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
     clustering: Annotated[
@@ -77,6 +79,7 @@ def command(
     loaded = find_bundle(bundle, threads, precision, data, engine=engine)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
+        drive = replace(drive, depth=()) if without_depth else drive
         if not drive.objects or drive.truth is None or drive.mount is None:
             raise OptionError(f"{data}: eval map needs true poses, a mount and objects.json")
         truth = true_objects(drive, frames)
@@ -92,6 +95,7 @@ def command(
             "odometry": odometry,
             "wheels": drive.wheel is not None and not without_wheels,
             "imu": drive.imu is not None and not without_imu,
+            "depth": bool(drive.depth),
             "clustering": clustering,
             "loop_closure": loop_closure,
             "frames": count,

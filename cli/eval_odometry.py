@@ -10,7 +10,17 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import BundleName, EngineName, Json, PrecisionName, Threads, WithoutImu, at_least, find_bundle
+from edgemap.cli.options import (
+    BundleName,
+    EngineName,
+    Json,
+    PrecisionName,
+    Threads,
+    WithoutDepth,
+    WithoutImu,
+    at_least,
+    find_bundle,
+)
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
@@ -38,6 +48,7 @@ def command(
         bool, arg(help="hybrid leaves aside the wheel odometry that comes with the data.")
     ] = False,
     without_imu: WithoutImu = False,
+    without_depth: WithoutDepth = False,
     first: Annotated[
         int, arg(name="from", metavar="N", help="Start with frame N, counted from 0; it is the origin.")
     ] = 0,
@@ -71,7 +82,9 @@ def command(
     at_least(1, every=every, frames=frames)
     if first < 0:
         raise OptionError(f"--from {first}: must be 0 or more")
-    selection = Selection(first, every, frames, _lengths(segments), not without_wheels, not without_imu)
+    selection = Selection(
+        first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth
+    )
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:
         raise OptionError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")

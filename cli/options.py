@@ -59,6 +59,7 @@ WithoutWheels = Annotated[bool, arg(help="hybrid leaves out the wheel odometry t
 WithoutImu = Annotated[
     bool, arg(help="Leave out the inertial samples that come with the source: the mount's attitude, no gyro.")
 ]
+WithoutDepth = Annotated[bool, arg(help="Leave out the depth pictures that come with the source.")]
 MountText = Annotated[
     str | None,
     arg(
@@ -277,11 +278,12 @@ def open_described(
     frames: int | None = None,
     recovery: RecoveryRule | None = None,
     topics: SensorTopics | None = None,
+    depth: bool = True,
 ) -> Camera:
     """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size.
 
     frames: how long `sim:SEED` drives; other sources are as long as they are. recovery: of live devices. topics:
-    further sensors.
+    further sensors. depth: whether depth pictures come with the frames, where the source has any.
     """
     from edgemap.runtime.cameras import open_camera
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
@@ -291,10 +293,12 @@ def open_described(
 
         return open_simulated(spec, frames, realtime, camera_file and read_camera_yaml(camera_file))
     if camera_file is None:
-        return open_camera(spec, realtime=realtime, recovery=recovery, topics=topics)
+        return open_camera(spec, realtime=realtime, recovery=recovery, topics=topics, depth=depth)
     described = read_camera_yaml(camera_file)
     lens, seat = described.intrinsics, described.mount
-    return open_camera(spec, realtime=realtime, intrinsics=lens, mount=seat, recovery=recovery, topics=topics)
+    return open_camera(
+        spec, realtime=realtime, intrinsics=lens, mount=seat, recovery=recovery, topics=topics, depth=depth
+    )
 
 
 def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:

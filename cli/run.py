@@ -22,6 +22,7 @@ from edgemap.cli.options import (
     OdometrySpec,
     PrecisionName,
     Threads,
+    WithoutDepth,
     WithoutImu,
     WithoutWheels,
     at_least,
@@ -62,6 +63,7 @@ def command(
     odometry: OdometrySpec = "hybrid",
     without_wheels: WithoutWheels = False,
     without_imu: WithoutImu = False,
+    without_depth: WithoutDepth = False,
     mount: MountText = None,
     intrinsics: IntrinsicsText = None,
     camera_file: CameraFile = None,
@@ -162,7 +164,7 @@ def command(
     tuned = load_config(config)[0] if config else Config()
     topics = SensorTopics(wheel_topic, imu_topic, frame_names(ros2_frames)[3])
     paced = (realtime or watched) and not view
-    with open_described(camera, camera_file, paced, frames, tuned.camera, topics) as source:
+    with open_described(camera, camera_file, paced, frames, tuned.camera, topics, not without_depth) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
         loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine, recorded=source.decisions)
         least = least_score(confidence, loaded)

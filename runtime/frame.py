@@ -18,9 +18,11 @@ class Frame:
     index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, never decreasing.
     image: (H, W, 3) uint8, BGR as OpenCV keeps it. name: where it came from, for messages.
     imu: inertial samples since the previous delivered frame, up to this stamp; none where the source brings none.
+    depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth
+    camera.
     search: whether its objects are looked for; a budget decides that, and a recording keeps it.
     attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
-    Raises ValueError where the image is not (H, W, 3) uint8.
+    Raises ValueError where the image is not (H, W, 3) uint8, or the depth not (H, W).
     """
 
     index: int
@@ -28,6 +30,7 @@ class Frame:
     image: NDArray[np.uint8]
     name: str = ""
     imu: ImuSamples = field(default_factory=ImuSamples.none)
+    depth: NDArray[np.float32] | None = None
     attitude: Attitude | None = None
     search: bool = True
 
@@ -40,3 +43,5 @@ class Frame:
     def __post_init__(self) -> None:
         if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:
             raise ValueError(f"frame image is {self.image.dtype} {self.image.shape}, expected uint8 (H, W, 3)")
+        if self.depth is not None and self.depth.shape != self.image.shape[:2]:
+            raise ValueError(f"frame depth is {self.depth.shape}, the image {self.image.shape[:2]}")

@@ -86,7 +86,7 @@ class Pipeline:
         stage("backbone")
         detections = self._found = self._decode(outputs, placement)
         stage("decode")
-        sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s)
+        sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s, frame.depth)
         stage("floor")
         motion = motion or self._move(frame, outputs)
         stages_ms = self._watch.stages_ms

@@ -21,6 +21,9 @@ LEAST_POINTS = 100
 BELOW_SHARE = 0.02  # of the points, that noise and reflections put below a floor
 NOISE_M, NOISE_PER_M = 0.01, 0.005  # of a point's height over the floor: constant, and with its depth
 BAND = 2.5  # standard deviations about a plane that count as on it
+FOLLOW_BANDS = ((0.05, 0.06), (0.03, 0.03), *[(0.0, 0.0)] * 4)  # m and rad about the expected plane, beside noise
+CORRELATED = 30.0  # neighbouring depths err together: so many points count as one
+SURE_RAD, SURE_M = math.radians(0.4), 0.02  # a plane that is known less well than this is not told
 QUIETEST = 0.15  # of that noise, when the plane's own points scatter less: else what stands on the floor lifts it
 
 
@@ -33,6 +36,41 @@ class FloorPlane:
     height_m: float
     rms_m: float
     share: float
+
+
+def follow_floor(points_m: Array, up: Array, height_m: float) -> tuple[FloorPlane, Array] | None:
+    """The floor near where it is expected, and its covariance (3, 3) in pitch, roll (rad) and height (m); None where
+    too few points lie there, or too many below.
+
+    points_m: (N, 3), optical frame. up: (3,) unit vector and height_m of the expected plane, good to a few degrees and
+    centimetres. Least squares, the band about the plane ever narrower.
+    """
+    reach_m = np.linalg.norm(points_m, axis=1)
+    noise = NOISE_M + NOISE_PER_M * points_m[:, 2]
+    covariance, on, quiet = np.eye(3), np.zeros(len(points_m), dtype=bool), 1.0
+    for constant_m, per_m in FOLLOW_BANDS:
+        off = np.abs(points_m @ up + height_m)
+        on = off < quiet * BAND * noise + constant_m + per_m * reach_m
+        if on.sum() < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
+            return None
+        if constant_m == 0.0:
+            quiet = float(np.clip(NORMAL * np.median(off[on] / noise[on]), QUIETEST, 1.0))
+        forward = np.array([0.0, 0.0, 1.0]) - up[2] * up
+        forward /= np.linalg.norm(forward)
+        side = np.cross(up, forward)
+        slopes = np.column_stack([points_m[on] @ forward, points_m[on] @ side, np.ones(on.sum())])
+        weighted = slopes / noise[on, None] ** 2
+        covariance = np.asarray(np.linalg.pinv(weighted.T @ slopes), dtype=np.float64)
+        pitch, roll, rise_m = -covariance @ weighted.T @ (points_m[on] @ up + height_m)
+        up = up + pitch * forward + roll * side
+        up, height_m = up / np.linalg.norm(up), height_m + float(rise_m)
+    heights = points_m @ up + height_m
+    if (heights < -2.0 * BAND * noise).mean() > BELOW_SHARE or height_m <= 0.0:
+        return None
+    covariance = covariance * CORRELATED * quiet**2
+    if np.diag(covariance)[:2].max() > SURE_RAD**2 or covariance[2, 2] > SURE_M**2:
+        return None
+    return FloorPlane(up, height_m, float(np.sqrt((heights[on] ** 2).mean())), float(on.mean())), covariance
 
 
 def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = None) -> FloorPlane | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 SURE_SPAN = 0.2  # of scores over which a sighting comes to count fully
+SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
 PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, when objects are made
@@ -146,7 +148,12 @@ def feet_px(detections: Detections) -> Array:
 
 
 def sightings_of(
-    detections: Detections, camera: FloorCamera, rule: FloorRule, frame: int = 0, stamp_s: float = 0.0
+    detections: Detections,
+    camera: FloorCamera,
+    rule: FloorRule,
+    frame: int = 0,
+    stamp_s: float = 0.0,
+    depth: NDArray[np.float32] | None = None,
 ) -> list[Sighting]:
     """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
@@ -156,6 +163,7 @@ def sightings_of(
     Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
     lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
     stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
+    depth: (H, W) metres, where the camera has it: the range of what a box shows is one more measurement of its place.
     """
     feet = feet_px(detections)
     rows = np.flatnonzero(camera.below_horizon(feet) & _allowed(detections, rule))
@@ -174,6 +182,7 @@ def sightings_of(
     own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
     depths_m = camera.optical_depth_m(near)
     lens, sightings = camera.mount.position_base_m()[:2], []
+    ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
     for at, (row, shape) in enumerate(zip(rows, shapes, strict=True)):
         if not np.isfinite(own[at]).all():  # half a pixel from the horizon
             continue
@@ -195,7 +204,13 @@ def sightings_of(
             usual_m = reach_m * shape.width / max(width_m, 1e-9)
             sigma_m = usual_m * shape.width_sigma / shape.width
             foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - range_m, sigma_m)
-        if low[at]:
+        seen_m, seen_sigma_m = ranges[at]
+        if np.isfinite(seen_m):
+            behind_m = shape.reach_m(width_m) * SURFACE_SHARE
+            error_m = seen_m - behind_m - float(direction @ (foot_m - lens))
+            sigma_m = math.hypot(seen_sigma_m, SURFACE_SIGMA * shape.reach_m(width_m))
+            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, error_m, sigma_m)
+        if low[at] or np.isfinite(seen_m):
             nearer = float(direction @ (foot_m - lens)) / reach_m
             width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
         along = np.outer(direction, direction)

@@ -59,7 +59,7 @@ class Landmarks:
     anchor_m (N, 3): where the lens was. ray (N, 3): unit direction. inverse_m (N,): one over the distance along it,
     variance (N,) of that. floor (N,): taken for floor. on_floor (N,): the inverse depth that it would have as floor,
     for those below the horizon whose depth is to show whether they are; 0 for others. age (N,): pictures since it was
-    first seen.
+    first seen. measured (N,): of a depth that a depth camera measured.
     """
 
     anchor_m: Array
@@ -69,12 +69,14 @@ class Landmarks:
     floor: NDArray[np.bool_]
     on_floor: Array
     age: NDArray[np.int64]
+    measured: NDArray[np.bool_]
 
     @classmethod
     def none(cls) -> Landmarks:
         """No landmark."""
         none, vectors = np.zeros(0), np.zeros((0, 3))
-        return cls(vectors, vectors, none, none, np.zeros(0, bool), none, np.zeros(0, int))
+        empty = np.zeros(0, bool)
+        return cls(vectors, vectors, none, none, empty, none, np.zeros(0, int), empty)
 
     def __len__(self) -> int:
         return len(self.inverse_m)
@@ -89,12 +91,18 @@ class Landmarks:
 
 
 def new_landmarks(
-    rays: Array, camera: FloorCamera, view: View, noise: Noise, reach_m: float, trusting: bool = True
+    rays: Array,
+    camera: FloorCamera,
+    view: View,
+    noise: Noise,
+    reach_m: float,
+    trusting: bool = True,
+    depth_m: Array | None = None,
 ) -> Landmarks:
     """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach.
 
     trusting: they are taken for floor at once; else their depth is to show it first, for a table is seen below the
-    horizon too.
+    horizon too. depth_m: (N,) along the optical axis where a depth camera measured it, else NaN.
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
@@ -108,9 +116,16 @@ def new_landmarks(
     turn = _turn(view.pose)
     anchor = turn @ lens + [view.pose.x_m, view.pose.y_m, 0.0]
     count = len(rays)
+    measured = np.zeros(count, dtype=bool)
+    if depth_m is not None:
+        measured = np.isfinite(depth_m)
+        known = 1.0 / np.where(measured, depth_m * np.linalg.norm(rays, axis=1) / rays[:, 2], 1.0)
+        relative = DEPTH_SHARE + DEPTH_SHARE_PER_M * np.where(measured, depth_m, 0.0)
+        inverse, variance = np.where(measured, known, inverse), np.where(measured, (relative * known) ** 2, variance)
+        floor = floor & ~measured
     return Landmarks(
         np.broadcast_to(anchor, (count, 3)), base @ turn.T, inverse, variance, floor,
-        np.where(reached & ~floor, on_floor, 0.0), np.zeros(count, dtype=np.int64),
+        np.where(reached & ~floor & ~measured, on_floor, 0.0), np.zeros(count, dtype=np.int64), measured,
     )  # fmt: skip
 
 
@@ -163,6 +178,7 @@ class Located:
     scale: float
 
 
+DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
 TUKEY = 16.0  # squared, in units of the expected misfit; beyond it a track counts nothing
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
@@ -178,7 +194,7 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
     view, log_scale = _turned_to(sight, seen, start), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
     misfit, information = seen, np.eye(6)
-    free = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
+    free = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     prior = np.diag([1e-2, 1e-2, 1e-2, noise.tilt_rad**-2, noise.tilt_rad**-2, noise.scale**-2])
     for scale in ANNEALING:
@@ -209,7 +225,8 @@ def refined(
     before it is floor no longer; what fits neither is not kept.
     """
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
-    landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(landmarks.floor, 1.0, 1.0 + found.scale))
+    kept = landmarks.floor | landmarks.measured
+    landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + found.scale))
     slope2 = (found.sight.by_inverse**2).sum(axis=1)
     along = (found.sight.by_inverse * found.misfit).sum(axis=1)
     total2 = (found.misfit**2).sum(axis=1)
@@ -220,8 +237,9 @@ def refined(
     across2 = total2 - along**2 / np.maximum(slope2, 1e-12)
     standing = ~fits & landmarks.floor & found.sight.ahead & (across2 < gate * sigma2)
     standing &= (free > landmarks.inverse_m) & (free < 10.0)
-    inverse = landmarks.inverse_m + landmarks.variance * along / innovation2
-    variance = landmarks.variance * sigma2 / innovation2
+    gain = np.where(landmarks.measured, 0.0, landmarks.variance / innovation2)
+    inverse = landmarks.inverse_m + gain * along
+    variance = landmarks.variance * (1.0 - gain * slope2)
     after = Landmarks(
         landmarks.anchor_m,
         landmarks.ray,
@@ -230,6 +248,7 @@ def refined(
         landmarks.floor & ~standing,
         landmarks.on_floor,
         landmarks.age + 1,
+        landmarks.measured,
     )
     return _judged(after, noise), (fits & (inverse > -0.05)) | standing
 

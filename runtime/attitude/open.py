@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.attitude.checked_mount import CheckedMount
+from edgemap.runtime.attitude.depth import DepthAttitude
 from edgemap.runtime.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
@@ -14,10 +15,11 @@ def open_attitude(
     odometry: str, camera: Camera, floor: FloorCamera, imu: bool = True, rule: AttitudeRule | None = None
 ) -> AttitudeSource:
     """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
-    frames bring any and `imu` allows it, else the mount; either about a mount that the room's edges check."""
+    frames bring any and `imu` allows it, else the mount; either about a mount that the room's edges check. Where a
+    frame brings depth, the floor in it tells attitude and height."""
     if odometry == "truth" and camera.attitudes is not None:
         return RecordedAttitude(camera.attitudes, floor.mount)
     rule = rule or AttitudeRule()
     still = MountAttitude(floor.mount, rule.mount_sigma_rad)
     known = InertialAttitude(floor.mount, still, rule) if imu else still
-    return CheckedMount(floor.mount, floor.intrinsics, known, rule.check)
+    return DepthAttitude(floor, CheckedMount(floor.mount, floor.intrinsics, known, rule.check))

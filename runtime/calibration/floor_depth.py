@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, DepthPoints
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -19,8 +20,6 @@ from edgemap.runtime.errors import CalibrationError
 
 Array = NDArray[np.float64]
 
-EVERY_PX = 8  # points are taken this far apart
-NEAREST_M, FARTHEST_M = 0.15, 6.0  # depth that these cameras measure well
 FEWEST_PICTURES = 3
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation of the mean over pictures
 MOST_SCATTER_M, MOST_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
@@ -62,10 +61,10 @@ def fit_floor_depth(
     """
     rng, looked_at = np.random.default_rng(seed), 0
     planes: list[FloorPlane] = []
-    rays = lens.rays(_grid(lens))
+    cloud = DepthPoints(lens)
     for depth in pictures_m:
         looked_at += 1
-        plane = find_floor(_points(depth, lens, rays), rng, up)
+        plane = find_floor(_points(depth, lens, cloud), rng, up)
         if plane is not None:
             planes.append(plane)
     if len(planes) < FEWEST_PICTURES:
@@ -93,17 +92,9 @@ def fit_floor_depth(
     return FloorDepthFit(mount, (height_m, pitch_rad, roll_rad), rms_m, share, len(planes), looked_at)
 
 
-def _grid(lens: Intrinsics) -> Array:
-    v, u = np.mgrid[EVERY_PX // 2 : lens.height : EVERY_PX, EVERY_PX // 2 : lens.width : EVERY_PX]
-    return np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
-
-
-def _points(depth: NDArray[np.float32], lens: Intrinsics, rays: Array) -> Array:
-    """Depth pixels as points of the optical frame, (N, 3) metres."""
+def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) -> Array:
     if depth.shape != (lens.height, lens.width):
         raise CalibrationError(
             f"depth picture of {depth.shape[1]}x{depth.shape[0]} px, the lens is for {lens.width}x{lens.height} px"
         )
-    z = depth[EVERY_PX // 2 :: EVERY_PX, EVERY_PX // 2 :: EVERY_PX].ravel().astype(np.float64)
-    good = (z > NEAREST_M) & (z < FARTHEST_M)
-    return rays[good] / rays[good, 2:] * z[good, None]
+    return cloud.of(depth)

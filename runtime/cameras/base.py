@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,7 +24,7 @@ from edgemap.runtime.trajectory import PoseTrack, Trajectory
 class CameraBase:
     """The protocol's fields with nothing known, and `frame` to wrap a picture. Subclasses set `size`, add `read`.
 
-    imu: all inertial samples of a recording, which `frame` deals out.
+    imu: all inertial samples of a recording, which `frame` deals out. depth: depth pictures on disk, one a picture.
     """
 
     def __init__(self, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
@@ -37,6 +38,7 @@ class CameraBase:
         self.truth: Trajectory | None = None
         self.attitudes: AttitudeTrack | None = None
         self.imu: ImuSamples | None = None
+        self.depth: Sequence[Path] = ()
         self.wheel: Path | PoseTrack | None = None
         self.decisions: Decisions | None = None
         self._delivered, self._sampled_s = 0, -math.inf
@@ -57,14 +59,21 @@ class CameraBase:
     def close(self) -> None:
         """Let go of the source; may be called twice."""
 
-    def frame(self, image: NDArray[np.uint8], stamp_s: float, name: str) -> Frame:
-        """The picture as the next delivered frame. Raises CameraError where its size is not the lens's."""
+    def frame(
+        self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | None = None
+    ) -> Frame:
+        """The picture as the next delivered frame. Raises CameraError where its size is not the lens's.
+
+        depth: of its pixels; of another size, it is left out.
+        """
         height, width = image.shape[:2]
         lens = self.intrinsics
         if lens is not None and (width, height) != (lens.width, lens.height):
             raise CameraError(f"{name}: picture is {width}x{height}, the intrinsics are for {lens.width}x{lens.height}")
         samples = ImuSamples.none() if self.imu is None else self.imu.between(self._sampled_s, stamp_s)
-        frame = Frame(self._delivered, stamp_s, image, name, samples)
+        if depth is not None and depth.shape != (height, width):
+            depth = None
+        frame = Frame(self._delivered, stamp_s, image, name, samples, depth)
         self._delivered, self._sampled_s = self._delivered + 1, stamp_s
         return frame
 

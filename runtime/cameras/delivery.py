@@ -29,9 +29,10 @@ class DeliveryCheck:
         self._coloured = False
         self._wrong: set[FaultKind] = set()
 
-    def __call__(self, picture: Picture, arrived_s: float) -> Picture | None:
+    def __call__(self, picture: tuple[float, NDArray[np.uint8]] | Picture, arrived_s: float) -> Picture | None:
         """The picture at its stamp in the stream; None where it is no new picture of this camera."""
-        stamp_s, image = picture
+        picture = picture if isinstance(picture, Picture) else Picture(picture[0], picture[1])
+        stamp_s, image, depth = picture
         now: set[FaultKind] = set()
         bgr = self._shaped(image, now)
         if bgr is not None:
@@ -42,7 +43,7 @@ class DeliveryCheck:
                 stream_s, wrong = self.clock.stamp(float(stamp_s), arrived_s)
                 if wrong is not None:
                     self._note(now, wrong, f"stamp {stamp_s:.6g} s after {self._stamp_s or 0.0:.6g} s, host's taken")
-                picture, self._stamp_s = (stream_s, bgr), stamp_s
+                picture, self._stamp_s = Picture(stream_s, bgr, depth), stamp_s
         self._wrong = now
         return None if bgr is None else picture
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 
-Picture = tuple[float, NDArray[np.uint8]]
+
+class Picture(NamedTuple):
+    """stamp_s: of the device. image: BGR, (H, W, 3). depth: (H, W) metres of its pixels, 0 where unknown; None where
+    there is none."""
+
+    stamp_s: float
+    image: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None = None
 
 
 class Device(Protocol):
@@ -20,8 +27,8 @@ class Device(Protocol):
     intrinsics: Intrinsics | None
     rate_hz: float | None
 
-    def grab(self) -> Picture | None:
-        """The next (stamp in s, BGR picture) or None for "nothing yet", within a second or so.
+    def grab(self) -> tuple[float, NDArray[np.uint8]] | Picture | None:
+        """The next (stamp in s, BGR picture), or `Picture`, or None for "nothing yet", within a second or so.
 
         May raise anything: the supervisor takes it for a fault.
         """

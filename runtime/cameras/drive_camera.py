@@ -23,5 +23,5 @@ def drive_camera(
         camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
     camera.rate_hz = drive.rate_hz
     camera.truth, camera.attitudes = drive.truth, drive.attitudes
-    camera.wheel, camera.imu = drive.wheel, drive.imu
+    camera.wheel, camera.imu, camera.depth = drive.wheel, drive.imu, drive.depth
     return camera

@@ -84,8 +84,8 @@ class LiveCamera(CameraBase):
                     text = f"camera {self.name}: no frame within {TICK_S} s"
                     raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
                 self._await(until_s - now_s)
-            (stamp_s, image), self._slot = self._slot, None
-        return self.frame(image, stamp_s, f"{self.name}#{self._delivered}")
+            picture, self._slot = self._slot, None
+        return self.frame(picture.image, picture.stamp_s, f"{self.name}#{self._delivered}", picture.depth)
 
     def close(self) -> None:
         """Stop the thread and let go of the device; waits a second at most for a grab under way."""

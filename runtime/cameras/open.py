@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -33,13 +34,16 @@ def open_camera(
     mount: Mount | None = None,
     recovery: RecoveryRule | None = None,
     topics: SensorTopics | None = None,
+    depth: bool = True,
 ) -> Camera:
     """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
 
     realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices. topics: further
-    sensors, on ROS 2 topics. Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
+    sensors, on ROS 2 topics. depth: whether frames bring their depth, where the source has any.
+
+    Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
     """
-    camera = _open(spec, intrinsics, mount, recovery)
+    camera = _open(spec, intrinsics, mount, recovery, depth)
     if topics is not None and (topics.wheels or topics.imu):
         try:
             camera = _with_topics(camera, topics)
@@ -53,14 +57,16 @@ def open_camera(
     return camera
 
 
-def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None) -> Camera:
+def _open(
+    spec: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None, depth: bool
+) -> Camera:
     kind, _, rest = spec.partition(":")
     if spec == "demo":
         return _open_drive(f"drive:{DEMO}", spec, intrinsics, mount)
     if kind in KINDS:
-        return _open_drive(spec, spec, intrinsics, mount)
+        return _open_drive(spec, spec, intrinsics, mount, depth)
     if kind == "realsense":
-        return _open_realsense(rest, spec, intrinsics, mount, recovery)
+        return _open_realsense(rest, spec, intrinsics, mount, recovery, depth)
     if spec.isdecimal() or spec.startswith("/dev/video"):
         from edgemap.runtime.cameras.webcam import WebcamDriver
 
@@ -98,22 +104,29 @@ def _open(spec: str, intrinsics: Intrinsics | None, mount: Mount | None, recover
     raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
 
 
-def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Camera:
+def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, depth: bool = True) -> Camera:
     from edgemap.runtime.cameras.drive_camera import drive_camera
     from edgemap.runtime.drives.open import open_drive
 
-    return drive_camera(open_drive(spec), name, intrinsics, mount)
+    drive = open_drive(spec)
+    return drive_camera(drive if depth else replace(drive, depth=()), name, intrinsics, mount)
 
 
 def _open_realsense(
-    rest: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None
+    rest: str,
+    name: str,
+    intrinsics: Intrinsics | None,
+    mount: Mount | None,
+    recovery: RecoveryRule | None,
+    depth: bool,
 ) -> Camera:
     from edgemap.runtime.cameras.imu_buffer import ImuCamera
-    from edgemap.runtime.cameras.realsense import RealSenseDriver, RealSenseRecording, is_recording
+    from edgemap.runtime.cameras.realsense import RealSenseDriver, is_recording
+    from edgemap.runtime.cameras.realsense_recording import RealSenseRecording
 
     if is_recording(rest):
-        return RealSenseRecording(user_path(rest), name, intrinsics, mount)
-    driver = RealSenseDriver(name, rest or None)
+        return RealSenseRecording(user_path(rest), name, intrinsics, mount, depth)
+    driver = RealSenseDriver(name, rest or None, depth)
     return ImuCamera(_open_live(driver, intrinsics, mount, recovery), driver.imu)
 
 

@@ -12,6 +12,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
+from edgemap.runtime.drives.depth import readable_depth
 from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ, read_setup
 from edgemap.runtime.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.errors import CameraError
@@ -53,7 +54,8 @@ class PicturesCamera(CameraBase):
                 FaultKind.SIZE,
                 f"{path}: picture is {width}x{height}, the others are {self.size[0]}x{self.size[1]}, skipped",
             )
-        return self.frame(image, float(self._stamps_s[number]), str(path))
+        depth = readable_depth(self.depth[number]) if self.depth else None
+        return self.frame(image, float(self._stamps_s[number]), str(path), depth)
 
     def close(self) -> None:
         """Deliver nothing more."""

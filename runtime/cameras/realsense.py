@@ -1,31 +1,26 @@
-"""Intel RealSense: the colour stream of a device or of a recording, with its own lens and sensor time."""
+"""Intel RealSense: colour and depth of a device, with its own lens and sensor time."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
+from itertools import product
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.device import Picture
-from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.cameras.realsense_motion import recorded_motion, start_motion
+from edgemap.runtime.cameras.realsense_depth import POLL_MS, Aligned
+from edgemap.runtime.cameras.realsense_motion import start_motion
 from edgemap.runtime.cameras.realsense_picture import to_bgr
 from edgemap.runtime.errors import CameraError, MissingExtraError
 from edgemap.runtime.extras import pip
-from edgemap.runtime.frame import Frame
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
-POLL_MS = 200
-SILENT_POLLS = 50  # 10 s of a recording that neither delivers nor ends
+DEPTH_LIMIT_MS = 3000  # for the first pictures with depth
 
 
 def import_realsense() -> ModuleType:
@@ -46,15 +41,6 @@ def import_realsense() -> ModuleType:
 def is_recording(rest: str) -> bool:
     """Whether what follows `realsense:` is a file, and no serial number."""
     return rest.endswith((".db3", ".bag")) or "/" in rest
-
-
-def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
-    """The playback of a recording, out of real time; call it before the start: in real time, playback drops the
-    pictures that come before the pipeline waits for them. False where the configuration names a device."""
-    playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
-    if playback:
-        playback.set_real_time(False)
-    return playback
 
 
 def lens_of(profile: Any, name: str) -> Intrinsics:
@@ -93,20 +79,25 @@ def devices() -> list[tuple[str, str]]:
 
 
 class RealSenseDevice:
-    """A running colour stream: of a device, or of what stands for one."""
+    """A running colour stream, with depth where `aligned` is given: of a device, or of what stands for one."""
 
-    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, name: str, motion: Any = None) -> None:
+    def __init__(
+        self, rs: ModuleType, pipeline: Any, profile: Any, name: str, motion: Any = None, aligned: Aligned | None = None
+    ) -> None:
         self.size = picture_size(profile)
         self.rate_hz: float | None = float(profile.fps())
         self.intrinsics: Intrinsics | None = lens_of(profile, name)
         self.pipeline = pipeline
-        self._rs, self._name, self._motion = rs, name, motion
+        self._rs, self._name, self._motion, self._aligned = rs, name, motion, aligned
 
     def grab(self) -> Picture | None:
         """The next colour frame at the device's stamp."""
         there, frames = self.pipeline.try_wait_for_frames(POLL_MS)
         colour = frames.get_color_frame() if there else None
-        return (colour.get_timestamp() / 1000.0, to_bgr(self._rs, colour, self._name)) if colour else None
+        if not colour:
+            return None
+        depth = None if self._aligned is None else self._aligned(frames)
+        return Picture(colour.get_timestamp() / 1000.0, to_bgr(self._rs, colour, self._name), depth)
 
     def close(self) -> None:
         """Stop the streams."""
@@ -118,13 +109,14 @@ class RealSenseDevice:
 
 
 class RealSenseDriver:
-    """A RealSense, the one with this serial or the first one: colour, 640x480 at 30 Hz or what it offers.
+    """A RealSense, the one with this serial or the first one: colour, 640x480 at 30 Hz or what it offers, and depth
+    beside it where it has any and `depth` wants it.
 
     imu: filled by the device's gyro and accelerometer, where it has them.
     """
 
-    def __init__(self, name: str, serial: str | None = None) -> None:
-        self.name = name
+    def __init__(self, name: str, serial: str | None = None, depth: bool = True) -> None:
+        self.name, self._depth = name, depth
         self._rs = import_realsense()
         self._context = self._rs.context()
         self._serial = serial
@@ -135,19 +127,25 @@ class RealSenseDriver:
         """Start the colour stream. Raises CameraError where no such device is found or it does not start."""
         rs, failure = self._rs, None
         config = self.config()
-        for wish in ((rs.stream.color, WIDTH, HEIGHT, rs.format.bgr8, RATE_HZ), (rs.stream.color,)):
+        usual, any_size = (rs.stream.color, WIDTH, HEIGHT, rs.format.bgr8, RATE_HZ), (rs.stream.color,)
+        for wish, with_depth in product((usual, any_size), (True, False) if self._depth else (False,)):
             pipeline = rs.pipeline(self._context)
             config.disable_all_streams()
             config.enable_stream(*wish)
+            if with_depth:
+                config.enable_stream(rs.stream.depth)
             try:
                 profile = pipeline.start(config).get_stream(rs.stream.color)
             except RuntimeError as error:
                 failure = " ".join(str(error).split())
                 continue
+            if with_depth and not pipeline.try_wait_for_frames(DEPTH_LIMIT_MS)[0]:
+                pipeline.stop()  # depth that never comes would keep the pictures back
+                continue
             self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
-                return RealSenseDevice(rs, pipeline, profile, self.name, motion)
+                return RealSenseDevice(rs, pipeline, profile, self.name, motion, Aligned(rs) if with_depth else None)
             except Exception:  # whatever it is, the device must be free for the next attempt
                 pipeline.stop()
                 raise
@@ -185,68 +183,3 @@ class RealSenseDriver:
                 changed(True)
 
         self._context.set_devices_changed_callback(told)
-
-
-class RealSenseRecording(CameraBase):
-    """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read."""
-
-    def __init__(self, path: Path, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
-        super().__init__(name, intrinsics, mount)
-        if not path.is_file():
-            raise CameraError(f"{path}: no such file")
-        self._rs = rs = import_realsense()
-        self._path = path
-        self._last_s = -np.inf
-        self._pipeline = rs.pipeline()
-        self._running = False
-        config = rs.config()
-        try:
-            config.enable_device_from_file(str(path), repeat_playback=False)
-            config.enable_stream(rs.stream.color)
-            self._playback = as_fast_as_read(rs, self._pipeline, config)
-            profile = self._pipeline.start(config).get_stream(rs.stream.color)
-            self._running = True
-        except RuntimeError as error:
-            self.close()
-            raise CameraError(
-                f"{path}: not a RealSense recording with a colour stream ({' '.join(str(error).split())})"
-            ) from None
-        try:
-            self.intrinsics: Intrinsics | None = intrinsics or lens_of(profile, str(path))
-        except EdgemapError:
-            self.close()
-            raise
-        self.size = picture_size(profile)
-        self.rate_hz: float | None = float(profile.fps())
-        self.imu = recorded_motion(rs, path)
-
-    def read(self) -> Frame | None:
-        """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""
-        for _ in range(SILENT_POLLS):
-            if not self._running:
-                return None
-            # Asked first: what was queued when playback stopped is still there to be waited for.
-            stopped = self._playback.current_status() == self._rs.playback_status.stopped
-            there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
-            colour = frames.get_color_frame() if there else None
-            if colour:
-                return self._frame(colour)
-            if stopped and not there:
-                return None
-        raise CameraError(f"{self._path}: no frame for {SILENT_POLLS * POLL_MS / 1000:.0f} s and no end either")
-
-    def close(self) -> None:
-        """Stop playback."""
-        if self._running:
-            self._running = False
-            self._pipeline.stop()
-
-    def _frame(self, colour: Any) -> Frame:
-        stamp_s = colour.get_timestamp() / 1000.0
-        if stamp_s <= self._last_s:
-            raise CameraFault(
-                FaultKind.CLOCK, f"{self._path}: a frame at {stamp_s:.4f} s does not come after {self._last_s:.4f} s"
-            )
-        self._last_s = stamp_s
-        image = to_bgr(self._rs, colour, str(self._path))
-        return self.frame(image, stamp_s, f"{self._path}#{self._delivered}")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
+from edgemap.runtime.drives.depth import readable_depth
 from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
@@ -77,7 +78,8 @@ class VideoCamera(CameraBase):
             raise CameraError(f"{self._path}: more frames than the {len(self._stamps_s)} poses beside it")
         image, file_stamp_s = decoded
         self._last_s = self._stamp(file_stamp_s)
-        return self.frame(image, self._last_s, f"{self._path}#{self._delivered}")
+        depth = readable_depth(self.depth[self._delivered]) if self.depth else None
+        return self.frame(image, self._last_s, f"{self._path}#{self._delivered}", depth)
 
     def close(self) -> None:
         """Close the file."""

@@ -11,6 +11,7 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.odometry.landmarks import (
     Landmarks,
@@ -27,6 +28,7 @@ from edgemap.geometry.odometry.landmarks import (
 )
 from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.drives.depth import Depth
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
@@ -38,6 +40,7 @@ Pixels = NDArray[np.float32]
 LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
 SHIFT_PX = 4  # the picture's shift is looked for on every so many pixels
 MASK_PX = 8  # the floor is told from the rest on every so many pixels
+EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner, whose depth may else be that of either of two things
 LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
@@ -121,7 +124,7 @@ class PlanarOdometry:
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
             self._floor_s = frame.stamp_s
-            self._seek(grey)
+            self._seek(grey, frame.depth)
             if first:
                 self._coasting.begin(frame.stamp_s)
                 return Motion()
@@ -130,7 +133,7 @@ class PlanarOdometry:
         self._follow(last, grey)
         found = self._locate(frame.index) if len(self._corners) >= self._rule.least_weight else None
         if found is None or found.weights.sum() < self._rule.least_weight:
-            return self._guess(grey, frame.stamp_s)
+            return self._guess(grey, frame)
         motion = (self._view.pose @ self._since).inverse() @ found.view.pose
         self._coasting.saw(motion, frame.stamp_s)
         turn = np.eye(3)
@@ -148,7 +151,7 @@ class PlanarOdometry:
             self._landmarks = shrunk(self._landmarks, self._camera, self._view, factor, self._noise)
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
         self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, self._rule.levelling)
-        self._seek(grey)
+        self._seek(grey, frame.depth)
         return Motion(motion, covariance)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
@@ -187,7 +190,8 @@ class PlanarOdometry:
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
         """Relative, of the motion's length: the longer no floor is in view, the less is known of the scale."""
-        if float(found.weights[self._landmarks.floor].sum()) >= self._rule.least_weight:
+        tells = self._landmarks.floor | self._landmarks.measured
+        if float(found.weights[tells].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
         return min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
 
@@ -232,16 +236,16 @@ class PlanarOdometry:
         self._landmarks = anew
         return other
 
-    def _guess(self, grey: MatLike, stamp_s: float) -> Motion:
+    def _guess(self, grey: MatLike, frame: Frame) -> Motion:
         """Tracking failed: begin with new corners where a guess puts the view."""
         guess = self._coasting.guess(
-            stamp_s, f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
+            frame.stamp_s, f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
         )
         self._view = View(self._view.pose @ self._since @ guess.motion)
         self._motion, self._trusted = guess.motion, False
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners, self._landmarks = self._corners[:0], Landmarks.none()
-        self._seek(grey)
+        self._seek(grey, frame.depth)
         return guess
 
     def _follow(self, last: MatLike, grey: MatLike) -> None:
@@ -278,7 +282,7 @@ class PlanarOdometry:
     def _keep(self, which: NDArray[np.bool_]) -> None:
         self._corners, self._landmarks = self._corners[which], self._landmarks.chosen(which)
 
-    def _seek(self, grey: MatLike) -> None:
+    def _seek(self, grey: MatLike, depth: Depth | None) -> None:
         """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
         missing = self._rule.corners - len(self._corners)
         if missing < self._rule.corners // 5:
@@ -286,7 +290,8 @@ class PlanarOdometry:
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for x, y in self._corners:
             cv2.circle(free, (int(x), int(y)), self._rule.corners_apart_px, 0, -1)
-        floors = int(self._landmarks.floor.sum())
+        columns, rows = self._corners.astype(np.intp).T
+        floors = int((self._landmarks.floor | (self._landmarks.measured & (self._mask[rows, columns] > 0))).sum())
         for mask, have, share in (
             (free & self._mask, floors, self._rule.floor_share),
             (free & ~self._mask, len(self._corners) - floors, 1.0 - self._rule.floor_share),
@@ -299,8 +304,22 @@ class PlanarOdometry:
                 continue
             fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
             rays = _rays(self._bearings(fresh))
-            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, not self._scaled())
+            known = None if depth is None else self._depths(fresh, depth)
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, not self._scaled(), known)
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
+
+    def _depths(self, corners: Pixels, depth: Depth) -> Array:
+        """Depths (N,) at corners, m; NaN where unknown, or where a nearer thing ends before a farther one: on a plane
+        the inverse depth is the mean of those on two opposite sides."""
+        height, width = depth.shape
+        middle = (corners + 0.5) * [width / self._size[0], height / self._size[1]]
+        columns, rows = np.clip(middle.astype(np.intp), EDGE_PX, [width - 1 - EDGE_PX, height - 1 - EDGE_PX]).T
+        across, down = np.array([[0, 0], [-EDGE_PX, 0], [EDGE_PX, 0], [0, -EDGE_PX], [0, EDGE_PX]]).T
+        around = depth[rows + down[:, None], columns + across[:, None]].astype(np.float64)
+        known = ((around > NEAREST_M) & (around < FARTHEST_M)).all(axis=0)
+        inverse = 1.0 / np.where(known, around, 1.0)
+        bend = np.abs(inverse[1::2] + inverse[2::2] - 2.0 * inverse[0]).max(axis=0)
+        return np.where(known & (bend < EDGE_SHARE * inverse[0]), around[0], np.nan)
 
     def _scaled(self) -> bool:
         """Whether landmarks of known depth tell the scale, so that new ones need not be taken for floor."""

@@ -3,16 +3,13 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
-import cv2
 import msgspec
 import numpy as np
 import pytest
 from support import painted
+from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
-from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.protocol import Camera
@@ -24,44 +21,6 @@ from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.store import bundle_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
-
-CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12))
-
-
-def floor_texture():
-    rng = np.random.default_rng(0)
-    texture = cv2.resize(rng.integers(0, 255, (150, 150), dtype=np.uint8), (1500, 1500), interpolation=cv2.INTER_CUBIC)
-    return cv2.cvtColor(texture, cv2.COLOR_GRAY2BGR)
-
-
-TEXTURE = floor_texture()
-
-
-def picture_from(pose: SE2) -> np.ndarray:
-    """What the camera sees of a textured floor (1 cm a texel, x and y from -7.5 m): sampled ray by ray."""
-    v, u = np.mgrid[0:240, 0:320]
-    points = pose.apply(np.nan_to_num(CAMERA.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3))
-    texel = ((points + 7.5) * 100).astype(np.float32).reshape(240, 320, 2)
-    return cv2.remap(TEXTURE, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
-
-
-def drive(steps):
-    """Frames and true poses of a drive with the given motions."""
-    pose, frames, poses = SE2(), [Frame(0, 0.0, picture_from(SE2()))], [SE2()]
-    for index, motion in enumerate(steps, start=1):
-        pose = pose @ motion
-        frames.append(Frame(index, index / 10, picture_from(pose)))
-        poses.append(pose)
-    return frames, poses
-
-
-MOTIONS = {
-    "straight": [SE2(0.04, 0, 0)] * 20,
-    "left arc": [SE2(0.03, 0, 0.04)] * 20,
-    "spin right": [SE2(0, 0, -0.06)] * 20,
-    "reverse": [SE2(-0.03, 0, 0.01)] * 20,
-    "stand": [SE2()] * 10,
-}
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -77,14 +36,6 @@ def test_planar_follows_a_textured_floor(name):
     error = pose.inverse() @ poses[-1]
     assert math.hypot(error.x_m, error.y_m) < 0.03
     assert abs(error.yaw_rad) < 0.01
-
-
-def seen_by(camera: FloorCamera, pose: SE2) -> np.ndarray:
-    """As `picture_from`, by a camera that is tilted otherwise."""
-    v, u = np.mgrid[0:240, 0:320]
-    points = pose.apply(np.nan_to_num(camera.floor_points(np.column_stack([u.ravel(), v.ravel()])), nan=1e3))
-    texel = ((points + 7.5) * 100).astype(np.float32).reshape(240, 320, 2)
-    return cv2.remap(TEXTURE, texel[..., 0], texel[..., 1], cv2.INTER_LINEAR, borderValue=(90, 90, 90))
 
 
 def off_after(frames, poses):

@@ -5,29 +5,12 @@ import threading
 import numpy as np
 import pytest
 from support.live_camera import drain
+from support.realsense_playback import Playback
 
 pytest.importorskip("pyrealsense2")
 
 from edgemap.runtime.cameras.live import LiveCamera
-from edgemap.runtime.cameras.realsense import RealSenseDriver
 from edgemap.runtime.cameras.recovery import RecoveryRule
-from edgemap.runtime.errors import CameraError
-
-
-class Playback(RealSenseDriver):
-    """The driver with a recording in place of a device."""
-
-    def __init__(self, path):
-        super().__init__("realsense")
-        self.path, self.broken = path, 0
-
-    def config(self):
-        if self.broken:
-            self.broken -= 1
-            raise CameraError("no RealSense device found")
-        config = self._rs.config()
-        config.enable_device_from_file(str(self.path), repeat_playback=False)
-        return config
 
 
 def test_a_stream_that_ends_is_late_and_then_opened_again(realsense_recording):

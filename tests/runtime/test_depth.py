@@ -1,0 +1,146 @@
+"""Depth as one more observation: attitude and height by the floor, ranges of boxes, the scale of planar odometry."""
+
+import math
+
+import numpy as np
+import pytest
+from support.depth_room import LENS, depth_room
+from support.textured_floor import CAMERA, MOTIONS, drive, seen_by
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.attitude.depth import DepthAttitude
+from edgemap.runtime.attitude.sources import MountAttitude
+from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.planar import PlanarOdometry
+
+MOUNT = Mount.from_degrees(0.5, 15.0)
+BLANK = np.zeros((480, 640, 3), np.uint8)
+
+
+class Other:
+    """A source that says the mount's attitude, and a gyro's rotation."""
+
+    name = "other"
+    attitude = Attitude(0.0, MOUNT.pitch_rad, np.eye(2) * 1e-4, rotation=GyroRotation(np.eye(3), 0.1, 0.01))
+
+    def step(self, frame):
+        return self.attitude
+
+    def reset(self, reason):
+        pass
+
+
+@pytest.mark.parametrize(("pitch_deg", "roll_deg", "rise_m"), [(0.0, 0.0, 0.0), (3.0, -2.0, 0.03), (-3.0, 1.0, -0.02)])
+def test_the_floor_tells_attitude_and_height_beside_a_wall_and_a_table(pitch_deg, roll_deg, rise_m):
+    depth = depth_room(Mount.from_degrees(0.5 + rise_m, 15.0 + pitch_deg, roll_deg), noise=0.005)
+    found = DepthAttitude(FloorCamera(LENS, MOUNT), Other()).step(Frame(0, 0.0, BLANK, depth=depth))
+    assert found.source == "depth"
+    assert math.degrees(found.pitch_rad) == pytest.approx(15.0 + pitch_deg, abs=0.1)
+    assert math.degrees(found.roll_rad) == pytest.approx(roll_deg, abs=0.1)
+    assert found.height_m == pytest.approx(0.5 + rise_m, abs=0.003)
+    assert found.rotation is Other.attitude.rotation
+    assert np.degrees(np.sqrt(np.diag(found.covariance_rad2))).max() < 0.3
+
+
+def test_a_nodding_camera_is_followed_farther_than_it_would_be_found():
+    source = DepthAttitude(FloorCamera(LENS, MOUNT), Other())
+    for index in range(8):  # a degree and a half a picture
+        depth = depth_room(Mount.from_degrees(0.5, 15.0 + 1.5 * index))
+        found = source.step(Frame(index, index / 10, BLANK, depth=depth))
+    assert math.degrees(found.pitch_rad) == pytest.approx(25.5, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "depth",
+    [
+        None,
+        np.zeros((480, 640), np.float32),
+        np.full((480, 640), np.nan, np.float32),
+        np.full((480, 640), 1.5, np.float32),  # a wall
+        np.random.default_rng(0).uniform(0.2, 5.0, (480, 640)).astype(np.float32),
+    ],
+)
+def test_depth_that_shows_no_floor_changes_nothing(depth):
+    found = DepthAttitude(FloorCamera(LENS, MOUNT), Other()).step(Frame(0, 0.0, BLANK, depth=depth))
+    assert found is Other.attitude
+
+
+def test_a_table_that_fills_the_picture_is_no_floor():
+    depth = depth_room(Mount.from_degrees(0.25, 15.0))  # a plane a quarter of a metre higher, and nothing below
+    found = DepthAttitude(FloorCamera(LENS, MOUNT), Other()).step(Frame(0, 0.0, BLANK, depth=depth))
+    assert found is Other.attitude
+
+
+LEVEL = FloorCamera(LENS, Mount(1.0, 0.0, 0.0, 0.2, 0.0))
+
+
+def fridge(lower_edge):
+    return Detections(
+        np.array([[300.0, 60.0, 342.0, lower_edge]]), np.array([0.9]), np.zeros(1, int), ("refrigerator",)
+    )
+
+
+def sighted(boxes, depth):
+    (found,) = sightings_of(boxes, LEVEL, FloorRule(), depth=depth)
+    return found
+
+
+def test_the_range_of_a_box_corrects_where_its_lower_edge_stands():
+    """Its lower edge 123.08 px below the horizon means 5 m; a face seen at 4.5 m lies 0.155 m (half of 0.31) behind it,
+    known to 0.19 m where the edge (0.4 % of 640 px, 2 % of the box, 0.3 degrees) is known to 0.2."""
+    plain, wall = sighted(fridge(363.28), None), np.full((480, 640), 4.5, np.float32)
+    seen = sighted(fridge(363.28), wall)
+    assert plain.position_base_m[0] == pytest.approx(0.2 + 5.0 + 0.31, abs=0.01)
+    assert 0.2 + 4.5 + 0.155 < seen.position_base_m[0] < plain.position_base_m[0] - 0.2
+    assert seen.covariance_m2[0, 0] < plain.covariance_m2[0, 0]
+    assert seen.position_base_m[1] == pytest.approx(plain.position_base_m[1], abs=0.01)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, 30.0])
+def test_boxes_of_unknown_depth_stay_where_they_are(value):
+    depth = np.full((480, 640), value, np.float32)
+    plain, seen = sighted(fridge(363.28), None), sighted(fridge(363.28), depth)
+    assert (seen.position_base_m == plain.position_base_m).all()
+    assert (seen.covariance_m2 == plain.covariance_m2).all()
+
+
+def test_planar_keeps_the_scale_by_depth_where_the_height_is_wrong():
+    """A lens at 0.5 m that is believed at 0.65 m: 30 % too far without depth."""
+    frames, poses = drive(MOTIONS["straight"])
+    believed = FloorCamera(CAMERA.intrinsics, Mount.from_degrees(0.65, 15.0, 0.0, 0.12))
+    v, u = np.mgrid[0:240, 0:320]
+    points = CAMERA.floor_points(np.column_stack([u.ravel(), v.ravel()]))
+    depth = np.nan_to_num(CAMERA.optical_depth_m(points)).reshape(240, 320).astype(np.float32)
+    lengths = {}
+    for given in (None, depth):
+        odometry, pose = PlanarOdometry(believed), SE2()
+        for frame in frames:
+            pose = pose @ odometry.step(Frame(frame.index, frame.stamp_s, frame.image, depth=given), {}).motion
+        lengths[given is None] = pose.x_m / poses[-1].x_m
+    assert lengths[True] == pytest.approx(1.3, abs=0.03)
+    assert lengths[False] == pytest.approx(1.0, abs=0.06)  # with the right height, 0.98
+
+
+def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
+    """Three degrees up and down over a second, and nobody tells but the depth."""
+    _, poses = drive(MOTIONS["straight"])
+    source, odometry, pose = DepthAttitude(CAMERA, MountAttitude(CAMERA.mount)), PlanarOdometry(CAMERA), SE2()
+    v, u = np.mgrid[0:240, 0:320]
+    pixels = np.column_stack([u.ravel(), v.ravel()])
+    for index, true in enumerate(poses):
+        tilt = math.radians(3.0) * math.sin(0.6 * index)
+        camera = CAMERA.at(Attitude(0.0, CAMERA.mount.pitch_rad + tilt, np.zeros((2, 2))))
+        depth = np.nan_to_num(camera.optical_depth_m(camera.floor_points(pixels))).reshape(240, 320).astype(np.float32)
+        frame = Frame(index, index / 10, seen_by(camera, true), depth=np.where(depth < 6.0, depth, 0.0))
+        attitude = source.step(frame)
+        assert attitude.source == "depth"
+        frame = Frame(index, index / 10, frame.image, depth=frame.depth, attitude=attitude)
+        pose = pose @ odometry.step(frame, {}).motion
+    off = pose.inverse() @ poses[-1]
+    assert math.hypot(off.x_m, off.y_m) < 0.03
+    assert abs(off.yaw_rad) < 0.01
