@@ -85,8 +85,8 @@ def score_drive(
         motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
         attitude = open_attitude(odometry, camera, floor, selection.imu)
         followed = follow(
-            camera, motion, FeatureSource(bundle), attitude=attitude, first=selection.first, every=selection.every,
-            frames=selection.frames, progress=progress,
+            camera, motion, FeatureSource(bundle, camera.intrinsics), attitude=attitude, first=selection.first,
+            every=selection.every, frames=selection.frames, progress=progress,
         )  # fmt: skip
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
         errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths)

@@ -36,6 +36,9 @@ def command(
     start: Annotated[
         Path | None, arg(metavar="FILE", help="A head's best.pt to go on from, for the same feature.")
     ] = None,
+    teacher: Annotated[
+        Path | None, arg(metavar="FILE", help="A larger flow head for the same feature, to learn from as well.")
+    ] = None,
     minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --steps.")] = None,
     steps: Annotated[int, arg(metavar="N", help="Budget in batches.")] = 4000,
     resume: Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
@@ -89,7 +92,7 @@ def command(
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore
     from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
-    from edgemap.export.odometry.start import begin
+    from edgemap.export.odometry.start import begin, load_teacher
     from edgemap.export.odometry.train import HeadTraining, Settings
     from edgemap.runtime.store import cache_folder
 
@@ -104,12 +107,16 @@ def command(
     print(
         f"{sum(map(len, train))} frames of {len(train)} drives to train on, {sum(map(len, held_back))} to validate on"
     )
+    larger = None if teacher is None else load_teacher(teacher, store)
     begun = begin(
-        head, store, train, backbone, feature, seed=seed, start=start, kernel=kernel, slope=0.0 if relu else 0.1
-    )
+        head, store, train, backbone, feature, seed=seed, start=start, teacher=larger, kernel=kernel,
+        slope=0.0 if relu else 0.1,
+    )  # fmt: skip
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
     recipe = (
-        flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
+        flow_recipe(rate or 1e-3, length or 8, larger)
+        if head == "flow"
+        else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     )
     settings = Settings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from onnx import ModelProto
+
 from edgemap import __version__
 from edgemap.export import parity
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone
@@ -13,6 +15,7 @@ from edgemap.export.calibration import read_calibration
 from edgemap.export.detector.backbone import NAME as NANO
 from edgemap.export.detector.backbone import nano_backbone
 from edgemap.export.errors import ExportError
+from edgemap.export.free_rows import free_rows
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
@@ -67,12 +70,13 @@ def export_backbone(
     if wanted and not checkpoints:
         shape = _feature_shape(part.detector, part.features[wanted[0]])
         checkpoints = [HeadCheckpoint(random_head(shape), part.name, wanted[0], trained=False)]
-    models, odometry = {part.detector.file: part.model}, {}
+    models: dict[str, ModelProto] = {}
+    odometry: dict[str, OdometryHead] = {}
     for checkpoint in checkpoints:
         record = _head_record(checkpoint, part)
         odometry[checkpoint.kind] = record
         models[record.file] = head_to_onnx(checkpoint.head, record)
-    seal(part.model, part.detector)
+    models[part.detector.file] = seal(free_rows(part.model, part.detector), part.detector)
     manifest = Manifest(
         format=FORMAT,
         name=part.name,

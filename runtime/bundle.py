@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from edgemap.runtime.compute import Pace, one_blas_thread, settle
+from edgemap.runtime.cut_backbone import with_padding
 from edgemap.runtime.engine_choice import EngineChoice, agrees, remembered_engine
 from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError, MissingExtraError, OdometryError
@@ -26,24 +27,52 @@ from edgemap.runtime.manifest import (
 from edgemap.runtime.network import Compute, Engine, Network, Shapes
 from edgemap.runtime.onnx_file import MODEL_BYTES, onnx_facts
 from edgemap.runtime.precision import WORTH_IT, Numbers, Precision, report_allows_int8, time_ratio
+from edgemap.runtime.preprocess import Preprocessor, rows_of
 from edgemap.runtime.processor import multiplies_int8
 from edgemap.runtime.reading import one_line
 
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A bundle whose backbone is loaded. compute, precision (float32 or int8): of the backbone."""
+    """A bundle whose backbone is loaded. compute, precision (float32 or int8): of the backbone. reopen: opens it for an
+    input of so many rows."""
 
     folder: Path
     manifest: Manifest
     backbone: Network
     compute: Compute
+    reopen: Callable[[int], Network]
     precision: Numbers = "float32"
 
     @property
     def engine(self) -> Engine:
         """What runs the backbone."""
         return self.compute.engine
+
+    @property
+    def detector(self) -> Detector:
+        """The manifest's, with an input of as many rows as the backbone has."""
+        whole = self.manifest.detector
+        rows = self.backbone.inputs[whole.input.name][2]
+        return msgspec.structs.replace(whole, input=msgspec.structs.replace(whole.input, height=rows))
+
+    def for_pictures(self, width: int, height: int) -> Bundle:
+        """This bundle with a backbone that leaves off the rows of its input that pictures of this size do not reach.
+
+        For 640x480 pictures in a square input that is a quarter of its work. Features keep all rows: those left off are
+        what padding gives. Itself where pictures reach all rows, or the file is of a fixed size.
+        """
+        whole = self.manifest.detector
+        if any(len(head.shape) != 4 for head in whole.heads):  # lists of boxes, not maps
+            return self
+        coarsest = max(whole.input.height // head.shape[2] for head in whole.heads)
+        rows = rows_of(whole.input, width, height, coarsest)
+        if rows == self.detector.input.height:
+            return self
+        cut = self.reopen(rows)
+        blank, _ = Preprocessor(whole.input)(np.zeros((height, width, 3), dtype=np.uint8))
+        found = self.backbone.run({whole.input.name: blank})
+        return replace(self, backbone=with_padding(cut, {item.name: found[item.name] for item in whole.features}))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,7 +104,7 @@ class Bundle:
         if head.geometry is not None:
             inputs |= {head.geometry.cells: head.geometry.shape, head.geometry.mount: (1, 12), head.geometry.dt: (1, 1)}
             outputs |= {head.geometry.covariance: (1, 3, 3)}
-        return head, _opener(self.folder, self.manifest, head, inputs, outputs)(Compute(1))
+        return head, _opener(self.folder, self.manifest, head, inputs, outputs)(Compute(1), None)
 
     def _feature_shape(self, head: OdometryHead) -> tuple[int, ...]:
         for feature in self.manifest.detector.features:
@@ -114,8 +143,9 @@ def load_bundle(
     inputs = {detector.input.name: _input_shape(detector)}
     outputs = {head.name: head.shape for head in detector.heads}
     outputs |= {feature.name: feature.shape for feature in detector.features}
-    network, compute = settle(_opener(folder, manifest, detector, inputs, outputs), pace, threads, engine)
-    return Bundle(folder, manifest, network, compute, precision)
+    opened, height = _opener(folder, manifest, detector, inputs, outputs), detector.input.height
+    network, compute = settle(lambda chosen: opened(chosen, height), pace, threads, engine)
+    return Bundle(folder, manifest, network, compute, lambda rows: opened(compute, rows), precision)
 
 
 def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engine) -> Bundle:
@@ -140,29 +170,40 @@ def _opener(
     record: Detector | OdometryHead,
     inputs: Shapes,
     outputs: Shapes,
-) -> Callable[[Compute], Network]:
-    """Check a file's sum, opset and contract; what opens it and checks its tensors."""
+) -> Callable[[Compute, int | None], Network]:
+    """Check a file's sum, opset and contract; what opens it, for so many rows of input where those are open, and checks
+    its tensors."""
     path = verified_file(folder, manifest, record.file)
     where = f"bundle {folder}: {record.file}"
     _check_contract(path, where, record, folder)
 
-    def opened(compute: Compute) -> Network:
+    def opened(compute: Compute, rows: int | None) -> Network:
         try:
-            network = open_network(path, compute)
+            network = open_network(path, compute, rows)
         except MissingExtraError:
             raise
         except Exception as error:  # the engines' exceptions share no public base
             raise BundleError(f"{where} is not a model that {compute.engine} loads ({one_line(error, 160)})") from None
-        _compare(where, "input", inputs, network.inputs)
-        _compare(where, "output", outputs, network.outputs)
+        cut = _cut(inputs, network.inputs)
+        _compare(where, "input", cut(inputs), network.inputs)
+        _compare(where, "output", cut(outputs), network.outputs)
         rounded = not isinstance(record, OdometryHead) and record.file != manifest.detector.file
         if compute.engine != "onnxruntime" and not agrees(
-            network, open_network(path, Compute()), compute.engine, rounded
+            network, open_network(path, Compute(), rows), compute.engine, rounded
         ):
             raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
         return network
 
     return opened
+
+
+def _cut(promised: Shapes, found: Shapes) -> Callable[[Shapes], Shapes]:
+    """What makes promised shapes those of a backbone of fewer rows, if it is one."""
+    name, shape = next(iter(promised.items()))
+    rows = found.get(name, shape)[2:3]
+    if len(promised) > 1 or not rows or not 0 < rows[0] < shape[2]:
+        return lambda shapes: shapes
+    return lambda shapes: {key: (*one[:2], one[2] * rows[0] // shape[2], *one[3:]) for key, one in shapes.items()}
 
 
 def _compare(where: str, kind: str, promised: Shapes, found: Shapes) -> None:

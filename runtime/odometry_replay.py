@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.bundle import Bundle
@@ -42,12 +43,13 @@ class Features(Tensors):
 
 
 class FeatureSource:
-    """A bundle's backbone as the maker of each frame's `Features`."""
+    """A bundle's backbone as the maker of each frame's `Features`. lens: of the camera."""
 
-    def __init__(self, bundle: Bundle) -> None:
-        self._backbone = bundle.backbone
-        self._input_name = bundle.manifest.detector.input.name
-        self._preprocess = Preprocessor(bundle.manifest.detector.input)
+    def __init__(self, bundle: Bundle, lens: Intrinsics) -> None:
+        fitted = bundle.for_pictures(lens.width, lens.height)
+        self._backbone = fitted.backbone
+        self._input_name = fitted.detector.input.name
+        self._preprocess = Preprocessor(fitted.detector.input)
 
     def __call__(self, frame: Frame) -> Features:
         """What the odometry's step gets of this frame."""

@@ -53,11 +53,12 @@ class Pipeline:
             mapped=bundle.mapped if rule.mapped is None else rule.mapped,
             full_weight_score=bundle.full_weight_score(confidence),
         )
-        self._backbone = bundle.backbone
-        self._input_name = bundle.manifest.detector.input.name
-        self._preprocess = Preprocessor(bundle.manifest.detector.input)
+        fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
+        self._backbone = fitted.backbone
+        self._input_name = fitted.detector.input.name
+        self._preprocess = Preprocessor(fitted.detector.input)
         min_score = bundle.manifest.confidence if confidence is None else confidence
-        self._decode = Decoder(bundle.manifest.detector, min_score, one_name=True)
+        self._decode = Decoder(fitted.detector, min_score, one_name=True)
         self._names = bundle.names
         self._found = Detections.none(bundle.names)  # in the last picture that was searched
         self._health, self._rest = HealthMonitor(health), RestMonitor(rest)

@@ -47,6 +47,14 @@ def place(spec: InputSpec, image_width: int, image_height: int) -> Placement:
     return Placement(width, height, left, top, image_width, image_height)
 
 
+def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -> int:
+    """How many rows of the input a picture of this size reaches, in whole cells of a stride: below it is padding."""
+    if spec.resize != "letterbox_topleft":
+        return spec.height
+    filled = place(spec, image_width, image_height).height
+    return min(spec.height, -(-filled // stride) * stride)
+
+
 def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> Grid:
     """Cells of `stride` input px over the whole input, for a picture of this size."""
     where = place(spec, image_width, image_height)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.export.errors import ExportError
-from edgemap.export.odometry.flow import FlowHead
+from edgemap.export.odometry.flow import FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PARAMETER_LIMIT, PaperHead
 from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
 from edgemap.runtime.manifest import Deviation, Span
@@ -40,6 +40,7 @@ class HeadCheckpoint:
     window: int = 0
 
 
+_FLOW_SIZES = ", ".join(item.name for item in fields(FlowSizes))
 Width = Annotated[int, Meta(ge=1, le=4096)]
 
 
@@ -58,6 +59,7 @@ class _Record(msgspec.Struct):
     kernel: Annotated[int, Meta(ge=1, le=31)] = 3
     slope: Share = 0.1
     stride: Width | None = None
+    sizes: dict[Name, Width] = {}
 
 
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
@@ -75,7 +77,7 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
             "slope": head.slope,
         }
     else:
-        document["stride"] = head.stride
+        document |= {"stride": head.stride, "sizes": asdict(head.sizes)}
     save_whole(document, path)
 
 
@@ -94,7 +96,15 @@ def load_head(path: Path) -> HeadCheckpoint:
 
 def _head(record: _Record, path: Path) -> PaperHead | FlowHead:
     if record.kind == "flow" and record.stride is not None:
-        return FlowHead(record.shape, record.stride)
+        return FlowHead(record.shape, record.stride, _sizes(record, path))
     if record.kind == "paper" and record.hidden is not None and record.dense is not None:
         return PaperHead(record.shape, record.hidden, record.dense, record.kernel, record.slope)
     raise ExportError(f"{path}: a head of kind {record.kind} lacks its sizes")
+
+
+def _sizes(record: _Record, path: Path) -> FlowSizes:
+    """Checkpoints of the first, larger heads name none."""
+    try:
+        return FlowSizes(**record.sizes)
+    except TypeError:
+        raise ExportError(f"{path}: sizes of a flow head are {_FLOW_SIZES}") from None

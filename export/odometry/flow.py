@@ -16,24 +16,40 @@ from torch.nn import functional
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.correlation import correlate, offsets
-from edgemap.export.odometry.rigid import Cells, Solution, seen_before, solve
+from edgemap.export.odometry.rigid import Cells, Sight, Solution, solve
 
-FINE, COARSE, HIDDEN, WIDTH = 32, 48, 32, 64  # channels
 GRID_STRIDE = 16  # px of the input per cell in which displacements are told
 COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of stride 16: 112 px to the sides
-FINE_REACH = 3  # of the fine search, in cells of stride 8 around the prediction
 SIGMA = 0.01  # a cell's weight of 1 stands for this standard deviation of its bearing
 FAR_INVERSE_DEPTH = 0.4  # 1/m, what is taken for the depth of a cell that does not see the floor, at first
 FASTEST = (3.0, 1.0, 0.8)  # m, m, rad of one step: the coarse motion is cut to it, so that no outlier runs away
 SLOPE = 0.1
 
 
+@dataclass(frozen=True)
+class FlowSizes:
+    """Channels: fine, coarse: of a cell's description, of stride 8 and 16; width: of both searches; narrow: of what the
+    fine one reads of its scores; hidden: of the memory. reach: of the fine search, in cells of stride 8 around the
+    prediction. By default a head of 0.4 million parameters."""
+
+    fine: int = 32
+    coarse: int = 48
+    width: int = 64
+    narrow: int = 48
+    hidden: int = 32
+    reach: int = 3
+
+
+SMALL = FlowSizes(16, 32, 32, 28, 16, 2)  # of a head that is taught by a larger one
+
+
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). inverse_depth:
-    (B, 1, H, W), 1/m. solution: the motion from it."""
+    """What one search found. moved: displacements in cells to where things were, weights: how sure, (B, 2, H, W) each.
+    inverse_depth: (B, 1, H, W), 1/m. solution: the motion from it."""
 
     moved: Tensor
+    weights: Tensor
     inverse_depth: Tensor
     solution: Solution
 
@@ -45,32 +61,33 @@ class FlowHead(nn.Module):
     feature_mean and feature_std, (1, C, 1, 1). Raises ExportError for features that do not fit.
     """
 
-    def __init__(self, shape: Sequence[int], stride: int) -> None:
+    def __init__(self, shape: Sequence[int], stride: int, sizes: FlowSizes | None = None) -> None:
         super().__init__()
+        sizes = sizes or FlowSizes()
         _, channels, height, width = shape
         if stride not in (4, 8) or (height * stride) % GRID_STRIDE or (width * stride) % GRID_STRIDE:
             raise ExportError(f"flow head: features {tuple(shape)} of stride {stride}; 4 or 8 are wanted")
-        self.shape, self.stride = (1, channels, height, width), stride
+        self.shape, self.stride, self.sizes = (1, channels, height, width), stride, sizes
         self.rows, self.columns = height * stride // GRID_STRIDE, width * stride // GRID_STRIDE
-        self.reduce = nn.Conv2d(channels, FINE, 3, 8 // stride, 1)
-        self.coarsen = nn.Conv2d(FINE, COARSE, 3, 2, 1)
+        self.reduce = nn.Conv2d(channels, sizes.fine, 3, 8 // stride, 1)
+        self.coarsen = nn.Conv2d(sizes.fine, sizes.coarse, 3, 2, 1)
         coarse_window = (2 * COARSE_ROWS + 1) * (2 * COARSE_COLUMNS + 1)
-        fine_window = (2 * FINE_REACH + 1) ** 2
+        fine_window = (2 * sizes.reach + 1) ** 2
         self.sharpness = nn.Parameter(torch.tensor([8.0, 8.0]))
-        self.search = _convs(coarse_window + COARSE + HIDDEN + 7, WIDTH, WIDTH)
-        self.tell = nn.Conv2d(WIDTH, 5, 3, padding=1)
-        self.narrow = nn.Conv2d(fine_window + FINE, 48, 3, 2, 1)
-        self.refine = _convs(48 + WIDTH + 4, WIDTH, WIDTH)
-        self.retell = nn.Conv2d(WIDTH, 5, 3, padding=1)
-        self.remember = nn.Conv2d(WIDTH, HIDDEN, 3, 2, 1)
-        self.gates = nn.Conv2d(2 * HIDDEN, 4 * HIDDEN, 3, padding=1)
-        self.expect = nn.Linear(HIDDEN, 6)
+        self.search = _convs(coarse_window + sizes.coarse + sizes.hidden + 7, sizes.width)
+        self.tell = nn.Conv2d(sizes.width, 5, 3, padding=1)
+        self.narrow = nn.Conv2d(fine_window + sizes.fine, sizes.narrow, 3, 2, 1)
+        self.refine = _convs(sizes.narrow + sizes.width + 4, sizes.width)
+        self.retell = nn.Conv2d(sizes.width, 5, 3, padding=1)
+        self.remember = nn.Conv2d(sizes.width, sizes.hidden, 3, 2, 1)
+        self.gates = nn.Conv2d(2 * sizes.hidden, 4 * sizes.hidden, 3, padding=1)
+        self.expect = nn.Linear(sizes.hidden, 6)
         self.evidence = nn.Parameter(torch.tensor([-3.0, -3.0]))  # log of what one more cell tells: they err together
         for layer in (self.tell, self.retell, self.expect):
             nn.init.normal_(layer.weight, std=1e-3)
             nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
         with torch.no_grad():
-            self.gates.bias[HIDDEN : 2 * HIDDEN] = 1.0  # type: ignore[index]
+            self.gates.bias[sizes.hidden : 2 * sizes.hidden] = 1.0  # type: ignore[index]
         self.feature_mean: Tensor
         self.feature_std: Tensor
         self.register_buffer("feature_mean", torch.zeros(1, channels, 1, 1))
@@ -80,7 +97,7 @@ class FlowHead(nn.Module):
         self.coarse_offsets: Tensor
         self.fine_offsets: Tensor
         self.register_buffer("coarse_offsets", offsets(COARSE_ROWS, COARSE_COLUMNS), persistent=False)
-        self.register_buffer("fine_offsets", offsets(FINE_REACH, FINE_REACH), persistent=False)
+        self.register_buffer("fine_offsets", offsets(sizes.reach, sizes.reach), persistent=False)
 
     @property
     def parameters_count(self) -> int:
@@ -91,10 +108,10 @@ class FlowHead(nn.Module):
     def state_shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the state: previous features, fine and coarse; the ConvLSTM's; the last velocity."""
         rows, columns = self.rows, self.columns
-        memory = (1, HIDDEN, (rows + 1) // 2, (columns + 1) // 2)
+        memory = (1, self.sizes.hidden, (rows + 1) // 2, (columns + 1) // 2)
         return {
-            "fine": (1, FINE, 2 * rows, 2 * columns),
-            "coarse": (1, COARSE, rows, columns),
+            "fine": (1, self.sizes.fine, 2 * rows, 2 * columns),
+            "coarse": (1, self.sizes.coarse, rows, columns),
             "hidden": memory,
             "cell": memory,
             "velocity": (1, 3),
@@ -102,9 +119,18 @@ class FlowHead(nn.Module):
 
     def describe(self, feature: Tensor) -> tuple[Tensor, Tensor]:
         """Raw features to unit vectors per cell, of stride 8 and 16."""
-        fine = self.reduce((feature - self.feature_mean) / self.feature_std)
+        fine = self.describe_fine(feature)
         coarse = self.coarsen(functional.leaky_relu(fine, SLOPE))
         return _unit(fine), _unit(coarse)
+
+    def describe_fine(self, feature: Tensor) -> Tensor:
+        """The finer description before its length is made one: (feature - mean) / std, convolved.
+
+        Mean and deviation are in weights and offset: the same, but no picture's worth of numbers is gone through twice.
+        """
+        weight, stride = self.reduce.weight / self.feature_std, self.reduce.stride
+        mean = functional.conv2d(self.feature_mean.expand(self.shape), weight, None, stride, 1)
+        return functional.conv2d(feature, weight, self.reduce.bias, stride, 1) - mean
 
     def forward(
         self, feature: Tensor, cells: Tensor, mount: Tensor, dt_s: Tensor, *state: Tensor
@@ -144,27 +170,30 @@ class FlowHead(nn.Module):
         memory = functional.interpolate(hidden, size=(self.rows, self.columns), mode="nearest")
         known = torch.cat([cells[:, :2], cells[:, 6:], floor.unflatten(2, shape).log() * 0.3, guess * 0.3], dim=1)
         found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known], dim=1))
-        first = self._read(self.tell(found), guess, floor, geometry, prior, prior, prior_information, 0)
+        sight = Sight.of(geometry, prior)
+        first = self._read(self.tell(found), guess, floor, geometry, sight, prior, prior, prior_information, 0)
 
         found_first = first.solution.motion
         bounded = torch.maximum(torch.minimum(found_first, self.fastest), -self.fastest)
         start = found_first + (bounded - found_first).detach()  # so that the gradient still says which way is back
-        bearings, _ = seen_before(geometry, first.inverse_depth.flatten(2), start)
-        predicted = geometry.cells_of(bearings - geometry.here).unflatten(2, shape)
-        scores = correlate(fine, _warped(fine_before, predicted), FINE_REACH, FINE_REACH)
+        sight = Sight.of(geometry, start)
+        predicted = geometry.cells_of(sight.bearings(first.inverse_depth.flatten(2)) - geometry.here).unflatten(
+            2, shape
+        )
+        scores = correlate(fine, _warped(fine_before, predicted), self.sizes.reach, self.sizes.reach)
         nearer = functional.avg_pool2d(_expected(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
-        finer = functional.leaky_relu(self.narrow(torch.cat([scores.permute(0, 3, 1, 2), fine], dim=1)), SLOPE)
+        finer = functional.leaky_relu(_filled(self.narrow, [scores.permute(0, 3, 1, 2), fine]), SLOPE)
         found = self.refine(torch.cat([finer, found, nearer, first.moved - predicted], dim=1))
         second = self._read(
-            self.retell(found), predicted + nearer, first.inverse_depth.flatten(2), geometry, start, prior,
+            self.retell(found), predicted + nearer, first.inverse_depth.flatten(2), geometry, sight, start, prior,
             prior_information, 1,
         )  # fmt: skip
         hidden, cell = self._recall(self.remember(found), hidden, cell)
         return first, second, hidden, cell
 
     def _read(
-        self, told: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: Cells, start: Tensor, prior: Tensor,
-        prior_information: Tensor, stage: int,
+        self, told: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: Cells, sight: Sight, start: Tensor,
+        prior: Tensor, prior_information: Tensor, stage: int,
     ) -> Look:  # fmt: skip
         """What the network tells of each cell, and the motion that explains it best."""
         told = told.float()
@@ -173,26 +202,35 @@ class FlowHead(nn.Module):
         information = weights / SIGMA**2
         # The floor's depth is known but for the tilt; anything may stand before it or hang above it.
         depth = inverse_depth * torch.exp((told[:, 4:].flatten(2) * 4.0).clamp(-2.5, 2.5))
-        bearings, slopes = seen_before(geometry, depth, start)
+        bearings, slopes = sight.slopes(depth)
         measured = geometry.here + geometry.bearings_of(moved.flatten(2))
         used = information.flatten(2) * torch.exp(self.evidence[stage])
         solution = solve(slopes, measured - bearings, used, start, prior, prior_information)
-        return Look(moved, depth.unflatten(2, told.shape[2:]), solution)
+        return Look(moved, weights, depth.unflatten(2, told.shape[2:]), solution)
 
     def _recall(self, x: Tensor, hidden: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
         """One ConvLSTM step (Shi et al. 2015)."""
-        i, f, o, g = torch.split(self.gates(torch.cat([x, hidden], dim=1)), HIDDEN, dim=1)
+        i, f, o, g = torch.split(self.gates(torch.cat([x, hidden], dim=1)), self.sizes.hidden, dim=1)
         cell = torch.sigmoid(f) * cell + torch.sigmoid(i) * torch.tanh(g)
         return torch.sigmoid(o) * torch.tanh(cell), cell
 
 
-def _convs(inputs: int, middle: int, outputs: int) -> nn.Sequential:
+def _convs(inputs: int, width: int) -> nn.Sequential:
     return nn.Sequential(
-        nn.Conv2d(inputs, middle, 3, padding=1),
+        nn.Conv2d(inputs, width, 3, padding=1),
         nn.LeakyReLU(SLOPE),
-        nn.Conv2d(middle, outputs, 3, padding=1),
+        nn.Conv2d(width, width, 3, padding=1),
         nn.LeakyReLU(SLOPE),
     )
+
+
+def _filled(conv: nn.Conv2d, parts: Sequence[Tensor]) -> Tensor:
+    """A convolution of parts put together, filled up to a multiple of 4 channels with zeros: onnxruntime has a
+    fast one for those."""
+    missing = -conv.in_channels % 4
+    nothing = torch.zeros(1, missing, *parts[0].shape[2:]).expand(len(parts[0]), -1, -1, -1)
+    weight = functional.pad(conv.weight, (0, 0, 0, 0, 0, missing))
+    return functional.conv2d(torch.cat([*parts, nothing], dim=1), weight, conv.bias, conv.stride, conv.padding)
 
 
 def _unit(features: Tensor) -> Tensor:
@@ -200,8 +238,12 @@ def _unit(features: Tensor) -> Tensor:
 
 
 def _expected(scores: Tensor, window: Tensor, sharpness: Tensor) -> Tensor:
-    """The mean displacement under the softmax of the scores, (B, 2, H, W), in cells of the scores' grid."""
-    return torch.matmul(torch.softmax(scores * sharpness, dim=-1), window.T).permute(0, 3, 1, 2)
+    """The mean displacement under the softmax of the scores, (B, 2, H, W), in cells of the scores' grid.
+
+    Scores are cosines, so their exponentials need no largest one taken off, and one product gives both sums.
+    """
+    sums = torch.matmul(torch.exp(scores * sharpness), torch.cat([window, torch.ones_like(window[:1])]).T)
+    return (sums[..., :2] / sums[..., 2:]).permute(0, 3, 1, 2)
 
 
 def _warped(before: Tensor, moved: Tensor) -> Tensor:

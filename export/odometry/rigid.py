@@ -45,45 +45,68 @@ class Cells:
     def cells_of(self, bearings: Tensor) -> Tensor:
         """Displacements of the bearing as displacements in cells, (B, 2, N); 0 where nothing is shown."""
         determinant = self.right[:, :1] * self.down[:, 1:] - self.right[:, 1:] * self.down[:, :1]
-        determinant = determinant + (1.0 - self.shown)
-        across = (bearings[:, :1] * self.down[:, 1:] - bearings[:, 1:] * self.down[:, :1]) / determinant
-        along = (bearings[:, 1:] * self.right[:, :1] - bearings[:, :1] * self.right[:, 1:]) / determinant
-        return torch.cat([across, along], dim=1) * self.shown
+        across = torch.cat([self.down[:, 1:], -self.right[:, 1:]], dim=1) * bearings[:, :1]
+        along = torch.cat([-self.down[:, :1], self.right[:, :1]], dim=1) * bearings[:, 1:]
+        return (across + along) * (self.shown / (determinant + (1.0 - self.shown)))
 
 
-def seen_before(cells: Cells, inverse_depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-    """Bearings in the previous picture of what the cells show now, (B, 2, N), and their derivatives (B, 2, 5, N).
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """How the previous picture shows what the cells show now, after one motion of the base. All is linear in rays and
+    inverse depths, which one small matrix says: a head's step costs what its operators cost to start, so few and large
+    ones are chosen. rays: (B, 3, N), optical. by: (B, 18, 4): x, y and z of the point and of its change by x, y, yaw,
+    roll and pitch, all divided by the depth now; by ray and inverse depth."""
 
-    inverse_depth: along the optical axis now, 1/m, (B, 1, N). motion: (B, 3), of the base from the previous frame to
-    this one. A point is P_previous = R(yaw) P_now + t; all is divided by its depth now, so that infinity is a value
-    like others. Derivatives: by x, y, yaw, roll, pitch.
-    """
-    x_m, y_m, yaw = (value[:, None] for value in motion.split(1, dim=1))  # each (B, 1, 1)
-    cos, sin = torch.cos(yaw), torch.sin(yaw)
-    ray = torch.matmul(cells.rotation, torch.cat([cells.here, torch.ones_like(inverse_depth)], dim=1))
-    point = ray + inverse_depth * cells.lens
-    turned_x = cos * point[:, :1] - sin * point[:, 1:2]
-    turned_y = sin * point[:, :1] + cos * point[:, 1:2]
-    shift_x, shift_y, shift_z = (inverse_depth * value for value in cells.lens.split(1, dim=1))
-    before_x = turned_x + inverse_depth * x_m - shift_x
-    before_y = turned_y + inverse_depth * y_m - shift_y
-    before_z = point[:, 2:] - shift_z
-    nothing = torch.zeros_like(before_x)
-    columns = [
-        (before_x, before_y, before_z),
-        (inverse_depth, nothing, nothing),
-        (nothing, inverse_depth, nothing),
-        (-turned_y, turned_x, nothing),
-        (nothing, -before_z, before_y),
-        (before_z, nothing, -before_x),
-    ]
-    base = torch.stack([torch.cat(column, dim=1) for column in columns], dim=1)  # (B, 6, 3, N)
-    optical = torch.matmul(cells.rotation.transpose(1, 2)[:, None], base)
-    here, moved = optical[:, 0], optical[:, 1:]
-    depth = here[:, 2:].clamp_min(LEAST_DEPTH)
-    bearing = here[:, :2] / depth
-    slopes = (moved[:, :, :2] - bearing[:, None] * moved[:, :, 2:]) / depth[:, None]
-    return bearing, slopes.transpose(1, 2)
+    rays: Tensor
+    by: Tensor
+
+    @staticmethod
+    def of(cells: Cells, motion: Tensor) -> Sight:
+        """motion: (B, 3), of the base from the previous frame to this one: P_previous = R(yaw) P_now + t."""
+        yaw = motion[:, 2:]
+        turned = torch.cat([torch.cos(yaw), torch.sin(yaw)], dim=1)
+        lens = cells.lens[:, :2, 0]
+        lens_turned = turned[:, :1] * lens + turned[:, 1:] * (lens @ torch.tensor([[0.0, 1.0], [-1.0, 0.0]]).to(lens))
+        before = lens_turned + motion[:, :2] - lens
+        known = torch.cat([turned, lens_turned, before, torch.ones_like(yaw)], dim=1)
+        base = torch.matmul(known, _POINT_AND_CHANGES.to(known)).reshape(-1, 3, 24)  # rows x, y, z of the base
+        optical = torch.matmul(cells.rotation.transpose(1, 2), base).reshape(-1, 18, 4)
+        by = torch.cat([torch.matmul(optical[:, :, :3], cells.rotation), optical[:, :, 3:]], dim=2)
+        rays = torch.cat([cells.here, torch.ones_like(cells.floor)], dim=1)
+        return Sight(rays, by)
+
+    def bearings(self, inverse_depth: Tensor) -> Tensor:
+        """Bearings in the previous picture (B, 2, N). inverse_depth: along the optical axis now, 1/m, (B, 1, N)."""
+        seen = torch.matmul(self.by[:, ::6], torch.cat([self.rays, inverse_depth], dim=1))
+        return seen[:, :2] / seen[:, 2:].clamp_min(LEAST_DEPTH)
+
+    def slopes(self, inverse_depth: Tensor) -> tuple[Tensor, Tensor]:
+        """The bearings (B, 2, N), and their derivatives (B, 2, 5, N): by x, y, yaw, roll, pitch."""
+        seen = torch.matmul(self.by, torch.cat([self.rays, inverse_depth], dim=1)).unflatten(1, (3, 6))
+        flat, away = seen[:, :2], seen[:, 2:]
+        depth = away[:, :, :1].clamp_min(LEAST_DEPTH)
+        bearing = flat[:, :, :1] / depth
+        return bearing[:, :, 0], (flat[:, :, 1:] - bearing * away[:, :, 1:]) / depth
+
+
+def _point_and_changes() -> Tensor:
+    """(7, 72): from cos, sin, turned lens x, y, its place x, y and 1 to the point and its changes in the base frame,
+    (3, 6, 4) of x, y, z; by x, y and z of the ray, and by inverse depth."""
+    cos, sin, lens_x, lens_y, at_x, at_y, one = range(7)
+    table = torch.zeros(7, 3, 6, 4)
+    x, y, z = (table[:, axis, 0] for axis in range(3))
+    x[cos, 0], x[sin, 1], x[at_x, 3] = 1.0, -1.0, 1.0
+    y[sin, 0], y[cos, 1], y[at_y, 3] = 1.0, 1.0, 1.0
+    z[one, 2] = 1.0  # the lens stays at its height
+    table[one, 0, 1, 3] = table[one, 1, 2, 3] = 1.0
+    table[sin, 0, 3, 0], table[cos, 0, 3, 1], table[lens_y, 0, 3, 3] = -1.0, -1.0, -1.0
+    table[cos, 1, 3, 0], table[sin, 1, 3, 1], table[lens_x, 1, 3, 3] = 1.0, -1.0, 1.0
+    table[:, 1, 4], table[:, 2, 4] = -z, y
+    table[:, 0, 5], table[:, 2, 5] = z, -x
+    return table.reshape(7, 72)
+
+
+_POINT_AND_CHANGES = _point_and_changes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,41 +125,36 @@ def solve(
 
     slopes: (B, 2, 5, N). residuals: measured less predicted bearings at `start`, (B, 2, N). weights: information of
     each, (B, 2, N). prior: another estimate of the motion, (B, 3), with independent information (B, 3). One step of
-    Gauss and Newton from `start`, (B, 3), normal equations solved by blocks (Schur complement).
+    Gauss and Newton from `start`, (B, 3); the normal equations with their right side are one symmetric (B, 6, 6).
     """
     # In float64: what the tilt takes off the motion's information is nearly all of it where only far things are seen.
-    rows = slopes.transpose(1, 2).flatten(2).double()  # (B, 5, 2N)
-    weighted = rows * weights.flatten(1)[:, None].double()
-    prior_information = prior_information.double()
-    normal = torch.matmul(weighted, rows.transpose(1, 2))
-    right = torch.matmul(weighted, residuals.flatten(1)[:, :, None].double())
-    motion, cross, tilt = normal[:, :3, :3], normal[:, :3, 3:], normal[:, 3:, 3:]
-    eye3 = torch.eye(3, dtype=normal.dtype)
-    motion = motion + eye3 * prior_information[:, :, None]
-    tilt = tilt + torch.eye(2, dtype=normal.dtype) / TILT_SIGMA_RAD**2
-    pull = right[:, :3] + (prior_information * (prior - start).double())[:, :, None]
-    through = torch.matmul(cross, inverse2(tilt))
-    information = motion - torch.matmul(through, cross.transpose(1, 2))
-    pull = pull - torch.matmul(through, right[:, 3:])
+    rows = torch.cat([slopes, residuals[:, :, None]], dim=2).double()
+    normal = torch.matmul(rows * weights[:, :, None].double(), rows.transpose(2, 3)).sum(dim=1)
+    offset = torch.cat([prior - start, torch.zeros_like(start)], dim=1)[:, :, None]  # of the tilts' priors: none
+    weight = torch.cat([prior_information, torch.full_like(start, TILT_SIGMA_RAD**-2)], dim=1)[:, :, None]
+    eye = torch.eye(6, dtype=normal.dtype)
+    known = torch.cat([eye[:5, :5].expand(len(start), 5, 5), offset[:, :5].double()], dim=2)  # the priors, as rows
+    normal = normal[:, :5] + weight[:, :5].double() * known
+    normal = _without(_without(normal, 4), 3)
+    information, pull = normal[:, :, :3], normal[:, :, 5:]
     covariance = inverse3(information)
     step, kind = torch.matmul(covariance, pull)[:, :, 0], start.dtype
     return Solution(start + step.to(kind), information.to(kind), covariance.to(kind))
 
 
-def inverse2(matrix: Tensor) -> Tensor:
-    """Of symmetric (B, 2, 2)."""
-    a, b, d = matrix[:, :1, :1], matrix[:, :1, 1:], matrix[:, 1:, 1:]
-    determinant = a * d - b * b
-    return torch.cat([torch.cat([d, -b], dim=2), torch.cat([-b, a], dim=2)], dim=1) / determinant
+def _without(normal: Tensor, unknown: int) -> Tensor:
+    """Normal equations (B, unknown + 1, 6) with their last row's unknown solved for and put in: one row fewer."""
+    last = normal[:, unknown:]
+    return normal[:, :unknown] - normal[:, :unknown, unknown : unknown + 1] * (last / last[:, :, unknown : unknown + 1])
 
 
 def inverse3(matrix: Tensor) -> Tensor:
     """Of symmetric positive (B, 3, 3), by cofactors, after scaling its diagonal to 1."""
-    root = torch.stack([matrix[:, i, i] for i in range(3)], dim=1).rsqrt()
-    scaled = matrix * root[:, :, None] * root[:, None]
-    a, b, c = scaled[:, 0, 1], scaled[:, 0, 2], scaled[:, 1, 2]
-    ab, ac, bc = b * c - a, a * c - b, a * b - c
-    rows = [torch.stack(row, dim=1) for row in ((1.0 - c * c, ab, ac), (ab, 1.0 - b * b, bc), (ac, bc, 1.0 - a * a))]
-    determinant = (1.0 - c * c) + a * ab + b * ac
-    adjugate = torch.stack(rows, dim=1)
-    return adjugate / determinant.clamp_min(1e-9)[:, None, None] * root[:, :, None] * root[:, None]
+    root = matrix.flatten(1)[:, ::4].rsqrt()
+    scale = root[:, :, None] * root[:, None]
+    scaled = (matrix * scale).flatten(1)
+    adjugate = scaled[:, [4, 5, 3, 7, 8, 6, 1, 2, 0]] * scaled[:, [8, 6, 7, 2, 0, 1, 5, 3, 4]] - (
+        scaled[:, [5, 3, 4, 8, 6, 7, 2, 0, 1]] * scaled[:, [7, 8, 6, 1, 2, 0, 4, 5, 3]]
+    )
+    determinant = (scaled[:, :3] * adjugate[:, :3]).sum(dim=1, keepdim=True).clamp_min(1e-9)
+    return (adjugate / determinant).unflatten(1, (3, 3)) * scale

@@ -12,24 +12,30 @@ from edgemap.runtime.network import Compute, Network, Tensors
 from edgemap.runtime.reading import one_line
 
 PROVIDERS = ["CPUExecutionProvider"]
+ROWS = "rows"  # name of an input's height in files that leave it open
 SPIN_US = "300"  # longer than between two operators, shorter than what a step does between two networks
 
 
-def session_options(compute: Compute) -> ort.SessionOptions:
-    """One operator at a time, quiet, on the threads asked for."""
+def session_options(compute: Compute, rows: int | None = None) -> ort.SessionOptions:
+    """One operator at a time, quiet, on the threads asked for. rows: of the input, where the file leaves them open."""
     options = ort.SessionOptions()
     options.intra_op_num_threads = compute.threads
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", str(int(compute.spin)))
     options.add_session_config_entry("session.intra_op.spin_duration_us", SPIN_US)
     options.log_severity_level = 4
+    if rows is not None:
+        options.add_free_dimension_override_by_name(ROWS, rows)
     return options
 
 
-def open_onnxruntime(source: Path | bytes, compute: Compute) -> Network:
-    """Load an ONNX file, or a model in memory. Raises what onnxruntime raises, which shares no public base."""
+def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = None) -> Network:
+    """Load an ONNX file, or a model in memory. rows: as in `session_options`.
+
+    Raises what onnxruntime raises, which shares no public base.
+    """
     model = source if isinstance(source, bytes) else str(source)
-    session = ort.InferenceSession(model, session_options(compute), providers=PROVIDERS)
+    session = ort.InferenceSession(model, session_options(compute, rows), providers=PROVIDERS)
     outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
     names = list(outputs)
 

@@ -15,10 +15,15 @@ need("openvino", "--engine openvino", ("openvino",))
 import openvino as ov  # noqa: E402
 
 
-def open_openvino(path: Path, compute: Compute) -> Network:
-    """Compile an ONNX file for latency. Raises what OpenVINO raises."""
+def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
+    """Compile an ONNX file for latency. rows: of the input, where the file leaves them open. Raises what OpenVINO
+    raises."""
     core = ov.Core()
     model = core.read_model(path)
+    if model.is_dynamic():
+        (port,) = model.inputs
+        channels, columns = (port.get_partial_shape()[axis].get_length() for axis in (1, 3))
+        model.reshape({port.get_any_name(): [1, channels, rows, columns]})
     precision = "bf16" if compute.engine == "openvino-bf16" else "f32"
     config = {
         "PERFORMANCE_HINT": "LATENCY", "INFERENCE_NUM_THREADS": compute.threads, "INFERENCE_PRECISION_HINT": precision,

@@ -47,7 +47,7 @@ def test_asked_threads_need_no_trial(pace, threads, chosen):
 def test_threads_change_no_bit_of_the_outputs():
     folder, random = bundle_folder("edgemap-nano"), np.random.default_rng(0)
     for name in ("backbone.onnx", "odometry.flow.onnx"):
-        networks = [open_onnxruntime(folder / name, compute) for compute in (Compute(1), SLEEPING, SPINNING)]
+        networks = [open_onnxruntime(folder / name, compute, 416) for compute in (Compute(1), SLEEPING, SPINNING)]
         tensors = {key: random.uniform(0, 1, shape).astype(np.float32) for key, shape in networks[0].inputs.items()}
         expected, *others = [network.run(tensors) for network in networks]
         for found in others:

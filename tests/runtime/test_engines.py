@@ -57,7 +57,7 @@ def test_flow_odometry_would_move_the_same_in_openvino():
         frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
     odometries = [LearnedOdometry(bundle, "flow", floor) for _ in range(2)]
     odometries[1]._network = open_network(NANO / "odometry.flow.onnx", Compute(1, engine="openvino"))
-    source = FeatureSource(bundle)
+    source = FeatureSource(bundle, camera.intrinsics)
     for frame in frames:
         features = source(frame)
         ours, theirs = (odometry.step(frame, features).motion.vector() for odometry in odometries)

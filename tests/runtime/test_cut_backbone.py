@@ -1,0 +1,69 @@
+"""Rows of the input that a camera's pictures do not reach are not computed, and nothing else changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.decode import Decoder
+from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.store import bundle_folder
+
+ENGINES = ["onnxruntime", "openvino"]
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    with open_camera("demo") as camera:
+        frames = [frame for _ in range(12) if (frame := camera.read()) is not None]
+    return [frame.image for frame in frames[::4]]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_boxes_and_features_are_those_of_the_whole_input(pictures, engine):
+    pytest.importorskip(engine)
+    whole = load_bundle(bundle_folder("edgemap-nano"), 1, engine=engine)
+    cut = whole.for_pictures(640, 480)
+    assert (whole.detector.input.height, cut.detector.input.height) == (416, 320)
+    found = {}
+    for bundle in (whole, cut):
+        preprocess, decode = Preprocessor(bundle.detector.input), Decoder(bundle.detector, 0.3, one_name=True)
+        for index, picture in enumerate(pictures):
+            tensor, placement = preprocess(picture)
+            outputs = bundle.backbone.run({bundle.detector.input.name: tensor})
+            found[bundle is cut, index] = outputs["feature_stride4"].copy(), decode(outputs, placement)
+    for index in range(len(pictures)):
+        (features, boxes), (own_features, own_boxes) = found[False, index], found[True, index]
+        assert own_features.shape == features.shape
+        np.testing.assert_allclose(own_features[:, :, :77], features[:, :, :77], atol=1e-4)
+        np.testing.assert_allclose(own_features[:, :, 84:], features[:, :, 84:], atol=1e-4)
+        assert len(boxes) > 0
+        assert list(own_boxes.labels) == list(boxes.labels)
+        np.testing.assert_allclose(own_boxes.scores, boxes.scores, atol=0.02)
+        assert np.median(np.abs(own_boxes.boxes - boxes.boxes)) < 0.5
+
+
+def test_features_outlive_the_next_picture(pictures):
+    cut = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
+    name, preprocess = cut.detector.input.name, Preprocessor(cut.detector.input)
+    first = cut.backbone.run({name: preprocess(pictures[0])[0]})["feature_stride4"]
+    kept = first.copy()
+    cut.backbone.run({name: preprocess(pictures[1])[0]})
+    np.testing.assert_array_equal(first, kept)
+
+
+@pytest.mark.parametrize(
+    ("size", "rows"), [((640, 480), 320), ((1280, 720), 256), ((480, 640), 416), ((416, 416), 416)]
+)
+def test_rows_follow_the_shape_of_the_pictures(size, rows):
+    bundle = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(*size)
+    assert bundle.backbone.inputs["image"] == (1, 3, rows, 416)
+    assert bundle.backbone.outputs["feature_stride4"] == (1, 32, 104, 104)
+
+
+@pytest.mark.parametrize("name", ["yolox-nano", "picodet-s"])
+def test_a_file_of_fixed_size_is_left_as_it_is(name):
+    bundle = load_bundle(bundle_folder(name), 1)
+    assert bundle.for_pictures(640, 480).backbone.inputs == bundle.backbone.inputs
