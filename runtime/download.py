@@ -13,7 +13,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlsplit
@@ -159,14 +159,19 @@ class _Https(urllib.request.HTTPSHandler):
     """Opens https, watched by a clock."""
 
     def __init__(self, clock: _Clock) -> None:
-        self._ssl = ssl.create_default_context()
-        super().__init__(context=self._ssl)
+        super().__init__(context=_trusted())
         self._clock = clock
 
     def https_open(self, req: Any) -> Any:
         """As the base class."""
         open_watched: Any = partial(self._clock.connect, http.client.HTTPSConnection)
-        return self.do_open(open_watched, req, context=self._ssl)
+        return self.do_open(open_watched, req, context=_trusted())
+
+
+@cache
+def _trusted() -> ssl.SSLContext:
+    # The system's certificates take 20 ms to read, which a bundle's files need not pay for each.
+    return ssl.create_default_context()
 
 
 class _WebOnly(urllib.request.HTTPRedirectHandler):

@@ -34,6 +34,7 @@ ALARM_S = 5.0  # of processor time, so that a busy machine is no failure
 HUNG_S = 300.0  # without a word from a worker, which reports every 100 inputs
 COUNTED = ("accepted", "refused", "failed", "lines")
 KEPT = 20  # failing inputs of each reader
+FINISHED = "finished.jsonl"
 FIRST_PARSE = (
     "not JSON", "not YAML", "cannot be read", "not a picture", "picture is cut short", "not an MCAP", "not a torch",
     "not a complete ONNX", "not a whole ONNX", "too short", "no closing bracket", "is neither [section]",
@@ -67,11 +68,12 @@ class ReaderCase:
 
 
 def examine(cases: Callable[[Path], Iterable[ReaderCase]], seed: int, count: int, out: Path) -> PartReport:
-    """So many inputs for every reader. cases: given a scratch folder. out: failing inputs are kept here."""
+    """So many inputs for every reader. cases: given a scratch folder. out: failing inputs are kept here, and what is
+    finished: a run of the same seed and size goes on from there."""
     scratch = Path(tempfile.mkdtemp(prefix="edgemap-readers-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
-    known = raises()
+    known, done = raises(), _finished(out, seed, count)
     try:
-        results = [of_reader(case, seed, count, scratch, out) for case in cases(scratch)]
+        results = [done.get(case.name) or of_reader(case, seed, count, scratch, out) for case in cases(scratch)]
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     hit = {tuple(line) for result in results for line in result["lines"]}
@@ -88,6 +90,13 @@ def examine(cases: Callable[[Path], Iterable[ReaderCase]], seed: int, count: int
     figures = {"readers": results, "raises": len(known), "raises_hit": len(raised)}
     return PartReport(tuple(failures), tuple(_table(results, len(raised), len(known))),
                       figures | {"raises_missed": sorted(set(known) - raised)})  # fmt: skip
+
+
+def _finished(out: Path, seed: int, count: int) -> dict[str, dict[str, Any]]:
+    """Results of readers that an earlier run into this folder finished, by name."""
+    path = out / FINISHED
+    lines = map(json.loads, path.read_text().splitlines() if path.is_file() else ())
+    return {line["reader"]: line for line in lines if (line["seed"], line["inputs"]) == (seed, count)}
 
 
 def of_reader(case: ReaderCase, seed: int, count: int, scratch: Path, out: Path) -> dict[str, Any]:
@@ -113,11 +122,11 @@ def of_reader(case: ReaderCase, seed: int, count: int, scratch: Path, out: Path)
     refused, accepted = totals["refused"], sum(totals["accepted"].values())
     early = sum(number for check, number in refused.items() if any(word in check for word in FIRST_PARSE))
     result: dict[str, Any] = {
-        "reader": case.name, "inputs": count, "accepted": accepted, "refused": dict(refused.most_common()),
+        "reader": case.name, "seed": seed, "inputs": count, "accepted": accepted, "refused": dict(refused.most_common()),
         "past": 1.0 - early / count, "failed": dict(totals["failed"]), "seconds": time.monotonic() - began_s,
         "lines": list(totals["lines"]),
     }  # fmt: skip
-    with (out / "finished.jsonl").open("a") as file:  # a run that is cut short has these
+    with (out / FINISHED).open("a") as file:
         file.write(json.dumps(result) + "\n")
     print(
         f"{case.name}: {count:,} inputs, {accepted:,} accepted, {dict(totals['failed']) or 'no failure'}",

@@ -35,6 +35,18 @@ def test_readers_are_examined_and_counted(tmp_path):
         assert result["accepted"] + sum(result["refused"].values()) == result["inputs"] == 100
 
 
+def test_a_run_that_was_cut_short_goes_on_with_the_next_reader(tmp_path):
+    whole = examine(few, 0, 20, tmp_path)
+    lines = (tmp_path / "finished.jsonl").read_text().splitlines()
+    (tmp_path / "finished.jsonl").write_text("\n".join(lines[:2]) + "\n")
+    again = examine(few, 0, 20, tmp_path)
+    assert len((tmp_path / "finished.jsonl").read_text().splitlines()) == len(CHEAP)
+    counts = [[(row["accepted"], row["refused"]) for row in report.figures["readers"]] for report in (whole, again)]
+    assert counts[0] == counts[1]
+    examine(few, 1, 20, tmp_path)
+    assert len((tmp_path / "finished.jsonl").read_text().splitlines()) == 2 * len(CHEAP)  # another seed, all of them
+
+
 @pytest.mark.parametrize(
     ("error", "words"),
     [
