@@ -105,7 +105,7 @@ def _command(words: str, rest: list[str]) -> None:
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    from edgemap.runtime.reading import printable
+    from edgemap.runtime.reading import tell
 
-    print(printable(message), file=sys.stderr)
+    tell(message)
     sys.exit(exit_code)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -147,8 +146,9 @@ def command(
         document["at_rest"] = measure_at_rest(lambda: open_drive(standing=True), seconds, rate[0])
     if plot is not None:
         from edgemap.plots.bench import plot_bench
+        from edgemap.runtime.reading import tell
 
-        print(f"see it:  {plot_bench(plot / 'bench.png', document)}", file=sys.stderr)
+        tell(f"see it:  {plot_bench(plot / 'bench.png', document)}")
     if json:
         import json as json_module
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -171,6 +170,7 @@ def _way(folder: Path) -> Trajectory | None:
     """The run's trajectory; None where it is missing, empty or damaged, which is said."""
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.errors import OdometryError
+    from edgemap.runtime.reading import tell
     from edgemap.runtime.sightings_file import whole_lines
     from edgemap.runtime.trajectory import parse_tum
 
@@ -178,7 +178,7 @@ def _way(folder: Path) -> Trajectory | None:
     try:
         return parse_tum(b"".join(whole_lines(path)), str(path))
     except (MapError, OdometryError) as error:
-        print(f"(the trajectory is not drawn: {error})", file=sys.stderr)
+        tell(f"(the trajectory is not drawn: {error})")
         return None
 
 

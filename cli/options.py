@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -200,11 +199,12 @@ def find_bundle(
         raise OptionError(f"--threads {threads}: at most {MOST_THREADS}")
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.default_bundle import default_bundle
+    from edgemap.runtime.reading import tell
     from edgemap.runtime.store import bundle_folder
 
     if name is None:
         name, reason = default_bundle(*specs)
-        print(f"bundle {name}: {reason}", file=sys.stderr)
+        tell(f"bundle {name}: {reason}")
     folder = bundle_folder(name)
     if folder.suffix == ".onnx" or folder.is_file():
         made = folder.stem
@@ -232,10 +232,12 @@ def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions 
     """What is asked for, else what was recorded and is installed, else onnxruntime."""
     from importlib.util import find_spec
 
+    from edgemap.runtime.reading import tell
+
     if asked != "default":
         return asked
     if recorded and recorded.engine != "onnxruntime" and find_spec("openvino") is None:
-        print(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly", file=sys.stderr)
+        tell(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly")
         return "onnxruntime"
     return recorded.engine if recorded else "onnxruntime"
 

@@ -32,15 +32,14 @@ def command(
     transfer goes on where it stopped.
     """
     from edgemap.runtime.download import is_url
-    from edgemap.runtime.reading import user_path
+    from edgemap.runtime.reading import tell, user_path
     from edgemap.runtime.store import install_folder, install_url
 
     if is_url(source):
         if source.startswith("http:"):
-            print(
+            tell(
                 f"{source}: plain http has no authenticity: whoever is on the way can send another bundle; its sums "
-                "only tell that it arrived whole",
-                file=sys.stderr,
+                "only tell that it arrived whole"
             )
         folder = install_url(source)
     elif not known(source) and user_path(source).exists():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,7 +68,7 @@ def command(
             recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
             try:
                 while (frames is None or recorder.frames < frames) and not stop.is_set():
-                    frame = next_frame(source, lambda fault: print(fault, file=sys.stderr), stop.is_set)
+                    frame = next_frame(source, tell, stop.is_set)
                     if frame is None:
                         break
                     recorder.picture(frame)

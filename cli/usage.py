@@ -29,7 +29,9 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
             tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as error:
         if error.code == 2 and said.getvalue():
-            print(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)", file=real)
+            from edgemap.runtime.reading import tell
+
+            tell(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)")
         raise
 
 

@@ -17,7 +17,7 @@ from edgemap.runtime.store import downloads_folder
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
     """The model's file in the cache, and one line on where it came from with its sum.
 
-    given: a file or URL of the user's instead of the known sources. Raises DownloadError, a line per source tried.
+    given: a file or URL of the user's instead of the known sources. Raises DownloadError, which says why for each source.
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):
@@ -32,11 +32,11 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
             else:
                 fetch_member(source, target, sums=model.sums, progress=progress)
         except EdgemapError as error:
-            failures.append(f"  {error}")
+            failures.append(str(error))
         else:
             return target, (f"{source} sha256 {_sum(target)}",)
-    hint = f"  with the file at hand: edgemap pull {model.name} --from FILE"
-    raise DownloadError("\n".join([f"{model.name}: no source gave {model.file}:", *failures, hint]))
+    hint = f"with the file at hand: edgemap pull {model.name} --from FILE"
+    raise DownloadError(f"{model.name}: no source gave {model.file} ({'; '.join(failures)}); {hint}")
 
 
 def _take(model: KnownModel, file: Path, target: Path) -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import stat
+import sys
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -44,12 +45,17 @@ def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     return words if len(words) <= length else words[: length - 1] + "…"
 
 
-def printable(text: str) -> str:
-    """A message for a terminal, its lines kept: what would not print, such as control characters of a file's name, is
-    left out, and the middle of what is too long."""
-    lines = (one_line(line, len(line)) for line in text.split("\n"))
+def printable(text: object) -> str:
+    """A message for a terminal, one line: line breaks, control characters and halves of characters, as file names may
+    hold, as escapes (`\\n`), and without the middle of what is too long."""
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text))
     half = LINE_LENGTH // 2
-    return "\n".join(line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}" for line in lines)
+    return line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}"
+
+
+def tell(text: object) -> None:
+    """Print a message to standard error, as `printable` makes it: every line that edgemap says there comes from here."""
+    print(printable(text), file=sys.stderr)
 
 
 def user_path(text: str | Path) -> Path:

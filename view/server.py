@@ -6,7 +6,6 @@ import ipaddress
 import math
 import secrets
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from collections.abc import Callable
 import psutil
 import uvicorn
 
+from edgemap.runtime.reading import tell
 from edgemap.view.app import make_app
 from edgemap.view.connections import WaitingLimited
 from edgemap.view.errors import ViewError
@@ -34,7 +34,7 @@ class PageServer:
         page: LivePage,
         host: str,
         port: int,
-        told: Callable[[str], None] = lambda text: print(text, file=sys.stderr),
+        told: Callable[[str], None] = tell,
     ) -> None:
         self._socket = _bind(host, port)
         self._told = told

@@ -7,6 +7,7 @@ import sys
 from tqdm import tqdm
 
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.reading import printable
 from edgemap.runtime.slam import StepResult
 
 
@@ -29,7 +30,7 @@ class Progress:
         """Say it once above the line."""
         if text != self._told and not self._bar.disable:
             self._told = text
-            self._bar.write(text, file=sys.stderr)
+            self._bar.write(printable(text), file=sys.stderr)
 
     def close(self) -> None:
         """End the line."""

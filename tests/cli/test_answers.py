@@ -109,6 +109,11 @@ def test_map_show_without_matplotlib_lists_the_objects_and_draws_the_centres(tmp
         (("run", "--camera", "rtsp://["), "not an address"),
         (("run", "--camera", "sim:" + "9" * 5000), "expected sim:SEED"),
         (("map", "show", "a\x1b[2Jb"), "a [2Jb: cannot be read"),
+        (("run", "--camera", "a\nb\x1b[2J/c.mp4"), r"'a\nb\x1b[2J/c.mp4': no such file or folder"),
+        (("run", "--camera", "kitti:a\r\n\u202eb"), r"a\r\n\u202eb: no such folder"),
+        (("map", "show", "a\nb\udcff"), "cannot be read"),
+        (("map", "export", "a\nb", "--format", "csv"), "cannot be read"),
+        (("pull", "a\nb"), r"a\nb"),
     ],
 )
 def test_paths_that_the_system_refuses_are_one_line(capsys, arguments, words):
