@@ -8,7 +8,8 @@ from typing import Any
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.cameras.realsense import RealSenseDriver, import_realsense, is_recording, lens_of
-from edgemap.runtime.cameras.realsense_depth import POLL_MS, SILENT_POLLS, aligned_pictures, start_aligned
+from edgemap.runtime.cameras.realsense_depth import aligned_pictures, start_aligned
+from edgemap.runtime.cameras.realsense_playback import POLL_MS, SILENT_POLLS, stop
 from edgemap.runtime.drives.depth import Depth, read_depth
 from edgemap.runtime.drives.open import READERS, open_drive
 from edgemap.runtime.errors import CameraError
@@ -40,7 +41,11 @@ def _realsense(rs: ModuleType, config: Any, name: str) -> tuple[Intrinsics, Iter
     started = start_aligned(rs, config)
     if started is None:
         return None
-    lens = lens_of(started[0].get_active_profile().get_stream(rs.stream.color), name)
+    try:
+        lens = lens_of(started[0].get_active_profile().get_stream(rs.stream.color), name)
+    except CameraError:
+        stop(started[0])
+        raise
     return lens, _depths(rs, *started, name)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import cache
 from itertools import product
 from types import ModuleType
 from typing import Any
@@ -13,9 +14,10 @@ import numpy as np
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.runtime.cameras.device import Picture
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.cameras.realsense_depth import POLL_MS, Aligned
+from edgemap.runtime.cameras.realsense_depth import Aligned
 from edgemap.runtime.cameras.realsense_motion import start_motion
 from edgemap.runtime.cameras.realsense_picture import to_bgr
+from edgemap.runtime.cameras.realsense_playback import POLL_MS, started, stop
 from edgemap.runtime.errors import CameraError, MissingExtraError
 from edgemap.runtime.extras import pip
 
@@ -35,7 +37,15 @@ def import_realsense() -> ModuleType:
         raise MissingExtraError(
             f"RealSense needs librealsense's Python module: {pip()} install pyrealsense2 ({error})"
         ) from None
+    _context(pyrealsense2)
     return pyrealsense2
+
+
+@cache
+def _context(rs: ModuleType) -> Any:
+    """A context that is kept to the end of the process: the threads that watch the bus are those of all contexts, and
+    are never begun and ended again while there is one."""
+    return rs.context()
 
 
 def is_recording(rest: str) -> bool:
@@ -75,7 +85,7 @@ def devices() -> list[tuple[str, str]]:
     """(serial, name) of each RealSense that is plugged in. Raises MissingExtraError as `import_realsense` does."""
     rs = import_realsense()
     info = rs.camera_info
-    return [(d.get_info(info.serial_number), d.get_info(info.name)) for d in rs.context().query_devices()]
+    return [(d.get_info(info.serial_number), d.get_info(info.name)) for d in _context(rs).query_devices()]
 
 
 class RealSenseDevice:
@@ -105,7 +115,7 @@ class RealSenseDevice:
             if self._motion is not None:
                 self._motion.stop()
         finally:
-            self.pipeline.stop()
+            stop(self.pipeline)
 
 
 class RealSenseDriver:
@@ -135,19 +145,19 @@ class RealSenseDriver:
             if with_depth:
                 config.enable_stream(rs.stream.depth)
             try:
-                profile = pipeline.start(config).get_stream(rs.stream.color)
+                profile = started(rs, pipeline, config).get_stream(rs.stream.color)
             except RuntimeError as error:
                 failure = " ".join(str(error).split())
                 continue
             if with_depth and not pipeline.try_wait_for_frames(DEPTH_LIMIT_MS)[0]:
-                pipeline.stop()  # depth that never comes would keep the pictures back
+                stop(pipeline)  # depth that never comes would keep the pictures back
                 continue
             self._opened = pipeline.get_active_profile().get_device()
             try:
                 motion = start_motion(rs, self._context, str(self._serial), profile, self.imu)
                 return RealSenseDevice(rs, pipeline, profile, self.name, motion, Aligned(rs) if with_depth else None)
             except Exception:  # whatever it is, the device must be free for the next attempt
-                pipeline.stop()
+                stop(pipeline)
                 raise
         raise CameraError(f"{self.name} does not start its colour stream ({failure})")
 

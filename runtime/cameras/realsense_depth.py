@@ -9,20 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.cameras.realsense_playback import POLL_MS, SILENT_POLLS, as_fast_as_read, started, stop
 from edgemap.runtime.drives.depth import Depth
 
-POLL_MS = 200
-SILENT_POLLS = 50  # 10 s of a recording that neither delivers nor ends
 LATE_S = 0.02  # between a picture and the depth that belongs to it
-
-
-def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
-    """The playback of a recording, out of real time; call it before the start: in real time, playback drops the
-    pictures that come before the pipeline waits for them. False where the configuration names a device."""
-    playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
-    if playback:
-        playback.set_real_time(False)
-    return playback
 
 
 class Aligned:
@@ -65,8 +55,8 @@ def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
     """The depth of a recording; None where it has none."""
     config = rs.config()
     config.enable_device_from_file(str(path), repeat_playback=False)
-    started = start_aligned(rs, config)
-    return None if started is None else DepthBeside(aligned_pictures(rs, *started))
+    playing = start_aligned(rs, config)
+    return None if playing is None else DepthBeside(aligned_pictures(rs, *playing))
 
 
 def start_aligned(rs: ModuleType, config: Any) -> tuple[Any, Any] | None:
@@ -76,7 +66,7 @@ def start_aligned(rs: ModuleType, config: Any) -> tuple[Any, Any] | None:
     pipeline = rs.pipeline()
     try:
         playback = as_fast_as_read(rs, pipeline, config)
-        pipeline.start(config)
+        started(rs, pipeline, config)
     except RuntimeError:  # no depth stream; the camera itself says what else is wrong
         return None
     return pipeline, playback
@@ -100,4 +90,4 @@ def aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[t
                 last = measured.get_frame_number()
                 yield measured.get_timestamp() / 1000.0, depth
     finally:
-        pipeline.stop()
+        stop(pipeline)

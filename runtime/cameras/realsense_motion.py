@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
+from edgemap.runtime.cameras.realsense_playback import await_begin, caught_up
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,7 @@ def recorded_motion(rs: ModuleType, path: Path) -> ImuSamples | None:
     """All inertial samples of a recording; None where it has no gyro and accelerometer.
 
     They are read through the playback's own sensor: waiting for frame sets gives one sample a picture only.
+    Its status is asked for: a callback that tells it would be Python on the thread that is waited for at the end.
     """
     context = rs.context()
     device = context.load_device(str(path))
@@ -75,16 +76,17 @@ def recorded_motion(rs: ModuleType, path: Path) -> ImuSamples | None:
     ]
     if {found.stream_type() for _, profiles in sensors for found in profiles} != set(kinds):
         return None
-    buffer, ended = ImuBuffer(kept=None), threading.Event()
-    playback.set_status_changed_callback(lambda status: ended.set() if status == rs.playback_status.stopped else None)
+    buffer, until_s = ImuBuffer(kept=None), time.monotonic() + PLAYBACK_LIMIT_S
     for sensor, profiles in sensors:
         sensor.open(profiles)
     for sensor, _ in sensors:
         sensor.start(motion_callback(rs, buffer))
-    ended.wait(PLAYBACK_LIMIT_S)
-    time.sleep(0.05)  # callbacks under way
+    await_begin(rs, playback)
+    while playback.current_status() != rs.playback_status.stopped and time.monotonic() < until_s:
+        time.sleep(0.005)
     for sensor, _ in sensors:
         sensor.stop()
         sensor.close()
+    caught_up(playback)
     samples = buffer.take(np.inf)
     return samples if len(samples) else None

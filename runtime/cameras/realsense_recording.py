@@ -13,9 +13,10 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.cameras.realsense import import_realsense, lens_of, picture_size
-from edgemap.runtime.cameras.realsense_depth import POLL_MS, SILENT_POLLS, as_fast_as_read, depth_beside
+from edgemap.runtime.cameras.realsense_depth import depth_beside
 from edgemap.runtime.cameras.realsense_motion import recorded_motion
 from edgemap.runtime.cameras.realsense_picture import to_bgr
+from edgemap.runtime.cameras.realsense_playback import POLL_MS, SILENT_POLLS, as_fast_as_read, started, stop
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 
@@ -48,7 +49,7 @@ class RealSenseRecording(CameraBase):
             config.enable_device_from_file(str(path), repeat_playback=False)
             config.enable_stream(rs.stream.color)
             self._playback = as_fast_as_read(rs, self._pipeline, config)
-            profile = self._pipeline.start(config).get_stream(rs.stream.color)
+            profile = started(rs, self._pipeline, config).get_stream(rs.stream.color)
             self._running = True
         except RuntimeError as error:
             self.close()
@@ -86,7 +87,7 @@ class RealSenseRecording(CameraBase):
             self._depth.close()
         if self._running:
             self._running = False
-            self._pipeline.stop()
+            stop(self._pipeline)
 
     def _frame(self, colour: Any) -> Frame:
         stamp_s = colour.get_timestamp() / 1000.0
