@@ -53,6 +53,7 @@ def command(
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.cameras.reading import next_frame
     from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.reading import tell
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
 

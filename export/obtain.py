@@ -17,7 +17,7 @@ from edgemap.runtime.store import downloads_folder
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
     """The model's file in the cache, and one line on where it came from with its sum.
 
-    given: a file or URL of the user's instead of the known sources. Raises DownloadError, which says why for each source.
+    given: a file or URL of the user's instead of the known sources. Raises DownloadError, which tells of each source.
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):

@@ -54,7 +54,7 @@ def printable(text: object) -> str:
 
 
 def tell(text: object) -> None:
-    """Print a message to standard error, as `printable` makes it: every line that edgemap says there comes from here."""
+    """Print a message to standard error, as `printable` makes it: all that edgemap says there comes from here."""
     print(printable(text), file=sys.stderr)
 
 

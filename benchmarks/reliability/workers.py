@@ -122,8 +122,9 @@ def of_reader(case: ReaderCase, seed: int, count: int, scratch: Path, out: Path)
     refused, accepted = totals["refused"], sum(totals["accepted"].values())
     early = sum(number for check, number in refused.items() if any(word in check for word in FIRST_PARSE))
     result: dict[str, Any] = {
-        "reader": case.name, "seed": seed, "inputs": count, "accepted": accepted, "refused": dict(refused.most_common()),
-        "past": 1.0 - early / count, "failed": dict(totals["failed"]), "seconds": time.monotonic() - began_s,
+        "reader": case.name, "seed": seed, "inputs": count, "accepted": accepted,
+        "refused": dict(refused.most_common()), "past": 1.0 - early / count, "failed": dict(totals["failed"]),
+        "seconds": time.monotonic() - began_s,
         "lines": list(totals["lines"]),
     }  # fmt: skip
     with (out / FINISHED).open("a") as file:

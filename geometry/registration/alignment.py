@@ -203,7 +203,9 @@ def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequenc
             weighted = wrt_pose.T @ np.linalg.inv(_spread(pose, first[i], second[j]))
             information += weighted @ wrt_pose
             vector += weighted @ residual
-        covariance = np.linalg.inv(information + 1e-9 * np.eye(3)).astype(np.float64)
+        # Above what rounding takes: of objects a thousand kilometres off, 1e-9 would be lost in it.
+        floor = max(1e-9, 1e-13 * float(np.trace(information)))
+        covariance = np.linalg.inv(information + floor * np.eye(3)).astype(np.float64)
         step = covariance @ vector
         pose = SE2(*(pose.vector() + step))
         if np.abs(step).max() < 1e-9:

@@ -37,14 +37,17 @@ def import_realsense() -> ModuleType:
         raise MissingExtraError(
             f"RealSense needs librealsense's Python module: {pip()} install pyrealsense2 ({error})"
         ) from None
-    _context(pyrealsense2)
+    _kept_context()
     return pyrealsense2
 
 
 @cache
-def _context(rs: ModuleType) -> Any:
+def _kept_context() -> Any:
     """A context that is kept to the end of the process: the threads that watch the bus are those of all contexts, and
     are never begun and ended again while there is one."""
+    import pyrealsense2
+
+    rs: Any = pyrealsense2
     return rs.context()
 
 
@@ -85,7 +88,7 @@ def devices() -> list[tuple[str, str]]:
     """(serial, name) of each RealSense that is plugged in. Raises MissingExtraError as `import_realsense` does."""
     rs = import_realsense()
     info = rs.camera_info
-    return [(d.get_info(info.serial_number), d.get_info(info.name)) for d in _context(rs).query_devices()]
+    return [(d.get_info(info.serial_number), d.get_info(info.name)) for d in _kept_context().query_devices()]
 
 
 class RealSenseDevice:

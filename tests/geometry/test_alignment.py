@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -181,3 +182,16 @@ def test_an_alignment_follows_a_map_that_moved_while_it_was_sought():
     assert off_by_m(now.pose_a_b, SE2(1.1, 1.9, 0.55)) < 1e-6
     with pytest.raises(AlignmentError):
         realigned(found, mapped(CROOKED), mapped(CROOKED, SE2(9.0, 2.0, 2.5)))
+
+
+def test_objects_a_thousand_kilometres_off_with_no_doubt_at_all_are_aligned_or_refused():
+    """What a file may say: their information drowns the smallest numbers that are added to it."""
+    things = [("tv", 1e6, 1.7586899), ("tv", 1e6, -1.0), ("person", -0.781, 0.18), ("chair", -0.637, -2.4645)]
+    doubts = [(2e-9, 2e-9), (1e5, 2e-9), (1e5, 69320.7), (0.98507, 2e-9)]
+    objects = [replace(item, covariance_m2=np.diag(doubt)) for item, doubt in zip(mapped(things), doubts, strict=True)]
+    try:
+        found = align(objects, objects)
+    except AlignmentError:
+        return
+    assert np.isfinite(found.pose_a_b.vector()).all()
+    assert (np.linalg.eigvalsh(found.covariance) > 0.0).all()
