@@ -39,8 +39,8 @@ TARGETS = (
 TESTS = (
     "tests/geometry", "tests/evaluation", "tests/benchmarks/test_map_variants.py",
     *(f"tests/runtime/test_{name}.py" for name in (
-        "attitude", "blind", "checked_mount", "hybrid", "loop_closing", "mapper", "odometry", "pipeline",
-        "relocalisation", "rest", "resting", "scale_check",
+        "attitude", "blind", "checked_mount", "edits", "hybrid", "loop_closing", "mapper", "odometry", "pipeline",
+        "pose_journal", "relocalisation", "rest", "resting", "scale_check",
     )),
 )  # fmt: skip
 CPU_S = 40  # of one mutant's tests; those that would take longer are left out, slowest first
@@ -295,7 +295,8 @@ def _exit_code(mutant: Mutant | None, tests: list[str], chooser: Chooser) -> int
 def _work(share: list[Mutant], check: bool) -> Iterator[dict[str, object]]:
     """Outcomes, one by one. check: first that the tests pass without any mutant. Raises RuntimeError where not."""
     chooser = Chooser()
-    if check and share and (code := _exit_code(None, chooser.tests(share[0]), chooser)):
+    tests = next((tests for mutant in share if (tests := chooser.tests(mutant))), [])
+    if check and tests and (code := _exit_code(None, tests, chooser)):
         raise RuntimeError(f"tests fail without any mutant (pytest {code}): record again with --again")
     for mutant in share:
         begun = time.monotonic()

@@ -25,6 +25,7 @@ Key = tuple[int, int, int, int, int]  # cell x, cell y, side, track, rank among 
 CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
 SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
 VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
+MOST_VIEWS = 16  # of a pool: old ones were placed by poses that are known less well by now
 DIRECTIONS = 24  # from an object, in each of which the farthest place that it was seen from is told
 SAVED_SIDE = -1
 
@@ -50,8 +51,8 @@ class ObservationPool:
     m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
     first_m2: (2, 2), all that it makes of the earliest one. anchor_s: mean stamp, of the pose that it moves with.
     landmark: of loop closure, that they are observations of; -1 for none. beside: pools seen in one frame with it.
-    views: squares they were seen from, each with the first place in it. saved: the earlier map's object this is, if it
-    is one. row: in its index. updated: number of the last frame.
+    views: squares they were seen from, each with the newest place in it, the newest `MOST_VIEWS` only. saved: the
+    earlier map's object this is, if it is one. row: in its index. updated: number of the last frame.
     """
 
     __slots__ = (
@@ -107,7 +108,11 @@ class ObservationPool:
         self.anchor_s += (placed.sighting.stamp_s - self.anchor_s) / self.sums.count
         self.variance_m2 += (mean_variance(pose_m2) - self.variance_m2) / self.sums.count
         from_x_m, from_y_m = x_m - placed.lever_m[0], y_m - placed.lever_m[1]
-        self.views.setdefault(_square(from_x_m, from_y_m), (placed.sighting.stamp_s, from_x_m, from_y_m))
+        square = _square(from_x_m, from_y_m)
+        self.views.pop(square, None)
+        self.views[square] = placed.sighting.stamp_s, from_x_m, from_y_m
+        if len(self.views) > MOST_VIEWS:
+            del self.views[next(iter(self.views))]
         self.updated = frame
 
     @property
@@ -132,7 +137,8 @@ class ObservationPool:
         self.information, self.vector = self.information + other.information, self.vector + other.vector
         self.shared, self.weight = self.shared + other.shared, self.weight + other.weight
         self.sums.join(other.sums)
-        self.views = other.views | self.views
+        views = sorted((other.views | self.views).items(), key=lambda item: item[1][0])
+        self.views = dict(views[-MOST_VIEWS:])
         self.saved = self.saved or other.saved
         self.updated = max(self.updated, other.updated)
 
@@ -144,7 +150,7 @@ def move_views(pools: Sequence[ObservationPool], correction: TrajectoryCorrectio
     rows = iter(views.tolist())
     for pool in pools:
         moved = [(stamp_s, x_m, y_m) for stamp_s, x_m, y_m in islice(rows, len(pool.views))]
-        pool.views = {_square(x_m, y_m): (stamp_s, x_m, y_m) for stamp_s, x_m, y_m in reversed(moved)}
+        pool.views = {_square(x_m, y_m): (stamp_s, x_m, y_m) for stamp_s, x_m, y_m in moved}
 
 
 def outermost(places_m: Sequence[tuple[float, float]], position_m: Array) -> tuple[tuple[float, float], ...]:

