@@ -334,6 +334,7 @@ _OUTSIDE = frozenset(
         "lossless",
         "foxglove",
         "rerun",
+        "rerun_pictures",
         "mqtt",
         "fleet",
         "robot",

@@ -28,6 +28,9 @@ Rerun = Annotated[
         "left out, or write them into FILE.rrd."
     ),
 ]
+RerunPictures = Annotated[
+    float, arg(metavar="HZ", help="With --rerun: pictures and their boxes so often at most; they cost most of it.")
+]
 MqttBroker = Annotated[
     str | None,
     arg(
@@ -46,7 +49,7 @@ RobotName = Annotated[
 
 
 def open_publishers(
-    floor: FloorCamera, foxglove: str | None, rerun: str | None, mqtt: str | None, robot: str | None
+    floor: FloorCamera, foxglove: str | None, rerun: str | None, pictures_hz: float, mqtt: str | None, robot: str | None
 ) -> list[Sink]:
     """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
     from edgemap.runtime.messages.stream import MessageStream
@@ -63,8 +66,10 @@ def open_publishers(
     if rerun is not None:
         from edgemap.runtime.publishers.rerun import RerunStream
 
+        if not 0.0 < pictures_hz <= 1000.0:
+            raise OptionError(f"--rerun-pictures {pictures_hz:g}: more than 0 and at most 1000 a second")
         target = Path(rerun) if rerun.endswith(".rrd") else host_and_port(rerun, "--rerun", 9876)
-        sinks.append(RerunStream(target, MessageStream(floor.intrinsics, floor.mount)))
+        sinks.append(RerunStream(target, MessageStream(floor.intrinsics, floor.mount), pictures_hz))
     if mqtt is not None:
         import os
         import socket

@@ -33,7 +33,7 @@ from edgemap.cli.options import (
     open_described,
     typed_options,
 )
-from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RobotName, open_publishers
+from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RerunPictures, RobotName, open_publishers
 from edgemap.cli.ros2 import (
     FRAMES,
     ImuTopic,
@@ -107,6 +107,7 @@ def command(
     lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     foxglove: Foxglove = None,
     rerun: Rerun = None,
+    rerun_pictures: RerunPictures = 2.0,
     mqtt: MqttBroker = None,
     fleet: Fleet = None,
     robot: RobotName = None,
@@ -147,7 +148,7 @@ def command(
     from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.decisions import Decisions
-    from edgemap.runtime.edits import Edits, load_edits
+    from edgemap.runtime.edits import Edits, load_edits, read_edits
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
     from edgemap.runtime.report.crops import BestCrops
@@ -186,7 +187,9 @@ def command(
         options |= {name: one for name, one in asdict(decided).items() if name in options or one != usual[name]}
         record |= {"options": options, "config": config_document(tuned)}
         crops = BestCrops()
-        edits = Edits(folder / "edits.jsonl", load_edits(edited) if edited else ())
+        edits = Edits(
+            folder / "edits.jsonl", load_edits(edited) if edited else read_edits(source.edits, f"{camera}: edits")
+        )
         with (
             stop_on_signals() as stop,  # from here on there is something to save
             live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops, edits) as page,
@@ -195,7 +198,9 @@ def command(
             judge = None if saved else judge_of(camera, source, mapped if classes else None)
             report = ReportFile(folder, None if saved else source.truth, judge, crops)
             progress = Progress(frames or source.frame_count)
-            publishers = open_publishers(floor, foxglove, rerun, mqtt, robot) + fleet_sinks(fleet, robot, saved)
+            publishers = open_publishers(floor, foxglove, rerun, rerun_pictures, mqtt, robot) + fleet_sinks(
+                fleet, robot, saved
+            )
             tape = recording_sinks(recording, lossless, source, floor, odometry, decided)
             live = ros2_sinks(
                 ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,
@@ -205,6 +210,7 @@ def command(
             seen = budgeted(source, share, temperature, config)
             files = RunFolder(folder, floor, record | {"cpu": share, "efforts": seen.efforts})
             edits.listeners += [files.edited, report.edited]
+            edits.recorders += [sink.edit for sink in tape]
 
             def beat(text: str) -> None:
                 notifier.beat(text + seen.status)

@@ -34,7 +34,8 @@ EditsFile = Annotated[
     arg(
         name="edits",
         metavar="FILE",
-        help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl.",
+        help="Edits of an earlier run over the same source, taken at the same frames again: its edits.jsonl. A "
+        "recording brings those of the run that recorded it.",
     ),
 ]
 Forget = Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import fields
@@ -44,10 +44,11 @@ class _Line(Strict):
 
 class Edits:
     """A run's edits. path: edits.jsonl, to which each one is written as it is taken. recorded: (steps done, edit) of
-    an earlier run, taken at the same steps again."""
+    an earlier run, taken at the same steps again. recorders: called with each line of edits.jsonl."""
 
     def __init__(self, path: Path | None = None, recorded: Sequence[tuple[int, Edit]] = ()) -> None:
         self.listeners: list[Edited] = []
+        self.recorders: list[Callable[[str], None]] = []
         self._log = LineFile(path) if path else None
         self._recorded = deque(recorded)
         self._waiting: deque[tuple[Edit, Future[str]]] = deque()
@@ -99,19 +100,27 @@ class Edits:
 
     def _note(self, edit: Edit, frames: int) -> None:
         """Record it; a disk that is full gets it with the next one, and the run folder tells of it."""
+        line = json.dumps({"frames": frames} | _told(edit))
+        for record in self.recorders:
+            record(line)
         if self._log is not None:
-            self._log.append(json.dumps({"frames": frames} | _told(edit)) + "\n")
+            self._log.append(line + "\n")
             with suppress(DiskError):
                 self._log.flush()
 
 
 def load_edits(path: Path) -> list[tuple[int, Edit]]:
     """An edits.jsonl: (steps done, edit), in order. Raises EditError in one line."""
+    return read_edits(read_text(path, FILE_BYTES, EditError).splitlines(), str(path))
+
+
+def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
+    """As `load_edits`, of its lines. source: for messages."""
     found = []
-    for number, line in enumerate(read_text(path, FILE_BYTES, EditError).splitlines(), 1):
-        record = decode_json(line, _Line, f"{path}:{number}", EditError)
+    for number, line in enumerate(lines, 1):
+        record = decode_json(line, _Line, f"{source}:{number}", EditError)
         if record.do not in KINDS:
-            raise EditError(f"{path}:{number}: no edit is called {record.do!r} (known: {', '.join(KINDS)})")
+            raise EditError(f"{source}:{number}: no edit is called {record.do!r} (known: {', '.join(KINDS)})")
         values: dict[str, Any] = {item.name: getattr(record, item.name) for item in fields(Edit)}
         values["corners_m"] = tuple(record.corners_m)
         found.append((record.frames, Edit(**values)))

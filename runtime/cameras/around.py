@@ -18,7 +18,7 @@ class CameraAround(CameraBase):
         self.live, self.size = camera.live, camera.size
         self.rate_hz, self.frame_count = camera.rate_hz, camera.frame_count
         self.truth, self.attitudes, self.wheel = camera.truth, camera.attitudes, camera.wheel
-        self.decisions = camera.decisions
+        self.decisions, self.edits = camera.decisions, camera.edits
         self._camera = camera
 
     @property

@@ -41,6 +41,7 @@ class CameraBase:
         self.depth: Sequence[Path] = ()
         self.wheel: Path | PoseTrack | None = None
         self.decisions: Decisions | None = None
+        self.edits: tuple[str, ...] = ()
         self._delivered, self._sampled_s = 0, -math.inf
 
     @property

@@ -43,8 +43,9 @@ def open_camera(
 
     Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
     """
-    camera = _open(spec, intrinsics, mount, recovery, depth)
-    if topics is not None and (topics.wheels or topics.imu):
+    recorded = topics is not None and spec.partition("#")[0].endswith(".mcap")
+    camera = _open(spec, intrinsics, mount, recovery, depth, topics if recorded else None)
+    if topics is not None and not recorded and (topics.wheels or topics.imu):
         try:
             camera = _with_topics(camera, topics)
         except BaseException:
@@ -58,7 +59,12 @@ def open_camera(
 
 
 def _open(
-    spec: str, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None, depth: bool
+    spec: str,
+    intrinsics: Intrinsics | None,
+    mount: Mount | None,
+    recovery: RecoveryRule | None,
+    depth: bool,
+    topics: SensorTopics | None,
 ) -> Camera:
     kind, _, rest = spec.partition(":")
     if spec == "demo":
@@ -84,7 +90,7 @@ def _open(
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.cameras.recording import RecordingCamera
 
-        return RecordingCamera(spec, intrinsics, mount)
+        return RecordingCamera(spec, intrinsics, mount, topics)
     kinds = plugin_kinds()
     if kind in kinds:
         source = load_kind(kinds[kind]).open(rest, intrinsics, mount)
@@ -131,11 +137,6 @@ def _open_realsense(
 
 
 def _with_topics(camera: Camera, topics: SensorTopics) -> Camera:
-    from edgemap.runtime.cameras.recording import RecordingCamera
-
-    if isinstance(camera, RecordingCamera):
-        camera.choose(topics.wheels, topics.imu)
-        return camera
     from edgemap.runtime.ros2.node import shared_node
     from edgemap.runtime.ros2.sources import Ros2SensorsCamera
 

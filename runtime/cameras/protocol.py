@@ -24,7 +24,7 @@ class Camera(Protocol):
     truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
     the poses are planar. wheel: wheel odometry that came with the pictures,
     a CSV, a recording or poses that come live, None where there is none. decisions: of the run that made this
-    recording, None where there are none.
+    recording, None where there are none. edits: of that run, as lines of edits.jsonl.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Camera(Protocol):
     attitudes: AttitudeTrack | None
     wheel: Path | PoseTrack | None
     decisions: Decisions | None
+    edits: tuple[str, ...]
 
     @property
     def state(self) -> CameraState:

@@ -13,10 +13,11 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
+from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import ns_of, to_s
-from edgemap.runtime.messages.topics import SEARCHED, STAMPS
+from edgemap.runtime.messages.topics import EDITS, SEARCHED, STAMPS
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
@@ -28,17 +29,25 @@ from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
+MOST_EDITS = 100_000
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
 class RecordingCamera(CameraBase):
     """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a ROS 2 bag; without a topic its first one with pictures.
 
+    topics: of the file, for wheel odometry and inertial samples, in place of those that it would take.
     Stamps are the pictures' headers', or the time of recording where those are zero. A file that was cut off gives
     every whole picture and then a CameraError that says so. Raises CameraError.
     """
 
-    def __init__(self, spec: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None) -> None:
+    def __init__(
+        self,
+        spec: str,
+        intrinsics: Intrinsics | None = None,
+        mount: Mount | None = None,
+        topics: SensorTopics | None = None,
+    ) -> None:
         super().__init__(spec, intrinsics, mount)
         file, _, topic = spec.partition("#")
         path = user_path(file)
@@ -58,7 +67,7 @@ class RecordingCamera(CameraBase):
                 raise CameraError(f"{path}: {self.topic} has no whole picture")
             _, image, frame_id = self._ahead
             self.size = (image.shape[1], image.shape[0])
-            self._describe(intrinsics, mount, frame_id)
+            self._describe(intrinsics, mount, frame_id, topics or SensorTopics())
         except EdgemapError:
             self.close()
             raise
@@ -87,14 +96,6 @@ class RecordingCamera(CameraBase):
         """Close the file."""
         self._open = False
         self._recording.close()
-
-    def choose(self, wheels: str | None = None, imu: str | None = None) -> None:
-        """Take wheel odometry or inertial samples from these topics of the file. Raises CameraError."""
-        if wheels is not None:
-            self.wheel = Path(f"{self._path}#{wheels}")
-        if imu is not None:
-            optical = self._ahead[2] if self._ahead else ""
-            self.imu = imu_of(self._recording, tf_of(self._recording), optical, imu)
 
     def _choose(self, topic: str) -> str:
         topics = self._recording.topics
@@ -125,15 +126,23 @@ class RecordingCamera(CameraBase):
             raise CameraFault(FaultKind.DAMAGED, f"{error}, skipped") from None
         return ns_of(message.header.stamp) or log_ns, image, message.header.frame_id
 
-    def _describe(self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str) -> None:
-        """Lens, mount, rate, truth and wheels: as edgemap wrote them, else from CameraInfo and tf."""
+    def _describe(
+        self, intrinsics: Intrinsics | None, mount: Mount | None, frame_id: str, topics: SensorTopics
+    ) -> None:
+        """Lens, mount, rate, truth, wheels and IMU: as edgemap wrote them, else from CameraInfo and tf."""
         recording = self._recording
+        self.wheel: Path | PoseTrack | None = Path(f"{self._path}#{topics.wheels}") if topics.wheels else None
         if RECORD in recording.metadata:
             facts = read_facts(recording.metadata[RECORD], f"{self._path}")
             self.intrinsics, self.mount = intrinsics or facts.intrinsics, mount or facts.mount
             self.rate_hz, self.decisions = facts.rate_hz, facts.decisions
-            self.imu = recorded_imu(recording)
-            self.wheel: Path | PoseTrack | None = self._path if WHEEL_FILE in recording.attachments else None
+            if topics.imu is None:
+                self.imu = recorded_imu(recording)
+            else:
+                self.imu = imu_of(recording, tf_of(recording), frame_id, topics.imu)
+            if topics.wheels is None and WHEEL_FILE in recording.attachments:
+                self.wheel = self._path
+            self.edits = _edits(recording)
             if TRUTH_FILE in recording.attachments:
                 self.truth: Trajectory | None = read_trajectory_file(
                     recording.attachments[TRUTH_FILE], f"{self._path}: {TRUTH_FILE}"
@@ -144,7 +153,7 @@ class RecordingCamera(CameraBase):
         tree = tf_of(recording)
         if mount is None:
             self.mount = mount_of(tree, frame_id)
-        self.imu = imu_of(recording, tree, frame_id)
+        self.imu = imu_of(recording, tree, frame_id, topics.imu)
         self.rate_hz = self._rate_hz()
 
     def _info(self) -> Any:
@@ -169,6 +178,13 @@ def _unsearched(recording: McapReading) -> frozenset[int]:
         return frozenset()
     told = islice(recording.messages(SEARCHED), ROW_LIMIT)
     return frozenset(log_ns for log_ns, decode in told if float(decode().data) == 0.0)
+
+
+def _edits(recording: McapReading) -> tuple[str, ...]:
+    """What people did to the map in the run that recorded it, as lines of edits.jsonl."""
+    if EDITS not in recording.topics:
+        return ()
+    return tuple(str(decode().data) for _, decode in islice(recording.messages(EDITS), MOST_EDITS))
 
 
 def _exact_stamps(recording: McapReading) -> dict[int, float]:

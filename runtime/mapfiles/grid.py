@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.trajectory import Trajectory
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid
-MOST_CELLS = 100_000_000
+MOST_CELLS, MOST_LIVE_CELLS = 100_000_000, 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +64,18 @@ def grid_of(objects: Sequence[MapObject], way: Trajectory | None = None, rule: G
         for centre, radius in some:
             _fill(grid, np.asarray(centre), radius, value)
     return grid
+
+
+def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> Grid:
+    """As `grid_of` for a robot at (x_m, y_m): the floor that it stands on is free. Cells are twice as long, and twice
+    again, until no more than a million cover everything."""
+    rule = GridRule()
+    here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
+    points = np.array([[x_m, y_m], *(item.position_m for item in objects)])
+    sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([radius_m(item) for item in objects], default=1.0))
+    while float(np.prod(np.ceil(sides_m / rule.resolution_m) + 2.0)) > MOST_LIVE_CELLS:
+        rule = replace(rule, resolution_m=2.0 * rule.resolution_m)
+    return grid_of(objects, here, rule)
 
 
 def _fill(grid: Grid, centre_m: NDArray[np.float64], radius: float, value: int) -> None:

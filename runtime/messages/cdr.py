@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable
 from functools import cache
@@ -16,11 +17,12 @@ DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  #
 def encoder(kind: str) -> Callable[[Message], bytes]:
     """Encodes messages of a kind (`sensor_msgs/msg/CameraInfo`) as little-endian CDR, encapsulation header first.
 
-    Fields that a message leaves out are zero. Needs the extra `record`.
+    Fields that a message leaves out are zero; arrays of int8 are given as bytes. Needs the extra `record`.
     """
     from mcap_ros2._dynamic import serialize_dynamic
 
-    return serialize_dynamic(kind, definition(kind))[kind]
+    as_bytes = re.sub(r"\bint8\[\]", "uint8[]", definition(kind))  # the same in CDR
+    return serialize_dynamic(kind, as_bytes)[kind]
 
 
 @cache

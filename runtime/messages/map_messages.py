@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import colorsys
-import zlib
-
 import numpy as np
 
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.colours import label_colour
+from edgemap.runtime.mapfiles.grid import live_grid
 from edgemap.runtime.messages.build import IDS, FrameIds, header
 from edgemap.runtime.messages.definitions import Message
 
@@ -62,6 +62,19 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
     return {"markers": found}
 
 
+def occupancy_grid(stamp_ns: int, objects: list[MapObject], pose_map_base: SE2, ids: FrameIds = IDS) -> Message:
+    """`nav_msgs/OccupancyGrid` in the map frame: footprints occupied, the robot's own floor free, the rest unknown."""
+    grid = live_grid(objects, pose_map_base.x_m, pose_map_base.y_m)
+    rows, columns = grid.cells.shape
+    corner = {
+        "position": {"x": grid.x_m, "y": grid.y_m, "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+    }
+    head = header(stamp_ns, ids.map)
+    info = {"map_load_time": head["stamp"], "resolution": grid.resolution_m, "width": columns, "height": rows}
+    return {"header": head, "info": info | {"origin": corner}, "data": grid.cells.tobytes()}
+
+
 def _place(item: MapObject, z_m: float) -> dict[str, float]:
     return {"x": float(item.position_m[0]), "y": float(item.position_m[1]), "z": z_m}
 
@@ -83,5 +96,6 @@ def _ellipse(item: MapObject) -> tuple[float, float, float]:
 
 
 def _colour(label: str) -> tuple[float, float, float]:
-    """A label's own colour, the same in every recording."""
-    return colorsys.hsv_to_rgb(zlib.crc32(label.encode()) % 360 / 360.0, 0.6, 0.9)
+    """The colour of a label's mark, as on the page and in figures."""
+    red, green, blue = (value / 255.0 for value in bytes.fromhex(label_colour(label)[1:]))
+    return red, green, blue

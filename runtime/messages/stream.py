@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import cv2
 
@@ -16,7 +17,7 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages import build, topics
 from edgemap.runtime.messages.build import FrameIds
 from edgemap.runtime.messages.definitions import Message
-from edgemap.runtime.messages.map_messages import detections_3d, markers
+from edgemap.runtime.messages.map_messages import detections_3d, markers, occupancy_grid
 from edgemap.runtime.messages.stamps import to_ns
 from edgemap.runtime.slam import StepResult
 
@@ -89,16 +90,18 @@ class MessageStream:
         yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(stamp_ns, result, ids))
         self._steps += 1
         if self._steps % MAP_EVERY == 1:
-            yield from self.map(stamp_ns, objects)
+            yield from self.map(stamp_ns, objects, result.pose_map_base)
 
-    def map(self, stamp_ns: int, objects: list[MapObject]) -> Iterator[Outgoing]:
-        """The objects on the map, for programs and for eyes."""
+    def map(self, stamp_ns: int, objects: list[MapObject], pose_map_base: SE2) -> Iterator[Outgoing]:
+        """The objects on the map, for programs, for eyes, and as obstacles around the robot for planners."""
         yield Outgoing(topics.OBJECTS, stamp_ns, lambda: detections_3d(stamp_ns, objects, self.frames))
         yield Outgoing(topics.MARKERS, stamp_ns, lambda: markers(stamp_ns, objects, self.frames))
+        yield Outgoing(topics.GRID, stamp_ns, lambda: occupancy_grid(stamp_ns, objects, pose_map_base, self.frames))
 
 
+@lru_cache(maxsize=2)
 def encoded(frame: Frame, lossless: bool = False) -> bytes:
-    """A frame's picture as JPEG or PNG. Raises RecordingError where OpenCV does not encode it."""
+    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError where that fails."""
     suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     if lossless:
         suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]  # the quickest that still compresses

@@ -6,8 +6,9 @@ PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/ca
 SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
 WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"
 IMU = "/imu"
+EDITS = "/edits"  # lines of edits.jsonl
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
-OBJECTS, MARKERS = "/map/objects", "/map/markers"
+OBJECTS, MARKERS, GRID = "/map/objects", "/map/markers", "/map/grid"
 
 KINDS = {
     PICTURES: "sensor_msgs/msg/CompressedImage",
@@ -19,9 +20,11 @@ KINDS = {
     TF: "tf2_msgs/msg/TFMessage",
     TF_STATIC: "tf2_msgs/msg/TFMessage",
     IMU: "sensor_msgs/msg/Imu",
+    EDITS: "std_msgs/msg/String",
     POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     ODOMETRY: "nav_msgs/msg/Odometry",
     BOXES: "vision_msgs/msg/Detection2DArray",
     OBJECTS: "vision_msgs/msg/Detection3DArray",
     MARKERS: "visualization_msgs/msg/MarkerArray",
+    GRID: "nav_msgs/msg/OccupancyGrid",
 }

@@ -18,6 +18,7 @@ from edgemap.runtime.slam import StepResult
 ANNOTATIONS = "/detections/annotations"
 SENT = (
     topics.PICTURES, topics.INFO, topics.TF, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS,
+    topics.GRID,
 )  # fmt: skip
 LETTER_PX, LINE_PX = 14.0, 2.0
 BACKLOG = 128  # messages kept for a client that is slow: a second or two at 10 Hz

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import threading
@@ -25,10 +26,14 @@ CONNECT_LIMIT_S, CLOSE_LIMIT_S = 2.0, 2.0
 CHECK_EVERY_S, PATIENCE_S = 1.0, 3.0  # by the clock: of a thread that nothing of the step waits for
 UNIX_S = 1e8  # stamps above count from 1970, those below from some start of their own
 TIMELINE = "stamp"
+PICTURES_HZ, SLACK_S = 2.0, 1e-3  # a JPEG costs more than all else; stamps are not exact
+PICTURED = (topics.PICTURES, topics.BOXES)
 
 
 class RerunStream:
     """A sink that logs every step. target: an .rrd file that is not there yet, or a viewer's (host, port).
+
+    pictures_hz: pictures, with their boxes, so often at most. What has not changed is not logged again.
 
     Entities: `map/objects` and `map/ellipses` (3-D, metres), the tf tree as `map/odom/base_link/…` down to the camera,
     which holds `picture` and `detections` (2-D, pixels), and `faults`. A thread watches the viewer and connects again;
@@ -37,12 +42,14 @@ class RerunStream:
     Raises MissingExtraError, or PublishError where file or viewer cannot be had.
     """
 
-    def __init__(self, target: Path | tuple[str, int], stream: MessageStream) -> None:
+    def __init__(self, target: Path | tuple[str, int], stream: MessageStream, pictures_hz: float = PICTURES_HZ) -> None:
         need("rerun", "--rerun", ("rerun",))
         os.environ.setdefault("RUST_LOG", "off")  # what fails is said in our own line
         rr, rrb = (import_module(name) for name in ("rerun", "rerun.blueprint"))
 
         self.name, self._stream, self._rr = "Rerun", stream, rr
+        self._every_s, self._picture_s = 1.0 / pictures_hz - SLACK_S, -math.inf
+        self._known: dict[str, Any] = {}
         ids = stream.frames
         self._paths = {ids.map: "map", ids.odom: f"map/{ids.odom}", ids.base: f"map/{ids.odom}/{ids.base}"}
         self._camera = self._paths[ids.optical] = f"{self._paths[ids.base]}/{ids.optical}"
@@ -80,9 +87,12 @@ class RerunStream:
         """Log the step at the frame's stamp."""
         if self._away:
             raise PublishError(self._away)
-        self._set_time(result.frame.stamp_s)
+        stamp_s = result.frame.stamp_s
+        self._set_time(stamp_s)
+        pictured = not 0.0 <= stamp_s - self._picture_s < self._every_s
+        self._picture_s = stamp_s if pictured else self._picture_s
         for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
-            if outgoing.topic in self._log:
+            if outgoing.topic in self._log and (pictured or outgoing.topic not in PICTURED):
                 self._log[outgoing.topic](outgoing.make())
 
     def fault(self, text: str) -> None:
@@ -123,6 +133,7 @@ class RerunStream:
                 self._away = f"no viewer at {host}:{port}"
                 with suppress(OSError):
                     self._connect(host, port)
+                    self._known = {}
                     self._record.log("map", self._rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     def _set_time(self, stamp_s: float) -> None:
@@ -139,14 +150,25 @@ class RerunStream:
 
     def _lens(self, message: Message) -> None:
         k, size = message["k"], (message["width"], message["height"])
+        if self._same("lens", (k, size)):
+            return
         lens = self._rr.Pinhole(image_from_camera=[k[0:3], k[3:6], k[6:9]], resolution=size)
         self._record.log(self._camera, lens)
 
     def _transforms(self, message: Message) -> None:
         for item in message["transforms"]:
+            path = self._paths[item["child_frame_id"]]
+            if self._same(path, item["transform"]):
+                continue
             moved, turned = item["transform"]["translation"], item["transform"]["rotation"]
             transform = self._rr.Transform3D(translation=_xyz(moved), quaternion=[*_xyz(turned), turned["w"]])
-            self._record.log(self._paths[item["child_frame_id"]], transform)
+            self._record.log(path, transform)
+
+    def _same(self, path: str, value: Any) -> bool:
+        """Whether that is what was logged there last; from now on it is."""
+        same = self._known.get(path) == value
+        self._known[path] = value
+        return same
 
     def _boxes(self, message: Message) -> None:
         found = message["detections"]

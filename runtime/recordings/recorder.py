@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages import build
 from edgemap.runtime.messages.build import IDS, FrameIds
 from edgemap.runtime.messages.stamps import to_ns, to_s
 from edgemap.runtime.messages.stream import MessageStream, Outgoing
-from edgemap.runtime.messages.topics import IMU, KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
+from edgemap.runtime.messages.topics import EDITS, GRID, IMU, KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
 from edgemap.runtime.recordings.writer import McapFile
 from edgemap.runtime.slam import StepResult
@@ -45,7 +46,7 @@ class Recorder:
         self._file.metadata(RECORD, facts_record(facts))
         for track in self._tracks:
             self._file.attach(track.file, "application/json", trajectory_file(track.way))
-        self._last: tuple[int, list[MapObject]] | None = None
+        self._last: tuple[int, list[MapObject], SE2] | None = None
         self._map_ns: int | None = None  # stamp of the newest map in the file
 
     def picture(self, frame: Frame) -> int:
@@ -70,9 +71,14 @@ class Recorder:
 
     def results(self, stamp_ns: int, result: StepResult, objects: list[MapObject]) -> None:
         """Record what a step found: poses, boxes, and every few frames the map."""
-        self._last = (stamp_ns, objects)
+        self._last = (stamp_ns, objects, result.pose_map_base)
         for outgoing in self._stream.results(result, objects):
             self._write(outgoing)
+
+    def edit(self, line: str) -> None:
+        """Record an edit, as a line of edits.jsonl, at the picture before it."""
+        stamp_ns = self._last[0] if self._last is not None else 0
+        self._file.write(EDITS, KINDS[EDITS], stamp_ns, {"data": line})
 
     def close(self) -> None:
         """The last map, where it is newer than the one recorded, and the file's end; may be called twice."""
@@ -84,6 +90,8 @@ class Recorder:
             self._file.close()
 
     def _write(self, outgoing: Outgoing) -> None:
+        if outgoing.topic == GRID:  # follows from the objects
+            return
         if outgoing.topic == OBJECTS:
             self._map_ns = outgoing.stamp_ns
         self._file.write(outgoing.topic, outgoing.kind, outgoing.stamp_ns, outgoing.make())

@@ -18,10 +18,10 @@ from edgemap.runtime.ros2.robot_odom import RobotOdom
 from edgemap.runtime.slam import StepResult
 
 GLOBAL = (topics.TF, topics.TF_STATIC)  # one tree for all robots' programs: never below a namespace
-PUBLISHED = (*GLOBAL, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS)
+PUBLISHED = (*GLOBAL, topics.POSE, topics.ODOMETRY, topics.BOXES, topics.OBJECTS, topics.MARKERS, topics.GRID)
 PICTURES = (topics.PICTURES, topics.INFO)
-LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS)
-DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5, topics.OBJECTS: 1, topics.MARKERS: 1}
+LATCHED = (topics.TF_STATIC, topics.OBJECTS, topics.MARKERS, topics.GRID)
+DEPTHS = {topics.TF: 100, topics.PICTURES: 5, topics.INFO: 5, topics.OBJECTS: 1, topics.MARKERS: 1, topics.GRID: 1}
 
 
 @dataclass(frozen=True, slots=True)

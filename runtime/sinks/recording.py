@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.errors import DiskError, RecordingError
 from edgemap.runtime.recordings.recorder import Recorder
 from edgemap.runtime.slam import StepResult
 
@@ -26,6 +28,12 @@ class RecordingSink:
         if path.parent.is_dir() and not path.exists():
             self._recorder = self._start()
         self._recorder.results(self._recorder.picture(result.frame), result, objects)
+
+    def edit(self, line: str) -> None:
+        """Record an edit as a line of edits.jsonl; one that the disk does not take, or that comes after the end of the
+        file, is missing in a replay."""
+        with suppress(DiskError, RecordingError):
+            self._recorder.edit(line)
 
     def fault(self, text: str) -> None:
         """Faults stand in run.json."""

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -106,8 +107,9 @@ def test_a_held_run_goes_on_where_it_was_and_ctrl_c_ends_a_held_one(start, tmp_p
 
 
 def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(start, bundle, tmp_path):
-    """And `--edits` takes them at the same frames again."""
-    process, port = start("--camera", "demo", "--frames", "25")
+    """And `--edits`, or a recording that holds them, takes them at the same frames again."""
+    tape = tmp_path / "tape.mcap"
+    process, port = start("--camera", "demo", "--frames", "25", "--record", str(tape), "--lossless")
     api, folder = Api(port), tmp_path / "run0"
     while not (found := api.get("/api/objects")):
         time.sleep(0.05)
@@ -128,10 +130,13 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     edits = [json.loads(line) for line in (folder / "edits.jsonl").read_text().splitlines()]
     assert [edit["do"] for edit in edits] == ["rename", "zone"]
     assert 0 < edits[0]["frames"] < edits[1]["frames"] == 25
-    again = [sys.executable, "-m", "edgemap.cli", "run", "--bundle", str(bundle), "--camera", "demo", "--frames", "25"]
-    again += ["--edits", str(folder / "edits.jsonl"), "--out", str(tmp_path / "again")]
-    subprocess.run(again, check=True, capture_output=True)
-    assert (tmp_path / "again" / "map.json").read_text() == (folder / "map.json").read_text()
+    for name, source in (("demo", ["--edits", str(folder / "edits.jsonl"), "--frames", "25"]), (str(tape), [])):
+        again = [sys.executable, "-m", "edgemap.cli", "run", "--bundle", str(bundle), "--camera", name, *source]
+        subprocess.run([*again, "--out", str(tmp_path / Path(name).stem)], check=True, capture_output=True)
+    assert (tmp_path / "demo" / "map.json").read_text() == (folder / "map.json").read_text()
+    replayed = json.loads((tmp_path / "tape" / "map.json").read_text())
+    assert replayed["objects"] == saved["objects"]
+    assert "zones" not in replayed  # drawn after the recording's end
 
 
 def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path):

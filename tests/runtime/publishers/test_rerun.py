@@ -66,6 +66,10 @@ def test_pictures_and_boxes_are_read_back(drive):
     boxes = found[f"{CAMERA}/detections"]
     assert [label[:10] for label in boxes["labels"][-1][1]] == ["chair 0.90", "couch 0.80", "person 0.7"]
     assert boxes["centers"][0][1][0] == [65.0, 110.0]
+    assert [row[0] for row in found[f"{CAMERA}/picture"]["blob"]] == pytest.approx([0.0, 0.5, 1.0])  # of 10 a second
+    assert len(boxes["labels"]) == 3
+    assert len(found[CAMERA]["translation"]) == 1  # the mount, which does not change
+    assert len(found["/map/odom/base_link"]["translation"]) == 11
 
 
 def test_the_map_and_the_pose_are_read_back(drive):

@@ -16,6 +16,7 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdarg>
@@ -219,6 +220,23 @@ struct Detection3DArray {
     }
 };
 
+struct OccupancyGrid {
+    static const char* name() { return "nav_msgs::msg::dds_::OccupancyGrid_"; }
+    Header header; int32_t load_sec = 0; uint32_t load_nanosec = 0; float resolution = 0; uint32_t width = 0, height = 0;
+    Pose origin; std::vector<int8_t> data;
+    FIELDS { header.fields(a); a(load_sec); a(load_nanosec); a(resolution); a(width); a(height); origin.fields(a); a(data); }
+    void fill(int, const std::string&) {}
+    std::string json_text() const {
+        std::string cells;  // occupied ones, as [column, row]
+        for (size_t i = 0; i < data.size(); ++i)
+            if (data[i] == 100) cells += (cells.empty() ? "" : ", ") + text("[%zu, %zu]", i % width, i / width);
+        return json(header) + text(", \"resolution\": %.9g, \"width\": %u, \"height\": %u, \"free\": %zu, \"unknown\": %zu", resolution,
+                                   width, height, size_t(std::count(data.begin(), data.end(), 0)),
+                                   size_t(std::count(data.begin(), data.end(), -1))) +
+               ", \"origin\": " + json(origin.at) + ", \"occupied\": [" + cells + "]";
+    }
+};
+
 template <class T> class Type : public TopicDataType {
   public:
     Type() {
@@ -327,6 +345,7 @@ template <template <class> class P, class E> std::unique_ptr<Port> open(DomainPa
     if (s.type == "CameraInfo") return std::make_unique<P<CameraInfo>>(participant, end, s);
     if (s.type == "Imu") return std::make_unique<P<Imu>>(participant, end, s);
     if (s.type == "Detection3DArray") return std::make_unique<P<Detection3DArray>>(participant, end, s);
+    if (s.type == "OccupancyGrid") return std::make_unique<P<OccupancyGrid>>(participant, end, s);
     fprintf(stderr, "unknown type %s\n", s.type.c_str());
     exit(2);
 }

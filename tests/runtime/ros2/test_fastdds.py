@@ -24,6 +24,7 @@ from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 
@@ -118,9 +119,8 @@ def test_fast_dds_reads_what_a_run_publishes(program, node):
             sent += 1
             time.sleep(0.05)
         heard = peer.heard()
-    with Peer(
-        program, "subscribe", "rt/robot1/map/objects,Detection3DArray,latched,1", "rt/tf_static,TFMessage,latched,1"
-    ) as late:
+    latched = ("rt/robot1/map/objects,Detection3DArray,latched,1", "rt/robot1/map/grid,OccupancyGrid,latched,1")
+    with Peer(program, "subscribe", *latched, "rt/tf_static,TFMessage,latched,1") as late:
         heard |= late.heard()
 
     for message in heard["rt/robot1/odometry"]:
@@ -150,6 +150,14 @@ def test_fast_dds_reads_what_a_run_publishes(program, node):
     assert (chair["id"], chair["label"], chair["score"]) == ("chair-1", "chair", 0.97)
     assert chair["at"] == [2.0, -1.0, 0.45]
     assert (chair["size"], chair["covariance"][:2]) == ([0.5, 0.5, 0.9], [0.04, 0.01])
+    grid = heard["rt/robot1/map/grid"][0]
+    cells = np.array(grid["occupied"])
+    centres_m = np.array(grid["origin"][:2]) + (cells + 0.5) * grid["resolution"]
+    assert (grid["frame"], grid["resolution"]) == ("map", pytest.approx(0.05))
+    assert centres_m.mean(axis=0) == pytest.approx([2.0, -1.0], abs=0.03)  # Nav2 reads row 0 as the least y
+    assert len(cells) * 0.05**2 == pytest.approx(math.pi * radius_m(CHAIR) ** 2, rel=0.1)
+    assert grid["free"] > 0
+    assert grid["free"] + grid["unknown"] + len(cells) == grid["width"] * grid["height"]
     (mount,) = heard["rt/tf_static"][0]["transforms"]
     assert (mount["frame"], mount["child"]) == ("base_link", "camera_optical_frame")
     assert mount["at"] == pytest.approx(MOUNT.position_base_m().tolist())
