@@ -86,19 +86,24 @@ def _like(item: MapObject, other: MapObject) -> bool:
 
 
 def run(seed: int, share: float, out: Path) -> PartReport:
-    """Every `REALSENSE_EVERY`-th run is librealsense's playback of the demo, the others are webcams."""
+    """Every `REALSENSE_EVERY`-th run is librealsense's playback of the demo, the others are webcams.
+
+    out: `runs.jsonl` there has the runs that an earlier start of the same seed finished; they are not made again.
+    """
     demo = DemoDrive()
     recording = _record(demo, out)
     baseline = _one(demo, None, [])
     controls = [_one(demo, None, [], _but_a_few(demo, seed, number)) for number in range(CONTROLS)]
     runs = max(1, round(RUNS * share))
-    rows: list[dict[str, Any]] = []
-    for number in range(runs):
+    done = out / "runs.jsonl"
+    known = map(json.loads, done.read_text().splitlines() if done.is_file() else ())
+    rows: list[dict[str, Any]] = [row for row in known if row["seed"] == seed and row["run"] < runs]
+    for number in sorted(set(range(runs)) - {row["run"] for row in rows}):
         random = np.random.default_rng((seed, number))
         faults = plan(random, FAULTS, demo.stamps_s[0] + 2.0, demo.stamps_s[-1] - 5.0)
         realsense = recording if number % REALSENSE_EVERY == 0 else None
-        rows.append(_one(demo, realsense, faults) | {"run": number, "realsense": realsense is not None})
-        with (out / "runs.jsonl").open("a") as lines:
+        rows.append(_one(demo, realsense, faults) | {"seed": seed, "run": number, "realsense": realsense is not None})
+        with done.open("a") as lines:
             lines.write(json.dumps(rows[-1]) + "\n")
         print(f"cameras: run {number}: F1 {rows[-1]['f1']:.3f} {rows[-1]['failure']}", flush=True)
     recording.unlink(missing_ok=True)
