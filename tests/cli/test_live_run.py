@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from support.ending import ended_by_sigterm
 from support.mjpeg import MjpegServer
 
 from edgemap.runtime.cameras import open_camera
@@ -22,8 +23,8 @@ def server():
         yield server
 
 
-def start(server, out, **environment):
-    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", server.url, "--bundle", "edgemap-nano"]
+def begin(camera, out, *words, **environment):
+    command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", camera, "--bundle", "edgemap-nano", *words]
     command += ["--out", out, "--mount", "0.6,11.5", "--intrinsics", "587,587,319.5,239.5"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([str(word) for word in command], env=os.environ | environment, **pipes)
@@ -43,12 +44,19 @@ def frames_done(out):
         return 0
 
 
+def stopped_cleanly(ending):
+    assert (ending.code, ending.errors) == (0, "")
+    assert "stopped after" in ending.output
+    assert ending.own_s < 2.0
+    assert ending.busy_s < 2.0
+
+
 def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds(server, tmp_path):
     out = tmp_path / "run"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.setblocking(False)
-        run = start(server, out, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="4000000")
+        run = begin(server.url, out, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="4000000")
         try:
             wait_for(lambda: frames_done(out) >= 5)
             run.send_signal(signal.SIGSTOP)
@@ -61,10 +69,7 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
             server.stalled = False
             done = frames_done(out)
             wait_for(lambda: frames_done(out) > done + 10)
-            asked = time.monotonic()
-            run.send_signal(signal.SIGTERM)
-            output, errors = run.communicate(timeout=30)
-            took_s = time.monotonic() - asked
+            ending = ended_by_sigterm(run)
         finally:
             run.kill()
         heard = []
@@ -73,8 +78,7 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
                 heard += manager.recv(4096).decode().split("\n")
             except BlockingIOError:
                 break
-    assert (run.returncode, errors) == (0, "")
-    assert "stopped after" in output
+    stopped_cleanly(ending)
     record = json.loads((out / "run.json").read_text())
     assert record["finished"]
     assert "recovered" not in record["camera_faults"]
@@ -84,4 +88,43 @@ def test_a_stall_and_a_stop_do_not_end_a_run_and_sigterm_does_within_two_seconds
     assert heard.count("WATCHDOG=1") >= 5
     assert any(text.startswith("STATUS=camera running") for text in heard)
     assert heard[-1] == "STOPPING=1"
-    assert took_s < 2.0 * max(1.0, os.getloadavg()[0] / 2)  # the limit is for a machine that has its cores to itself
+
+
+@pytest.mark.parametrize("view", [False, True])
+def test_sigterm_in_the_middle_of_a_realsense_recording(realsense_recording, tmp_path, view):
+    pytest.importorskip("pyrealsense2")
+    out = tmp_path / "run"
+    words = ["--view", "--view-port", "0"] if view else ["--realtime"]
+    run = begin(f"realsense:{realsense_recording[0]}", out, *words)
+    try:
+        wait_for(lambda: frames_done(out) >= 1)
+        ending = ended_by_sigterm(run)
+    finally:
+        run.kill()
+    stopped_cleanly(ending)
+    assert json.loads((out / "run.json").read_text())["finished"]
+
+
+@pytest.mark.parametrize("view", [False, True])
+def test_sigterm_while_the_camera_is_away(server, tmp_path, view):
+    """The supervisor sleeps between two attempts to open it, or is in the middle of one."""
+    out = tmp_path / "run"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(120.0)
+        words = ["--view", "--view-port", "0"] if view else []
+        run = begin(server.url, out, *words, NOTIFY_SOCKET=str(tmp_path / "notify"))
+        try:
+            wait_for(lambda: frames_done(out) >= 3)
+            server.stop()
+            while "STATUS=camera degraded" not in manager.recv(4096).decode():
+                pass
+            time.sleep(1.0)  # far enough for it to have been tried again in vain
+            ending = ended_by_sigterm(run)
+        finally:
+            run.kill()
+            server.start()
+    stopped_cleanly(ending)
+    record = json.loads((out / "run.json").read_text())
+    assert record["finished"]
+    assert record["frames"] >= 3
