@@ -30,6 +30,7 @@ from edgemap.runtime.trajectory import PoseTrack, Trajectory
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
 MOST_EDITS = 100_000
+MOST_DAMAGED = 1000  # pictures before the first whole one
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
@@ -62,23 +63,22 @@ class RecordingCamera(CameraBase):
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
-            self._ahead = self._decode()
-            if self._ahead is None:
-                raise CameraError(f"{path}: {self.topic} has no whole picture")
+            self._ahead = self._first_whole()
             _, image, frame_id = self._ahead
             self.size = (image.shape[1], image.shape[0])
             self._describe(intrinsics, mount, frame_id, topics or SensorTopics())
         except EdgemapError:
             self.close()
             raise
-        # Lens and mount were looked up in the same file: begin the pictures again behind the first one.
-        self._messages = recording.messages(self.topic)
-        next(self._messages)
+        # Lens and mount were looked up in the same file: begin the pictures again behind the first whole one.
+        self._messages = islice(recording.messages(self.topic), len(self._damaged) + 1, None)
 
     def read(self) -> Frame | None:
         """The next picture; None at the end. Raises CameraError for damage, and at the end of a file cut off."""
         if not self._open:
             return None
+        if self._damaged:
+            raise self._damaged.pop(0)
         decoded, self._ahead = self._ahead or self._decode(), None
         if decoded is None:
             if not self._recording.whole:
@@ -112,6 +112,21 @@ class RecordingCamera(CameraBase):
             there = ", ".join(f"{name} ({found.kind})" for name, found in topics.items()) or "no messages at all"
             raise CameraError(f"{self._path}: no topic with sensor_msgs Image or CompressedImage; has {there}")
         return pictures[0]
+
+    def _first_whole(self) -> tuple[int, Any, str]:
+        """The first picture that can be decoded; those before it are told when the frames are read."""
+        self._damaged: list[CameraFault] = []
+        while len(self._damaged) < MOST_DAMAGED:
+            try:
+                found = self._decode()
+            except CameraFault as fault:
+                self._damaged.append(fault)
+                continue
+            if found is None:
+                break
+            return found
+        why = f", {len(self._damaged):,} damaged: {self._damaged[0]}" if self._damaged else ""
+        raise CameraError(f"{self._path}: {self.topic} has no whole picture{why}")
 
     def _decode(self) -> tuple[int, Any, str] | None:
         """Stamp in ns, picture, frame id of the next message."""

@@ -14,7 +14,8 @@ class RecoveryRule:
     first_frame_limit_s: silence allowed before the first frame: devices wake slowly. After an opening it is three
     times the stall limit, doubled with each opening in a row, at most this. stall_intervals, stall_limit_s:
     a frame is late after this many of the camera's own median frame intervals, at least so many seconds.
-    retries: failed grabs in a row before the device is opened again. reset_every: each so many-th opening is preceded
+    retries: failed grabs in a row before the device is opened again; one that took as long as a stall may is enough.
+    reset_every: each so many-th opening is preceded
     by a hardware reset, where the camera has one. back_off_s, back_off_limit_s: wait before the second opening in a
     row, doubled each time, and its limit. A frame ends the row: the next one begins as far on as there were outages
     without settle_s of frames between them. restarts: openings that may be spent; refill_s of frames give one back.

@@ -66,10 +66,11 @@ class Supervisor:
             self._give_up_device()
         if self._device is None:
             return self._reopen()
+        begun_s = self._clock_s()
         try:
             picture = self._device.grab()
         except Exception as error:  # drivers and their libraries raise what they like: RuntimeError, cv2.error, OSError
-            self._failed(error)
+            self._failed(error, self._clock_s() - begun_s)
             return None
         now_s = self._clock_s()
         good = None if picture is None else self._check(picture, now_s)
@@ -98,11 +99,12 @@ class Supervisor:
             self._due_s = 0.0
         self.wake()
 
-    def _failed(self, error: Exception) -> None:
+    def _failed(self, error: Exception, took_s: float) -> None:
         self._failures += 1
         if self._failures == 1:
             self._fault(FaultKind.FAILED, f"stopped delivering ({_line(error)})")
-        if self._failures > self._recovery.rule.retries:
+        # One that was waited for (a network stream's time limit) has had the time that retries would take.
+        if self._failures > self._recovery.rule.retries or took_s >= self._recovery.stall_limit_s:
             self._give_up_device()
         else:
             self._wait(RETRY_S)

@@ -18,7 +18,7 @@ from edgemap.runtime.errors import CameraError
 
 @pytest.mark.parametrize("serve", [MjpegServer, lambda: RtspServer(gradients())], ids=["http", "rtsp"])
 def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.cameras.stream.READ_LIMIT_MS", 500)  # RTSP's three retries take it in full
+    monkeypatch.setattr("edgemap.runtime.cameras.stream.READ_LIMIT_MS", 500)  # RTSP's four attempts take it in full
     # This process may be kept waiting by others, so only a driver that says so is a fault.
     patient = RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0)
     with serve() as server, LiveCamera(StreamDriver(server.url), rule=patient) as camera:

@@ -9,6 +9,7 @@ from support.live_camera import drain, picture, scripted
 
 from edgemap.runtime.cameras.fault import CameraFault, CameraLostError, CameraState, FaultKind, FrameTimeout
 from edgemap.runtime.cameras.recovery import RecoveryRule
+from edgemap.runtime.errors import CameraError
 
 
 def kinds(told):
@@ -67,6 +68,26 @@ def test_whatever_a_grab_raises_is_a_fault(error):
     assert "\n" not in str(told[0])
     assert driver.calls == ["open"]  # retried, not opened again
     increasing(frames)
+
+
+def test_a_grab_that_takes_a_stalls_time_to_fail_is_not_tried_again():
+    """As those of RTSP do, whose reads end by their time limit: four of them would be eight seconds."""
+    camera, driver, clock = scripted()
+    drain(camera, 20)
+    grab = driver.grab
+
+    def slow():
+        driver.grab = grab
+        clock.wait(2.0)
+        raise CameraError("gives no picture")
+
+    driver.grab = slow
+    told = []
+    frames = drain(camera, 5, told)
+    assert kinds(told) == ["failed", "recovered"]
+    assert driver.calls == ["open", "close", "open"]
+    assert increasing(frames)[0] < 0.2
+    assert "after 2." in str(told[-1])
 
 
 def test_a_device_that_stays_dead_is_opened_then_reset_with_growing_waits():

@@ -16,6 +16,7 @@ from support.ros_bag import camera_info, compressed, image, imu, odometry, tf, t
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.recordings.wheel import read_wheel
@@ -251,3 +252,24 @@ def test_other_encodings_than_cdr_are_named(tmp_path):
     (tmp_path / "a.mcap").write_bytes(out.getvalue())
     with pytest.raises(CameraError, match="/cam is encoded as json/jsonschema, edgemap reads cdr/ros2msg"):
         open_camera(str(tmp_path / "a.mcap"))
+
+
+def test_damaged_first_pictures_are_told_and_skipped(tmp_path):
+    step = 100_000_000
+    pictures = [compressed(T0 + i * step, b"rubbish" if i in (0, 1, 4) else PNG, "png") for i in range(6)]
+    messages = [("/cam/compressed", T0 + i * step, message) for i, message in enumerate(pictures)]
+    camera, frames, told = open_camera(str(write_bag(tmp_path / "bag", messages))), [], []
+    with camera:
+        while True:
+            try:
+                frame = camera.read()
+            except CameraFault as fault:
+                told.append(fault)
+                continue
+            if frame is None:
+                break
+            frames.append(frame)
+    assert [fault.kind.value for fault in told] == ["damaged"] * 3
+    assert all(str(fault).endswith("skipped") for fault in told)
+    np.testing.assert_allclose([f.stamp_s - T0 / 1e9 for f in frames], [0.2, 0.3, 0.5], atol=1e-6)
+    assert [frame.index for frame in frames] == [0, 1, 2]
