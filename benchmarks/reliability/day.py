@@ -1,16 +1,19 @@
-"""A day of driving round and round a room, a step for each second of stream: does anything grow?"""
+"""A day of driving round and round a room, a step for each second of stream: does anything grow, is the map true?"""
 
 from __future__ import annotations
 
 import gc
 import math
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import psutil
 
 from edgemap.benchmarks.reliability.parts import PartReport
+from edgemap.evaluation.objects import TrueObject, score_map
+from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
@@ -28,7 +31,8 @@ LIMIT_S = 1800.0  # of processor time for the whole day
 SPEED_M_S = 0.25
 SIGMA_SHARE = 0.04  # of an object's distance
 GROWTH = 1.25  # of step time and map size, last quarter of the day over the second one
-GROWTH_MB = 64.0  # of memory, likewise: the journal of poses takes 32 bytes a step
+GROWTH_MB = 16.0  # of memory, likewise
+F1_LOSS = 0.1  # likewise
 
 
 def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
@@ -53,6 +57,7 @@ def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
                 "rss_mb": process.memory_info().rss / 1e6,
                 "objects": len(objects),
                 "map_kb": len(map_text(objects)) / 1e3,
+                "f1": drive.f1(objects),
             }
             rows.append(row)
             print("day: " + ", ".join(f"{name} {value:.2f}" for name, value in row.items()), flush=True)
@@ -68,13 +73,25 @@ class Drive:
     def __init__(self, seed: int) -> None:
         self._random, self._steps = np.random.default_rng(seed), 0
         angles = np.sort(self._random.uniform(0, 2 * math.pi, 14))
+        self._seen: Counter[int] = Counter()
         self.room = [(LABELS[i % 5], 4.5 * math.cos(a), 3.5 * math.sin(a)) for i, a in enumerate(angles)]
+
+    def f1(self, objects: list[MapObject]) -> float:
+        """Of a map, in the frame of the first pose: one to one by class within 0.5 m, among all that came into view."""
+        start = _pose(0).inverse()
+        truth = []
+        for number, (label, *place) in enumerate(self.room):
+            x_m, y_m = start.apply(place)
+            truth.append(TrueObject(label, float(x_m), float(y_m), True, self._seen[number]))
+        return float(score_map(objects, truth)["f1"])
 
     def step(self) -> FrameObservations:
         """The next second."""
         pose, before = _pose(self._steps), _pose(max(self._steps - 1, 0))
         self._steps += 1
-        return _observed(self._steps - 1, pose, before, self.room, self._random)
+        observed, seen = _observed(self._steps - 1, pose, before, self.room, self._random)
+        self._seen.update(seen)
+        return observed
 
 
 def _pose(step: int) -> SE2:
@@ -85,9 +102,10 @@ def _pose(step: int) -> SE2:
 
 def _observed(
     step: int, pose: SE2, before: SE2, room: list[tuple[str, float, float]], random: np.random.Generator
-) -> FrameObservations:
-    inverse, sightings, boxes = pose.inverse(), [], []
-    for label, x_m, y_m in room:
+) -> tuple[FrameObservations, list[int]]:
+    """The observations, and which objects of the room they are of."""
+    inverse, sightings, boxes, numbers = pose.inverse(), [], [], []
+    for number, (label, x_m, y_m) in enumerate(room):
         at = inverse.apply(np.array([x_m, y_m]))
         distance_m = float(np.hypot(*at))
         if not NEAREST_M < distance_m < FARTHEST_M or abs(math.atan2(at[1], at[0])) > HALF_VIEW_RAD:
@@ -99,6 +117,7 @@ def _observed(
         sightings.append(
             Sighting(label, 0.9, seen, small, 0.1 * small, *size, distance_m, len(boxes), step, float(step))
         )
+        numbers.append(number)
         left = 320.0 - 400.0 * at[1] / at[0]
         boxes.append([left - 40.0, 150.0, left + 40.0, 350.0])
     classes = np.array([LABELS.index(item.label) for item in sightings], dtype=np.int64)
@@ -106,9 +125,8 @@ def _observed(
     true = before.inverse() @ pose
     covariance = WHEEL.covariance(true)
     noise = random.multivariate_normal(np.zeros(3), covariance)
-    return FrameObservations(
-        step, float(step), detections, sightings, Motion(SE2(*(true.vector() + noise)), covariance)
-    )
+    motion = Motion(SE2(*(true.vector() + noise)), covariance)
+    return FrameObservations(step, float(step), detections, sightings, motion), numbers
 
 
 def _report(rows: list[dict[str, float]], steps: int) -> PartReport:
@@ -123,15 +141,21 @@ def _report(rows: list[dict[str, float]], steps: int) -> PartReport:
         for name in ("step_ms", "objects", "map_kb")
         if mean(late, name) > GROWTH * mean(early, name)
     ]
+    if mean(late, "f1") < mean(early, "f1") - F1_LOSS:
+        failures.append(f"F1: {mean(early, 'f1'):.2f} in the second quarter, {mean(late, 'f1'):.2f} in the last")
     if len(rows) < PIECES:
         failures.append(f"the day took too long: {rows[-1]['hour']:.0f} of 24 h in {LIMIT_S} s of processor time")
     if mean(late, "rss_mb") - mean(early, "rss_mb") > GROWTH_MB:
         failures.append(f"memory: {mean(early, 'rss_mb'):.0f} MB, then {mean(late, 'rss_mb'):.0f} MB")
-    table = ["| quarter of the day | step | memory | objects | map.json |", "| --- | --- | --- | --- | --- |"]
+    table = [
+        "| quarter of the day | step | memory | objects | map.json | F1 |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for number in range(4):
         part = rows[number * quarter : (number + 1) * quarter]
         table.append(
             f"| {number + 1} | {mean(part, 'step_ms'):.2f} ms | {mean(part, 'rss_mb'):.0f} MB | "
-            f"{mean(part, 'objects'):.1f} | {mean(part, 'map_kb'):.1f} kB |"
+            f"{mean(part, 'objects'):.1f} | {mean(part, 'map_kb'):.1f} kB | {mean(part, 'f1'):.2f} |"
         )
-    return PartReport(tuple(failures), (*table, "", f"({steps} steps, one a second.)"), {"hours": rows})
+    closing = f"({steps} steps, one a second; F1 at the end {rows[-1]['f1']:.2f}.)"
+    return PartReport(tuple(failures), (*table, "", closing), {"hours": rows})
