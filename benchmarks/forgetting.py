@@ -118,8 +118,8 @@ def _map_of(
             known = {item.id for item in slam.objects()}
             merged = slam.step(frame).merged
             for identity in known - {item.id for item in slam.objects()} - set(merged):
-                left[identity] = forgetter.looks[identity]
-    return slam.objects(), left, dict(forgetter.looks)
+                left[identity] = forgetter.observations[identity]
+    return slam.objects(), left, dict(forgetter.observations)
 
 
 def _render(seed: int, moved: int, frames: int, folder: Path) -> None:

@@ -128,7 +128,7 @@ class Mapper:
         ]
         object_ids = self.map.update(sightings)
         if observed.looked:
-            self.forgetter.look(
+            self.forgetter.observe(
                 self.map,
                 observed.detections,
                 self.pose_map_base,

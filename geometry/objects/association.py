@@ -83,9 +83,9 @@ class Estimate:
 
     def shows(self, others: Sequence[SightingSums] = ()) -> bool:
         """Whether there is enough evidence to put it on the map. others: sightings of it under other labels."""
-        sure = self.sums.sure + sum(sums.sure for sums in others)
+        weight = self.sums.weight + sum(sums.weight for sums in others)
         confidence = -math.expm1(self.sums.miss + sum(sums.miss for sums in others))
-        enough = sure >= self._rule.min_count and confidence >= self._rule.min_confidence
+        enough = weight >= self._rule.min_count and confidence >= self._rule.min_confidence
         return self.saved is not None or enough
 
     def covariance(self) -> Array:
@@ -97,6 +97,6 @@ class Estimate:
 
     def as_object(self, identity: str, label: str) -> MapObject:
         """The object as a map shows it; its confidence is the probability that such an object is real."""
-        log_odds = self._rule.real_log_odds + self._rule.real_slope * math.log(max(self.sums.sure, 1.0))
+        log_odds = self._rule.real_log_odds + self._rule.real_slope * math.log(max(self.sums.weight, 1.0))
         plain = self.sums.as_object(identity, label, self.position_m, self.covariance())
         return replace(plain, confidence=1.0 / (1.0 + math.exp(-log_odds)))

@@ -265,10 +265,10 @@ class MapEdits:
         shown, made = [], {}
         for root, parts in groups.items():
             parts.sort(key=lambda item: (item.id != root, id_order(item.id)))
-            name, sure = names.get(root, ""), root in confirmed
-            key = (*map(id, parts), name, sure)
+            name, is_confirmed = names.get(root, ""), root in confirmed
+            key = (*map(id, parts), name, is_confirmed)
             known = self._made.get(root)
-            item = known[1] if known is not None and known[0] == key else _edited(parts, name, sure)
+            item = known[1] if known is not None and known[0] == key else _edited(parts, name, is_confirmed)
             made[root] = (key, item, parts)  # the parts are kept alive, so that an id() stays theirs
             shown.append(item)
         self._made, self._shown = made, sorted(shown, key=lambda item: id_order(item.id))

@@ -360,7 +360,7 @@ class FloorMap:
                 self._overlaps.remove(identity)
             else:
                 own = item.estimated(self.rule)
-                width_m, evidence = own.sums.width_m / own.sums.count, own.sums.sure * own.sums.confidence
+                width_m, evidence = own.sums.width_m / own.sums.count, own.sums.weight * own.sums.confidence
                 self._overlaps.set(Candidate(identity, item.label, own.position_m, width_m, evidence))
         self._changed = {}
         for identity in self._overlaps.settle():
@@ -384,7 +384,7 @@ class FloorMap:
         best, estimates = items[0], [item.estimated(self.rule) for item in items]
         named: dict[str, float] = defaultdict(float)
         for item, own in zip(items, estimates, strict=True):
-            named[item.label] += own.sums.sure
+            named[item.label] += own.sums.weight
         others = [own.sums for item, own in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
         estimate = estimates[0]
         if not estimate.shows(others):

@@ -1,4 +1,4 @@
-"""Negative evidence: an object in plain view that is not detected, look after look, is no longer there."""
+"""Negative evidence: an object in plain view that is missed again and again is no longer there."""
 
 from __future__ import annotations
 
@@ -20,40 +20,40 @@ NEAR_M = 20.0  # nothing farther is sighted
 
 @dataclass(frozen=True, slots=True)
 class ForgetRule:
-    """How soon an object is doubted.
+    """How soon an object is taken for gone.
 
-    surest, gone: log-odds that an object has at most, and below which it leaves. look_m, look_rad, look_frames: frames
-    with the robot moved or turned less than this, or fewer, are one look, as they repeat each other's misses; it is a
-    miss where none of them shows the object. weight: of one look's log-odds, as looks are not quite independent either.
-    false_rate: how often something is detected where nothing stands. prior_hits, prior_looks: what is known of a
-    class's detection rate before any look. same_iou: a box of its label that overlaps the expected one this much counts
-    as a look at it, whichever object it went to. trusted_rate: no miss weighs as if the detection rate were higher, as
-    what was always seen may be missed for a while from one side.
+    highest, lowest: log-odds that an object has at most, and below which it leaves. same_m, same_rad, same_frames:
+    frames with the robot moved or turned less than this, or fewer, are one observation, as they repeat each other's
+    misses; it is a miss where none of them shows the object. weight: of one observation's log-odds, as observations are
+    not quite independent either. false_rate: how often something is detected where nothing stands. prior_hits,
+    prior_observations: what is known of a class's detection rate before any observation. same_iou: a box of its label
+    that overlaps the expected one this much counts as an observation of it, whichever object it went to. trusted_rate:
+    no miss weighs as if the detection rate were higher: what was always seen may be missed for a while from one side.
     """
 
-    surest: float = 2.5
-    gone: float = -2.0
-    look_m: float = 0.12
-    look_rad: float = 0.15
-    look_frames: int = 15
+    highest: float = 2.5
+    lowest: float = -2.0
+    same_m: float = 0.12
+    same_rad: float = 0.15
+    same_frames: int = 15
     weight: float = 0.6
     false_rate: float = 0.05
     prior_hits: float = 6.4
-    prior_looks: float = 8.0
+    prior_observations: float = 8.0
     same_iou: float = 0.3
     trusted_rate: float = 0.8
     view: ViewRule = field(default_factory=ViewRule)
 
 
 class _Rate:
-    """How often a look at what is in plain view shows it. pending: misses since the last hit, which may mean that it
-    left."""
+    """How often an observation of what is in plain view shows it. pending: misses since the last hit, which may mean
+    that it left."""
 
     def __init__(self) -> None:
-        self.hits = self.looks = self.pending = 0
+        self.hits = self.observations = self.pending = 0
 
-    def add(self, hits: int, looks: int) -> None:
-        self.hits, self.looks = self.hits + hits, self.looks + looks
+    def add(self, hits: int, observations: int) -> None:
+        self.hits, self.observations = self.hits + hits, self.observations + observations
 
 
 @dataclass(slots=True)
@@ -69,7 +69,7 @@ class _Observation:
 class NoForgetting:
     """For maps that keep whatever they have seen."""
 
-    def look(
+    def observe(
         self,
         floor_map: ObjectMap,  # noqa: ARG002
         detections: Detections,  # noqa: ARG002
@@ -83,18 +83,18 @@ class NoForgetting:
 
 
 class Forgetter:
-    """Keeps the log-odds that each object of the map is still there. looks: clear looks so far, by id."""
+    """Keeps the log-odds that each object of the map is still there. observations: clear observations so far, by id."""
 
     def __init__(self, camera: FloorCamera, rule: ForgetRule | None = None) -> None:
         self.camera, self.rule = camera, rule or ForgetRule()
-        self.looks: dict[str, int] = defaultdict(int)
+        self.observations: dict[str, int] = defaultdict(int)
         self._frame = 0
         self._open: dict[str, _Observation] = {}
         self._log_odds: dict[str, float] = {}
         self._own: dict[str, _Rate] = defaultdict(_Rate)
         self._class: dict[str, _Rate] = defaultdict(_Rate)
 
-    def look(
+    def observe(
         self,
         floor_map: ObjectMap,
         detections: Detections,
@@ -127,14 +127,14 @@ class Forgetter:
                 self._miss(item, pose_map_base, bool((iou(boxes[row], like) >= self.rule.same_iou).any()))
             else:
                 continue
-            log_odds = self._log_odds.get(item.id, self.rule.surest)
-            if log_odds < self.rule.gone and item.id not in sighted:
+            log_odds = self._log_odds.get(item.id, self.rule.highest)
+            if log_odds < self.rule.lowest and item.id not in sighted:
                 floor_map.drop(item.id)
                 gone.append(item.id)
                 for known in (self._log_odds, self._open, self._own):
                     known.pop(item.id, None)
             else:
-                presence = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.surest else 1.0
+                presence = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds < self.rule.highest else 1.0
                 floor_map.set_presence(item.id, presence)
         return gone
 
@@ -149,39 +149,39 @@ class Forgetter:
         return [item for item, close in zip(objects, near, strict=True) if close or item.id in sighted]
 
     def detection_rate(self, item: MapObject) -> float:
-        """How often a clear look shows this object: its own looks over its class's over the prior."""
+        """How often a clear observation shows this object: its own observations over its class's over the prior."""
         rule, own, kind = self.rule, self._own[item.id], self._class[item.label]
-        usual = (kind.hits + rule.prior_hits) / (kind.looks + rule.prior_looks)
-        rate = (own.hits + usual * rule.prior_looks) / (own.looks + rule.prior_looks)
+        usual = (kind.hits + rule.prior_hits) / (kind.observations + rule.prior_observations)
+        rate = (own.hits + usual * rule.prior_observations) / (own.observations + rule.prior_observations)
         return min(max(rate, 2.0 * rule.false_rate), 0.95)
 
     def _hit(self, item: MapObject, pose_map_base: SE2, clear: bool) -> None:
-        """It is there: that weighs at once, and whatever is missed in the same look does not."""
+        """It is there: that weighs at once, and whatever is missed in the same observation does not."""
         self._weigh(item, self.detection_rate(item) / self.rule.false_rate)
         if clear:
-            self._look_at(item, pose_map_base).seen = True
+            self._observation_at(item, pose_map_base).seen = True
 
     def _miss(self, item: MapObject, pose_map_base: SE2, like_it: bool) -> None:
-        look = self._look_at(item, pose_map_base)
-        if like_it and not look.seen:
-            look.seen = None
+        observation = self._observation_at(item, pose_map_base)
+        if like_it and not observation.seen:
+            observation.seen = None
 
-    def _look_at(self, item: MapObject, pose_map_base: SE2) -> _Observation:
-        """The look that this frame belongs to; a look that ends by it is counted and weighed."""
-        rule, look = self.rule, self._open.get(item.id)
-        if look is not None:
-            way = look.pose_map_base.inverse() @ pose_map_base
-            same = math.hypot(way.x_m, way.y_m) < rule.look_m and abs(way.yaw_rad) < rule.look_rad
-            if same and self._frame - look.frame < rule.look_frames:
-                return look
-            if look.seen is not None:
-                self._count(item, look.seen)
+    def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Observation:
+        """The observation that this frame belongs to; an observation that ends by it is counted and weighed."""
+        rule, observation = self.rule, self._open.get(item.id)
+        if observation is not None:
+            moved = observation.pose_map_base.inverse() @ pose_map_base
+            same = math.hypot(moved.x_m, moved.y_m) < rule.same_m and abs(moved.yaw_rad) < rule.same_rad
+            if same and self._frame - observation.frame < rule.same_frames:
+                return observation
+            if observation.seen is not None:
+                self._count(item, observation.seen)
         self._open[item.id] = _Observation(pose_map_base, self._frame)
         return self._open[item.id]
 
     def _count(self, item: MapObject, seen: bool) -> None:
         own = self._own[item.id]
-        self.looks[item.id] += 1
+        self.observations[item.id] += 1
         own.pending += 1
         if seen:  # so it was there all the while
             for rates in (own, self._class[item.label]):
@@ -192,5 +192,5 @@ class Forgetter:
             self._weigh(item, missed / (1.0 - self.rule.false_rate))
 
     def _weigh(self, item: MapObject, ratio: float) -> None:
-        now = self._log_odds.get(item.id, self.rule.surest) + self.rule.weight * math.log(ratio)
-        self._log_odds[item.id] = min(now, self.rule.surest)
+        now = self._log_odds.get(item.id, self.rule.highest) + self.rule.weight * math.log(ratio)
+        self._log_odds[item.id] = min(now, self.rule.highest)

@@ -88,17 +88,17 @@ class ObjectMap(Protocol):
 class SightingSums:
     """Sums over an object's sightings from which its size, confidence and times follow; two sums can be joined."""
 
-    __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "sure", "width_m")
+    __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "weight", "width_m")
 
     def __init__(self) -> None:
-        self.count, self.sure, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0, 0.0
+        self.count, self.weight, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0, 0.0
         self.first_seen_s, self.last_seen_s = math.inf, -math.inf
 
     @classmethod
     def of_saved(cls, item: MapObject) -> SightingSums:
         """The sums of an object that an earlier map holds."""
         sums = cls()
-        sums.count, sums.sure = item.count, float(item.count)
+        sums.count, sums.weight = item.count, float(item.count)
         sums.width_m, sums.height_m = item.width_m * item.count, item.height_m * item.count
         sums.miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
         sums.first_seen_s, sums.last_seen_s = item.first_seen_s, item.last_seen_s
@@ -108,7 +108,7 @@ class SightingSums:
         """Count one more sighting."""
         sighting = placed.sighting
         self.count += 1
-        self.sure += sighting.sure
+        self.weight += sighting.weight
         self.width_m += sighting.width_m
         self.height_m += sighting.height_m
         self.miss += math.log1p(-min(sighting.score, 0.999)) / 4.0  # four looks in a row tell about one thing
@@ -118,7 +118,7 @@ class SightingSums:
     def join(self, other: SightingSums) -> None:
         """Take in another object's sums."""
         self.count += other.count
-        self.sure += other.sure
+        self.weight += other.weight
         self.width_m += other.width_m
         self.height_m += other.height_m
         self.miss += other.miss

@@ -93,15 +93,15 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
     systematic_m = max(rule.systematic_m, rule.systematic_extent_share * extent_m(ours.label, ours.width_m))
     floor_m2 = np.eye(2) * systematic_m**2
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
-    spread = np.linalg.inv(a + b)
+    own_m2 = np.linalg.inv(a + b)
     smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))
-    covariance = spread + floor_m2
+    covariance = own_m2 + floor_m2
     if np.trace(covariance) > smallest:  # either map was surer than the floor
         covariance = min(ours.covariance_m2, theirs.covariance_m2, key=np.trace)
     count = ours.count + theirs.count
     share = ours.count / count
     return MapObject(
-        ours.id, ours.label, spread @ (a @ ours.position_m + b @ theirs.position_m), covariance,
+        ours.id, ours.label, own_m2 @ (a @ ours.position_m + b @ theirs.position_m), covariance,
         share * ours.width_m + (1 - share) * theirs.width_m, share * ours.height_m + (1 - share) * theirs.height_m,
         count, 1.0 - (1.0 - ours.confidence) * (1.0 - theirs.confidence),
         min(ours.first_seen_s, theirs.first_seen_s), max(ours.last_seen_s, theirs.last_seen_s),

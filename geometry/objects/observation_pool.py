@@ -79,8 +79,8 @@ class ObservationPool:
         this object's own, and the new drive's pose as independent of it.
         """
         known = cls((number, 0, SAVED_SIDE, -1, 0), max(footprint_m(item.label, item.width_m)), item)
-        spread = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
-        (xx, xy), (_, yy) = np.linalg.inv(spread / min(correlated, max(float(item.count), 1.0)))
+        own_m2 = positive(item.covariance_m2 - np.eye(2) * systematic_m**2, least=1e-4)
+        (xx, xy), (_, yy) = np.linalg.inv(own_m2 / min(correlated, max(float(item.count), 1.0)))
         known.information = np.array([xx, xy, yy])
         known.vector = np.array([[xx, xy], [xy, yy]]) @ item.position_m
         known.weight = xx + yy

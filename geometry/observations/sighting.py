@@ -20,7 +20,7 @@ from edgemap.geometry.se2 import SE2
 Array = NDArray[np.float64]
 
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
-SURE_SPAN = 0.2  # of scores over which a sighting comes to count fully
+WEIGHT_SPAN = 0.2  # of scores over which a sighting comes to count fully
 SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
 NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
@@ -35,7 +35,7 @@ class Sighting:
     position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
     shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
     longer side of its class's usual footprint.
-    distance_m: horizontal, from the lens. detection: index into the frame's Detections. sure: how much it counts
+    distance_m: horizontal, from the lens. detection: index into the frame's Detections. weight: how much it counts
     towards making an object, 0..1; faint ones only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
     """
 
@@ -51,7 +51,7 @@ class Sighting:
     detection: int
     frame: int = 0
     stamp_s: float = 0.0
-    sure: float = 1.0
+    weight: float = 1.0
 
     def placed(self, pose_map_base: SE2, pose_covariance: Array, track: int = -1) -> PlacedSighting:
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
@@ -113,8 +113,8 @@ class FloorRule:
 
     border_px: a lower edge this near the picture's lower border is cut off. max_sigma_m: sightings less certain than
     this (largest standard deviation, pixel and mount together) are dropped. max_distance_m: and those farther.
-    mapped: labels that may be mapped; None means all. sure_score: at which a sighting counts half towards making an
-    object; fully from 0.1 above it on, not at all from 0.1 below.
+    mapped: labels that may be mapped; None means all. full_weight_score: at which a sighting counts half towards making
+    an object; fully from 0.1 above it on, not at all from 0.1 below.
     """
 
     border_px: float = 3.0
@@ -125,9 +125,9 @@ class FloorRule:
     mapped: Collection[str] | None = None
     full_weight_score: float = 0.0
 
-    def sure(self, score: float) -> float:
+    def weight(self, score: float) -> float:
         """How much a sighting of this score counts towards making an object, 0..1."""
-        return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / SURE_SPAN))
+        return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / WEIGHT_SPAN))
 
 
 def _allowed(detections: Detections, rule: FloorRule) -> NDArray[np.bool_]:
@@ -224,7 +224,7 @@ def sightings_of(
             Sighting(
                 labels[row], score, foot_m + direction * middle_m,
                 foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
-                int(row), frame, stamp_s, rule.sure(score) * (PART_COUNTS if part else 1.0),
+                int(row), frame, stamp_s, rule.weight(score) * (PART_COUNTS if part else 1.0),
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)

@@ -85,20 +85,20 @@ POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
 
 def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules) -> list[Member]:
     """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
-    doubts = rules.hybrid
+    rule = rules.hybrid
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
         flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting)
     carried = flow is not None and flow.outside_envelope
-    doubt = doubts.planar_doubt * (doubts.outside_planar_doubt if carried else 1.0)
-    members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), CAMERA, doubt)]
+    scale = rule.planar_covariance_scale * (rule.outside_planar_covariance_scale if carried else 1.0)
+    members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), CAMERA, scale)]
     if flow is not None:
-        doubt = doubts.flow_doubt * (doubts.outside_flow_doubt if carried else 1.0)
-        members.append(Member(flow, CAMERA, doubt, reach_rad=doubts.flow_reach_rad, alone_s=doubts.flow_alone_s))
+        scale = rule.flow_covariance_scale * (rule.outside_flow_covariance_scale if carried else 1.0)
+        members.append(Member(flow, CAMERA, scale, reach_rad=rule.flow_reach_rad, alone_s=rule.flow_alone_s))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given
         recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
-        members.append(Member(recorded, WHEELS, doubts.wheels_doubt))
-    members.append(Member(GyroOdometry(), GYRO, doubts.gyro_doubt, optional=True))
+        members.append(Member(recorded, WHEELS, rule.wheels_covariance_scale))
+    members.append(Member(GyroOdometry(), GYRO, rule.gyro_covariance_scale, optional=True))
     return members

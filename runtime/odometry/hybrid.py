@@ -29,11 +29,12 @@ class HybridRule:
     gate: squared Mahalanobis distance up to which two motions agree. known_sigma: m and rad; a standard deviation
     beyond it counts for less where sources disagree. lasting_conflict: steps in a row in which sources disagree make a
     fault; a wheel slips for less. repeated_s: of stream, between two mentions of a member that stays out.
-    flow_doubt, planar_doubt, wheels_doubt, gyro_doubt: factors on the members' covariances, so that errors and
-    covariance agree: with 2 for planar the camera alone drifts 4.4 % over 5 m on homes 9101-9104, with 4 5.6 %.
-    outside_flow_doubt, outside_planar_doubt: further factors for a camera outside the head's training envelope, which
-    is carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their true poses, drift 10 instead
-    of 18 % over 5 m and 23 instead of 29 % over 1 m with 1000 instead of 25 for the head.
+    flow_covariance_scale, planar_covariance_scale, wheels_covariance_scale, gyro_covariance_scale: factors on the
+    members' covariances, so that errors and covariance agree: with 2 for planar the camera alone drifts 4.4 % over 5 m
+    on homes 9101-9104, with 4 5.6 %. outside_flow_covariance_scale, outside_planar_covariance_scale: further factors
+    for a camera outside the head's training envelope, which is carried, and nods: two head cameras 1.74 m up, with
+    synthetic IMUs made from their true poses, drift 10 instead of 18 % over 5 m and 23 instead of 29 % over 1 m with
+    1000 instead of 25 for the head.
     flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
     missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
     flow_alone_s: longest step of which it is believed where nobody else tells the turn.
@@ -43,28 +44,28 @@ class HybridRule:
     known_sigma: float = KNOWN_SIGMA
     lasting_conflict: int = 10
     repeated_s: float = 10.0
-    flow_doubt: float = 1.0
-    planar_doubt: float = 2.0
-    wheels_doubt: float = 1.0
-    gyro_doubt: float = 1.0
+    flow_covariance_scale: float = 1.0
+    planar_covariance_scale: float = 2.0
+    wheels_covariance_scale: float = 1.0
+    gyro_covariance_scale: float = 1.0
     flow_reach_rad: float = 0.2
     flow_alone_s: float = 0.35
-    outside_flow_doubt: float = 1000.0
-    outside_planar_doubt: float = 2.0
+    outside_flow_covariance_scale: float = 1000.0
+    outside_planar_covariance_scale: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
     """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
 
-    doubt: factor on its covariance, fitted on validation drives so that errors and covariance agree. optional: it is
-    missed only after it has measured once. reach_rad: largest turn of one step that it can measure; alone_s: longest
-    step of which it is believed where no other member tells the turn.
+    covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
+    optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
+    alone_s: longest step of which it is believed where no other member tells the turn.
     """
 
     odometry: Odometry
     source: str
-    doubt: float = 1.0
+    covariance_scale: float = 1.0
     optional: bool = False
     reach_rad: float = math.inf
     alone_s: float = math.inf
@@ -169,7 +170,7 @@ class HybridOdometry:
             self._coasting.begin(stamp_s)
             return Motion(fault=faults)
         alive = [
-            MotionEstimate(motion.motion.vector(), member.doubt * motion.covariance, member.source)
+            MotionEstimate(motion.motion.vector(), member.covariance_scale * motion.covariance, member.source)
             for member, motion in named
             if not (motion.fault or motion.blind)
         ]

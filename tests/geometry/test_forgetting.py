@@ -27,8 +27,8 @@ def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
         here = way[0].inverse() @ pose
         found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
         ids = floor_map.update([sighting.placed(here, np.zeros((3, 3))) for sighting in found])
-        for identity in forgetter.look(floor_map, detections, here, ids):
-            left[identity] = forgetter.looks[identity] if isinstance(forgetter, Forgetter) else 0
+        for identity in forgetter.observe(floor_map, detections, here, ids):
+            left[identity] = forgetter.observations[identity] if isinstance(forgetter, Forgetter) else 0
     return floor_map, left
 
 
@@ -100,13 +100,13 @@ def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not
     floor_map, forgetter = chair_map(), Forgetter(CAMERA)
     confidences, real = [], floor_map.objects()[0].confidence
     for pose in looks_from(12):
-        forgetter.look(floor_map, NOTHING, pose, [])
+        forgetter.observe(floor_map, NOTHING, pose, [])
         confidences += [item.confidence for item in floor_map.objects()]
     assert floor_map.objects() == []
     assert 4 < len(confidences) <= 10  # one miss is no reason
     assert confidences[0] == pytest.approx(real)
     assert all(after < before for before, after in pairwise(confidences))
-    assert forgetter.looks["chair-1"] == len(confidences)
+    assert forgetter.observations["chair-1"] == len(confidences)
     found = sightings_of(look([("chair", 2.0, 0.0)], SE2(), np.random.default_rng(2), 1.0)[0], CAMERA, FloorRule())
     assert floor_map.update([found[0].placed(SE2(), np.zeros((3, 3)))]) == ["chair-2"]
 
@@ -114,10 +114,10 @@ def test_confidence_falls_look_by_look_until_the_object_leaves_and_its_id_is_not
 def test_frames_from_one_place_are_one_look_for_a_while():
     floor_map, forgetter = chair_map(), Forgetter(CAMERA)
     for _ in range(46):  # 15 frames each
-        forgetter.look(floor_map, NOTHING, SE2(0.3, 0.0, 0.0), [])
-    assert forgetter.looks["chair-1"] == 3
+        forgetter.observe(floor_map, NOTHING, SE2(0.3, 0.0, 0.0), [])
+    assert forgetter.observations["chair-1"] == 3
     for _ in range(100):
-        forgetter.look(floor_map, NOTHING, SE2(0.3, 0.0, 0.0), [])
+        forgetter.observe(floor_map, NOTHING, SE2(0.3, 0.0, 0.0), [])
     assert floor_map.objects() == []
 
 
@@ -125,7 +125,7 @@ def test_a_look_that_shows_it_once_is_no_miss():
     floor_map, forgetter = chair_map(), Forgetter(CAMERA)
     real = floor_map.objects()[0].confidence
     for number, pose in enumerate(pose for pose in looks_from(40) for _ in range(5)):
-        forgetter.look(floor_map, NOTHING, pose, ["chair-1"] if number % 5 == 2 else [])
+        forgetter.observe(floor_map, NOTHING, pose, ["chair-1"] if number % 5 == 2 else [])
     assert floor_map.objects()[0].confidence == pytest.approx(real)
     assert forgetter.detection_rate(floor_map.objects()[0]) > 0.9
 
@@ -133,17 +133,17 @@ def test_a_look_that_shows_it_once_is_no_miss():
 def test_a_hit_restores_and_a_box_of_its_like_in_its_place_is_no_miss():
     floor_map, forgetter = chair_map(), Forgetter(CAMERA)
     for pose in looks_from(4):
-        forgetter.look(floor_map, NOTHING, pose, [])
+        forgetter.observe(floor_map, NOTHING, pose, [])
     doubted = floor_map.objects()[0].confidence
     assert doubted < 0.9
-    forgetter.look(floor_map, NOTHING, looks_from(4)[-1], ["chair-1"])
-    forgetter.look(floor_map, NOTHING, SE2(), ["chair-1"])
+    forgetter.observe(floor_map, NOTHING, looks_from(4)[-1], ["chair-1"])
+    forgetter.observe(floor_map, NOTHING, SE2(), ["chair-1"])
     restored = floor_map.objects()[0].confidence
     assert restored > doubted
     for pose in looks_from(30):
         box = expected_boxes(floor_map.objects(), CAMERA, pose)
         there = Detections(box, np.array([0.9]), np.array([0]), ("chair",))
-        forgetter.look(floor_map, there, pose, ["chair-7"])
+        forgetter.observe(floor_map, there, pose, ["chair-7"])
     assert floor_map.objects()[0].confidence == restored
 
 
@@ -161,7 +161,7 @@ def test_furniture_moved_between_two_drives():
         present, lost = present + len(saved), lost + len(early)
         for item in saved:
             if _nearest(room, way[0].apply(item.position_m), item.label) < 4:
-                clear = left.get(item.id, forgetter.looks[item.id])
+                clear = left.get(item.id, forgetter.observations[item.id])
                 removed += clear >= 10 or item.id in left
                 gone += item.id in left and clear <= 10
             else:

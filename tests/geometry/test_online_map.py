@@ -220,7 +220,7 @@ def test_faint_sightings_add_to_an_object_but_make_none(placed):
     faint_map, mixed = FloorMap(), FloorMap()
     for frame in range(12):
         strong, faint = placed("chair", 2.0, 0.0, frame), placed("chair", 2.0, 0.0, frame, score=0.6)
-        faint = replace(faint, sighting=replace(faint.sighting, sure=0.0))
+        faint = replace(faint, sighting=replace(faint.sighting, weight=0.0))
         faint_map.update([faint])
         mixed.update([strong if frame < 4 else faint])
     assert faint_map.objects() == []
@@ -233,11 +233,11 @@ def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
     for frame in range(8):
         item = placed("chair", 2.0, 0.0, frame)
         assert half.objects() == []
-        half.update([replace(item, sighting=replace(item.sighting, sure=0.5))])
+        half.update([replace(item, sighting=replace(item.sighting, weight=0.5))])
     assert len(half.objects()) == 1
 
 
-@pytest.mark.parametrize(("score", "sure"), [(0.65, 0.0), (0.75, 0.25), (0.8, 0.5), (0.85, 0.75), (0.95, 1.0)])
-def test_how_much_a_score_counts(score, sure):
-    assert FloorRule(full_weight_score=0.8).sure(score) == pytest.approx(sure)
-    assert FloorRule().sure(score) == 1.0
+@pytest.mark.parametrize(("score", "weight"), [(0.65, 0.0), (0.75, 0.25), (0.8, 0.5), (0.85, 0.75), (0.95, 1.0)])
+def test_how_much_a_score_counts(score, weight):
+    assert FloorRule(full_weight_score=0.8).weight(score) == pytest.approx(weight)
+    assert FloorRule().weight(score) == 1.0

@@ -170,9 +170,9 @@ def test_feet_below_the_picture_are_between_the_robot_and_the_nearest_floor_seen
     assert chair.covariance_m2[0, 0] == pytest.approx(
         0.5437**2 * 0.2414**2 / (0.5437**2 + 0.2414**2) + 0.07**2, rel=0.01
     )
-    assert chair.sure == pytest.approx(0.5)  # a part of it is seen, which counts half
+    assert chair.weight == pytest.approx(0.5)  # a part of it is seen, which counts half
     (whole,) = sightings_of(seen(("chair", 175, 340, 465, 470)), CAMERA, FloorRule(full_weight_score=0.8))
-    assert whole.sure == pytest.approx(1.0)
+    assert whole.weight == pytest.approx(1.0)
 
 
 @given(st.floats(0, 600), st.floats(20, 600), st.floats(0.3, 1.3), st.floats(-0.1, 0.5))

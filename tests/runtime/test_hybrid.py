@@ -142,7 +142,7 @@ def test_reset_reaches_every_member():
 def test_a_doubted_member_counts_less():
     start = motion(0.0, 1.0)
     sure, doubted = Scripted(start, motion(0.10, 0.01)), Scripted(start, motion(0.12, 0.01))
-    hybrid = HybridOdometry([Member(sure, "camera"), Member(doubted, "wheels", doubt=4.0)])
+    hybrid = HybridOdometry([Member(sure, "camera"), Member(doubted, "wheels", covariance_scale=4.0)])
     hybrid.step(FRAME, {})
     fused = hybrid.step(FRAME, {})
     assert fused.motion.x_m == pytest.approx(0.104)  # weights 4 to 1

@@ -36,7 +36,7 @@ def batch_objects(frames: Iterable[Sequence[PlacedSighting]], rule: AssociationR
         objects = sorted(_estimates(index, rule), key=lambda item: item.sums.first_seen_s)
         for number, item in enumerate(objects, start=1):
             found[f"{label}-{number}"] = label, item
-            width_m, evidence = item.sums.width_m / item.sums.count, item.sums.sure * item.sums.confidence
+            width_m, evidence = item.sums.width_m / item.sums.count, item.sums.weight * item.sums.confidence
             overlaps.set(Candidate(f"{label}-{number}", label, item.position_m, width_m, evidence))
     overlaps.settle()
     shown = []
