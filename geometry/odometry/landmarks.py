@@ -30,10 +30,12 @@ class AttitudeError:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Where the base stands in the frame that the landmarks are kept in, and how the camera is tilted there."""
+    """Where the base stands in the frame that the landmarks are kept in, and how the camera is tilted there. rise_m: of
+    the lens above the mount's height."""
 
     pose: SE2 = field(default_factory=SE2)
     tilt: AttitudeError = AttitudeError()
+    rise_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,8 @@ class Noise:
     """Standard deviations. track_rad: of a track's place in one picture; drift_rad: what a track wanders per picture,
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: how well the tilt is known
     once it was estimated; scale: of the common scale of all points off the floor in one picture, relative; free: of the
-    inverse depth, 1/m, of a point of which nothing is known, about its mean."""
+    inverse depth, 1/m, of a point of which nothing is known, about its mean; rise_m: of the lens's height, from one
+    picture to the next."""
 
     track_rad: float
     drift_rad: float
@@ -50,6 +53,7 @@ class Noise:
     scale: float = 0.05
     free_mean: float = 0.2
     free: float = 0.3
+    rise_m: float = 1e-4
 
 
 @dataclass(slots=True, eq=False)
@@ -106,7 +110,7 @@ def new_landmarks(
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
-    lens = camera.mount.position_base_m()
+    lens = _lens(camera, view)
     on_floor = -base[:, 2] / lens[2]
     reached = on_floor > 1.0 / reach_m
     floor = reached & trusting
@@ -131,8 +135,9 @@ def new_landmarks(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """How landmarks look from a view, and how that changes. seen (N, 2): normalised image points; by_view (N, 2, 5):
-    per metre forward and left, radian of yaw, pitch and roll; by_inverse (N, 2): per 1/m. ahead (N,): in front."""
+    """How landmarks look from a view, and how that changes. seen (N, 2): normalised image points; by_view (N, 2, 6):
+    per metre forward and left, radian of yaw, pitch and roll, metre of rise; by_inverse (N, 2): per 1/m. ahead
+    (N,): in front."""
 
     seen: Array
     by_view: Array
@@ -143,30 +148,31 @@ class Sight:
 def look(landmarks: Landmarks, camera: FloorCamera, view: View) -> Sight:
     """Landmarks projected from a view, with the Jacobians that `locate` needs (perturbed in the view's base frame)."""
     turn = _turn(view.pose)
-    lens = camera.mount.position_base_m()
+    lens = _lens(camera, view)
     to_optical = (view.tilt.rotation() @ camera.mount.rotation_base_optical()).T
     away = (landmarks.anchor_m - [view.pose.x_m, view.pose.y_m, 0.0]) @ turn
     inverse = landmarks.inverse_m
     base = landmarks.ray @ turn + inverse[:, None] * away
     lensed = base - inverse[:, None] * lens
-    moved = np.zeros((3, 7, len(inverse)))  # base-frame change per parameter; last: per inverse depth, and the point
+    moved = np.zeros((3, 8, len(inverse)))  # base-frame change per parameter; last: per inverse depth, and the point
     moved[0, 0] = moved[1, 1] = -inverse
     moved[0, 2], moved[1, 2] = base[:, 1], -base[:, 0]
     moved[0, 3], moved[2, 3] = -lensed[:, 2], lensed[:, 0]
     moved[1, 4], moved[2, 4] = lensed[:, 2], -lensed[:, 1]
-    moved[:, 5], moved[:, 6] = (away - lens).T, lensed.T
+    moved[2, 5] = -inverse
+    moved[:, 6], moved[:, 7] = (away - lens).T, lensed.T
     optical = (to_optical @ moved.reshape(3, -1)).reshape(moved.shape)
-    depth = optical[2, 6]
+    depth = optical[2, 7]
     ahead = depth > 0.02
     depth = np.where(ahead, depth, 1.0)
-    seen = optical[:2, 6] / depth
-    by = (optical[:2, :6] - seen[:, None] * optical[2, :6]) / depth
-    return Sight(seen.T, by[:, :5].transpose(2, 0, 1), by[:, 5].T, ahead)
+    seen = optical[:2, 7] / depth
+    by = (optical[:2, :7] - seen[:, None] * optical[2, :7]) / depth
+    return Sight(seen.T, by[:, :6].transpose(2, 0, 1), by[:, 6].T, ahead)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """view: the pose found. covariance: (5, 5) of it in its own base frame, (m, m, rad, rad, rad), given the landmarks.
+    """view: the pose found. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given landmarks.
     weights (N,): 0 for a track that does not fit. misfit (N, 2), sight: what is left, and seen from there. scale: how
     much larger the inverse depths off the floor are than was thought, relative."""
 
@@ -187,16 +193,17 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
     """The view from which landmarks look as seen, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected misfit along its epipolar line, so a far or new one speaks of
-    rotation only. Pitch and roll are held to the mount by `noise.tilt_rad`. Points off the floor keep their shape, but
+    rotation only. Pitch, roll and rise are held to the start's by `noise`. Points off the floor keep their shape, but
     their common scale is left to the floor within `noise.scale`, or it would wander. Tukey's weights, scale annealed.
     """
     sight = look(landmarks, camera, start)
     view, log_scale = _turned_to(sight, seen, start), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
-    misfit, information = seen, np.eye(6)
+    misfit, information = seen, np.eye(7)
     free = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
-    prior = np.diag([1e-2, 1e-2, 1e-2, noise.tilt_rad**-2, noise.tilt_rad**-2, noise.scale**-2])
+    tight = noise.tilt_rad**-2
+    prior = np.diag([1e-2, 1e-2, 1e-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * free)
         sight = look(scaled, camera, view)
@@ -207,12 +214,13 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
         weighted = jacobian * weights
         information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + prior
         pull = (weighted @ white[:, :, None]).sum(axis=(0, 2))
-        pull[3:] -= np.diag(prior)[3:] * [view.tilt.pitch_rad, view.tilt.roll_rad, log_scale]
+        beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
+        pull[3:] -= np.diag(prior)[3:] * [*beyond, view.rise_m - start.rise_m, log_scale]
         step = np.asarray(np.linalg.solve(information, pull), dtype=np.float64)
-        view, log_scale = _moved(view, step), float(np.clip(log_scale + step[5], -0.3, 0.3))
-    degrees = max(2.0 * weights.sum() - 5.0, 1.0)
+        view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
+    degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    covariance = np.asarray(np.linalg.inv(information)[:5, :5] * excess, dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(information)[:6, :6] * excess, dtype=np.float64)
     return Located(view, covariance, weights, misfit, sight, log_scale)
 
 
@@ -253,6 +261,7 @@ def refined(
     return _judged(after, noise), (fits & (inverse > -0.05)) | standing
 
 
+RISE_SHARE = 0.05  # of the rise, that is taken for the landmarks' and not for the lens's
 KNOWN_DEPTH = 0.1  # relative standard deviation of an inverse depth that can tell floor from what stands on it
 FLOOR_BAND = 0.08  # relative difference of inverse depths that still is the floor, for the scale may be off as well
 BELOW_SHARE, BELOW_COUNT = 0.1, 8  # of the landmarks, that lie on one plane below the floor: then that is the floor
@@ -296,7 +305,7 @@ def oversize(landmarks: Landmarks) -> float:
 
 def shrunk(landmarks: Landmarks, camera: FloorCamera, view: View, factor: float, noise: Noise) -> Landmarks:
     """Everything nearer by a factor, seen from a view; what was floor stands on it, what lay below is floor."""
-    lens = _turn(view.pose) @ camera.mount.position_base_m() + [view.pose.x_m, view.pose.y_m, 0.0]
+    lens = _turn(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
     anchor = landmarks.anchor_m.copy()
     anchor[:, :2] = lens[:2] + (anchor[:, :2] - lens[:2]) / factor
     return _judged(
@@ -313,29 +322,34 @@ def shrunk(landmarks: Landmarks, camera: FloorCamera, view: View, factor: float,
 
 
 def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float) -> tuple[Landmarks, View]:
-    """Landmarks and view turned together about the lens, so that a share of the view's tilt goes.
+    """Landmarks and view turned together about the lens, and moved up or down together, so that a share of the view's
+    tilt and rise goes.
 
-    Tracks tell tilts apart only from one another, and what they agree on may wander; the mount says that it is zero on
-    average. Floor landmarks are put where their turned rays meet the floor.
+    Tracks tell tilts and heights apart only from one another, and what they agree on may wander; the mount says that
+    they are zero on average. Floor landmarks are put where their turned rays meet the floor.
     """
     turn = _turn(view.pose)
     part = AttitudeError(share * view.tilt.pitch_rad, share * view.tilt.roll_rad)
     rotation = turn @ part.rotation() @ turn.T  # its transpose takes the tilt away
-    lens = turn @ camera.mount.position_base_m() + [view.pose.x_m, view.pose.y_m, 0.0]
+    lens = turn @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
     ray = landmarks.ray @ rotation
     below = landmarks.floor | (landmarks.on_floor > 0.0)
     slope = np.where(below, np.clip(ray[:, 2] / np.where(below, landmarks.ray[:, 2], 1.0), 0.5, 2.0), 1.0)
     ratio = np.where(landmarks.floor, slope, 1.0)
     anchor = np.where(landmarks.floor[:, None], landmarks.anchor_m, lens + (landmarks.anchor_m - lens) @ rotation)
+    lower = RISE_SHARE * view.rise_m
+    low = np.clip(anchor[:, 2] / np.maximum(anchor[:, 2] - lower, 0.1), 0.5, 2.0)
+    anchor = anchor - [0.0, 0.0, lower]
+    slope, ratio = np.where(below, slope * low, 1.0), np.where(landmarks.floor, ratio * low, 1.0)
     after = replace(
         landmarks, anchor_m=anchor, ray=ray, inverse_m=landmarks.inverse_m * ratio, on_floor=landmarks.on_floor * slope
     )
     left = AttitudeError(view.tilt.pitch_rad - part.pitch_rad, view.tilt.roll_rad - part.roll_rad)
-    return after, View(view.pose, left)
+    return after, View(view.pose, left, view.rise_m - lower)
 
 
 def _whitened(sight: Sight, misfit: Array, free: Array, variance: Array, sigma2: Array) -> tuple[Array, Array]:
-    """Misfit (2, N) and Jacobian (2, 6, N), by view and common scale, in units of the expected misfit.
+    """Misfit (2, N) and Jacobian (2, 7, N), by view and common scale, in units of the expected misfit.
 
     That has the covariance sigma2 I + variance g g^T, g being the misfit per inverse depth.
     """
@@ -343,8 +357,8 @@ def _whitened(sight: Sight, misfit: Array, free: Array, variance: Array, sigma2:
     slope2 = (by_inverse**2).sum(axis=0)
     along = by_inverse / np.sqrt(np.maximum(slope2, 1e-18))
     lost = 1.0 - np.sqrt(sigma2 / (sigma2 + variance * slope2))
-    both = np.empty((2, 7, len(slope2)))
-    both[:, 0], both[:, 1:6], both[:, 6] = misfit.T, sight.by_view.transpose(1, 2, 0), by_inverse * free
+    both = np.empty((2, 8, len(slope2)))
+    both[:, 0], both[:, 1:7], both[:, 7] = misfit.T, sight.by_view.transpose(1, 2, 0), by_inverse * free
     both -= (lost * along)[:, None] * (along[0] * both[0] + along[1] * both[1])
     both /= np.sqrt(sigma2)
     return both[:, 0], both[:, 1:]
@@ -354,12 +368,17 @@ def _turned_to(sight: Sight, seen: Array, start: View) -> View:
     """The start, turned by the median misfit of a look from it: yaw and pitch change fast, and are common to all."""
     across, down = np.median(seen - sight.seen, axis=0)
     yaw, pitch = np.median(sight.by_view[:, 0, 2]), np.median(sight.by_view[:, 1, 3])
-    return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0]))
+    return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))
 
 
 def _moved(view: View, step: Array) -> View:
     tilt = AttitudeError(view.tilt.pitch_rad + float(step[3]), view.tilt.roll_rad + float(step[4]))
-    return View(view.pose @ SE2(*step[:3]), tilt)
+    return View(view.pose @ SE2(*step[:3]), tilt, view.rise_m + float(step[5]))
+
+
+def _lens(camera: FloorCamera, view: View) -> Array:
+    """Where the lens is in the view's base frame, (3,) m."""
+    return camera.mount.position_base_m() + [0.0, 0.0, view.rise_m]
 
 
 def _turn(pose: SE2) -> Array:

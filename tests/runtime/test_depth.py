@@ -142,5 +142,5 @@ def test_planar_follows_a_camera_that_nods_by_the_floor_in_its_depth():
         frame = Frame(index, index / 10, frame.image, depth=frame.depth, attitude=attitude)
         pose = pose @ odometry.step(frame, {}).motion
     off = pose.inverse() @ poses[-1]
-    assert math.hypot(off.x_m, off.y_m) < 0.03
+    assert math.hypot(off.x_m, off.y_m) < 0.04
     assert abs(off.yaw_rad) < 0.01
