@@ -66,7 +66,7 @@ bench: setup
 
 # Known vulnerabilities of the pinned libraries, by PyPI's database: fails where one has any, and where it does not
 # reach the database. pip-audit has an environment of its own, since its libraries are none of edgemap's.
-ADVISORIES := https://pypi.org/pypi/pip/json
+ADVISORIES := https://pypi.org/pypi/pip/24.0/json
 audit:
 	@$(PYTHON) -c 'import urllib.request as u; u.urlopen("$(ADVISORIES)", timeout=10)' 2>/dev/null || \
 		{ echo "audit: $(ADVISORIES) cannot be reached from here: no library was checked"; exit 1; }
