@@ -107,7 +107,7 @@ def command(
     lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
     foxglove: Foxglove = None,
     rerun: Rerun = None,
-    rerun_pictures: RerunPictures = 2.0,
+    rerun_pictures: RerunPictures = 1.0,
     mqtt: MqttBroker = None,
     fleet: Fleet = None,
     robot: RobotName = None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
@@ -90,9 +92,10 @@ def _box(item: MapObject) -> dict[str, float]:
 
 def _ellipse(item: MapObject) -> tuple[float, float, float]:
     """Axes (whole, m) of the 95 % ellipse, longer one first, and the longer one's yaw."""
-    variances, axes = np.linalg.eigh(item.covariance_m2)
-    short_m, long_m = 2.0 * np.sqrt(CHI2_95 * np.maximum(variances, 1e-8))
-    return float(long_m), float(short_m), float(np.arctan2(axes[1, 1], axes[0, 1]))
+    (xx, xy), (_, yy) = item.covariance_m2.tolist()
+    mean, apart = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+    long_m, short_m = (2.0 * math.sqrt(CHI2_95 * max(value, 1e-8)) for value in (mean + apart, mean - apart))
+    return long_m, short_m, 0.5 * math.atan2(2.0 * xy, xx - yy)
 
 
 def _colour(label: str) -> tuple[float, float, float]:

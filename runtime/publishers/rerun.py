@@ -23,10 +23,11 @@ from edgemap.runtime.messages.stream import MessageStream
 from edgemap.runtime.slam import StepResult
 
 CONNECT_LIMIT_S, CLOSE_LIMIT_S = 2.0, 2.0
+FLUSH_S = 0.5  # of what is logged, into file or viewer
 CHECK_EVERY_S, PATIENCE_S = 1.0, 3.0  # by the clock: of a thread that nothing of the step waits for
 UNIX_S = 1e8  # stamps above count from 1970, those below from some start of their own
 TIMELINE = "stamp"
-PICTURES_HZ, SLACK_S = 2.0, 1e-3  # a JPEG costs more than all else; stamps are not exact
+PICTURES_HZ, SLACK_S = 1.0, 1e-3  # a JPEG costs more than all else; stamps are not exact
 PICTURED = (topics.PICTURES, topics.BOXES)
 
 
@@ -53,7 +54,9 @@ class RerunStream:
         ids = stream.frames
         self._paths = {ids.map: "map", ids.odom: f"map/{ids.odom}", ids.base: f"map/{ids.odom}/{ids.base}"}
         self._camera = self._paths[ids.optical] = f"{self._paths[ids.base]}/{ids.optical}"
-        self._record = rr.RecordingStream("edgemap")
+        batches = rr.ChunkBatcherConfig.DEFAULT()
+        batches.flush_tick = FLUSH_S
+        self._record = rr.RecordingStream("edgemap", batcher_config=batches)
         views = rrb.Horizontal(
             rrb.Spatial3DView(origin="map"),
             rrb.Vertical(rrb.Spatial2DView(origin=self._camera), rrb.TextLogView(origin="faults"), row_shares=[4, 1]),
@@ -158,9 +161,9 @@ class RerunStream:
     def _transforms(self, message: Message) -> None:
         for item in message["transforms"]:
             path = self._paths[item["child_frame_id"]]
-            if self._same(path, item["transform"]):
-                continue
             moved, turned = item["transform"]["translation"], item["transform"]["rotation"]
+            if self._same(path, [round(value, 9) for value in (*_xyz(moved), *_xyz(turned))]):
+                continue
             transform = self._rr.Transform3D(translation=_xyz(moved), quaternion=[*_xyz(turned), turned["w"]])
             self._record.log(path, transform)
 

@@ -105,8 +105,12 @@ class Page:
     def click(self, identity: str) -> None:
         self.value(f"document.getElementById({identity!r}).click()")
 
+    def picture(self) -> bytes:
+        """What it shows, as PNG."""
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+
     def screenshot(self, path: Path) -> None:
-        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
+        path.write_bytes(self.picture())
 
     def said(self, *methods: str) -> list[dict]:
         """What happened in this tab so far, of these kinds."""

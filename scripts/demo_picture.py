@@ -1,0 +1,77 @@
+#!/usr/bin/env python
+"""The moving picture of the README: `python scripts/demo_picture.py [docs/demo.webp]`, some minutes.
+
+Runs the demo with its live page, looks at that in chromium without a window, and keeps what it shows at every
+`EVERY`th frame of the drive as one animated WebP. Needs chromium and the extras
+view and simulation.
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+from support.browser import Browser, Page  # noqa: E402
+
+EVERY, SHOWN_MS, LAST_MS = 10, 125, 3000  # frames of the drive at 10 Hz between two pictures: it plays 8 times as fast
+SIZE, SCALE = (1280, 800), 0.75  # of the window, and of the picture
+LARGEST_BYTES = 3 << 20
+
+
+def pictures(page: Page, frames: int) -> list[Image.Image]:
+    """What the page shows at every `EVERY`th frame, at most one picture for each."""
+    found = []
+    for frame in range(0, frames, EVERY):
+        page.until(f"edgemap.frame >= {frame}")
+        data = page.picture()
+        whole = Image.open(io.BytesIO(data)).convert("RGB")
+        found.append(whole.resize((round(SIZE[0] * SCALE), round(SIZE[1] * SCALE)), Image.Resampling.LANCZOS))
+        print(f"\r{frame} of {frames}", end="", file=sys.stderr, flush=True)
+    return found
+
+
+def main() -> None:
+    """Make it."""
+    out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "demo.webp"
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable,
+            "-u",
+            "-m",
+            "edgemap.cli",
+            "run",
+            "--view",
+            "--view-port",
+            "0",
+            "--out",
+            f"{folder}/run",
+        ]
+        run = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert run.stdout is not None
+        url = run.stdout.readline().split()[-1]
+        browser = Browser(Path(folder) / "chromium")
+        try:
+            page = browser.open(url, *SIZE, prefers_color_scheme="light")
+            page.until("window.edgemap?.updates > 0")
+            shown = pictures(page, 600)
+        finally:
+            browser.close()
+            run.terminate()
+            run.communicate()
+    times = [SHOWN_MS] * (len(shown) - 1) + [LAST_MS]
+    for quality in range(70, 10, -10):
+        shown[0].save(out, save_all=True, append_images=shown[1:], duration=times, loop=0, quality=quality, method=4)
+        if out.stat().st_size <= LARGEST_BYTES:
+            break
+    print(f"\n{out}: {len(shown)} pictures, {out.stat().st_size / 1e6:.1f} MB, quality {quality}")
+
+
+if __name__ == "__main__":
+    main()
