@@ -61,7 +61,7 @@ class RunFolder:
         self._saved_s = -math.inf
         self._failure: EdgemapError | None = None  # of the newest save
         self._stamp_s = 0.0
-        self._started = perf_counter()
+        self._started = self._saved_at = perf_counter()
         self._closed = False
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -114,10 +114,12 @@ class RunFolder:
             raise self._failure
 
     def fault(self, text: str) -> None:
-        """Note a fault with the frame it came at."""
+        """Note a fault with the frame it came at; while a camera is away nothing but its faults has them saved."""
         self._fault_count += 1
         if len(self._faults) < MAX_FAULTS:
             self._faults.append(f"frame {self._frames}: {text}")
+        if perf_counter() - self._saved_at > SAVE_EVERY_S and not self._closed:
+            self._save(rewrite=False)
 
     def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
         """The map as a person has just edited it, saved at once; also after the run. A full disk gets it later."""
@@ -136,7 +138,7 @@ class RunFolder:
             os.close(self._lock)
 
     def _save(self, rewrite: bool) -> None:
-        self._saved_s, self._failure = self._stamp_s, None
+        self._saved_s, self._saved_at, self._failure = self._stamp_s, perf_counter(), None
         try:
             self._write_all(rewrite)
         except EdgemapError as error:

@@ -221,6 +221,14 @@ def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):
     assert first["horizon_row_px"] == pytest.approx(31.5)
 
 
+def test_detect_takes_the_pictures_of_a_folder(edgemap, painted_bundle, pictures):
+    flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--json")
+    documents = json.loads(edgemap("detect", pictures, *flags).stdout)
+    assert [Path(document["image"]).name for document in documents] == [f"{number}.png" for number in range(12)]
+    (alone,) = json.loads(edgemap("detect", pictures / "7.png", *flags).stdout)
+    assert documents[7]["detections"] == alone["detections"] != []
+
+
 def test_detect_draws_figure_4(edgemap, painted_bundle, pictures, tmp_path):
     flags = ("--bundle", painted_bundle, "--camera-file", pictures / "camera.yaml", "--plot", tmp_path / "drawn")
     assert edgemap("detect", pictures / "0.png", *flags).returncode == 0

@@ -119,7 +119,7 @@ def test_sigterm_while_the_camera_is_away(server, tmp_path, view):
             server.stop()
             while "STATUS=camera degraded" not in manager.recv(4096).decode():
                 pass
-            time.sleep(1.0)  # far enough for it to have been tried again in vain
+            wait_for(lambda: "does not open" in (out / "run.json").read_text())  # tried again in vain
             ending = ended_by_sigterm(run)
         finally:
             run.kill()
