@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,11 +52,11 @@ class MapUpdate:
     trajectory: PoseJournal
     travelled_m: float
     stages_ms: dict[str, float]
+    pose_odom_base: SE2
+    odom_covariance: Array
     correction: LoopCorrection | None = None
     relocated: SE2 | None = None
     annotations: Annotations = NO_ANNOTATIONS
-    pose_odom_base: SE2 = field(default_factory=SE2)
-    odom_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 class Mapper:
@@ -139,7 +139,7 @@ class Mapper:
         stage("map")
         update = MapUpdate(
             sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,
-            self.travelled_m, {}, correction, pose_odom_base=self.pose_odom_base, odom_covariance=self.odom_covariance,
+            self.travelled_m, {}, self.pose_odom_base, self.odom_covariance, correction,
         )  # fmt: skip
         alignment = self.relocaliser.align()
         if alignment is not None:

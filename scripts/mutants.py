@@ -38,6 +38,7 @@ TARGETS = (
 # Those that place objects; of the others, which drive cameras, files and pages, nothing is expected here.
 TESTS = (
     "tests/geometry", "tests/evaluation", "tests/benchmarks/test_map_variants.py",
+    "tests/runtime/calibration/test_floor_depth.py", "tests/runtime/calibration/test_tilt.py",
     *(f"tests/runtime/test_{name}.py" for name in (
         "attitude", "blind", "checked_mount", "edits", "hybrid", "loop_closing", "mapper", "odometry", "pipeline",
         "pose_journal", "relocalisation", "rest", "resting", "scale_check",

@@ -107,6 +107,19 @@ def test_a_mount_that_looks_at_the_sky_is_refused():
         FloorCamera(PLAIN, Mount.from_degrees(0.6, -30.0))
 
 
+@pytest.mark.parametrize(("below_deg", "seen"), [(2.4, False), (3.3, True)])
+def test_the_nearest_floor_seen_is_at_most_twenty_camera_heights_away(below_deg, seen):
+    """An angle below the horizon of 2.86 degrees, whatever the length of the viewing ray."""
+    lens = Intrinsics(320, 240, 150.0, 150.0, 159.5, 119.5)
+    half_deg = math.degrees(math.atan2(lens.height - 1.0 - lens.cy, lens.fy))
+    mount = Mount.from_degrees(0.6, below_deg - half_deg)
+    if seen:
+        assert FloorCamera(lens, mount).floor_points([[159.5, 239.0]])[0, 0] < 12.0
+    else:
+        with pytest.raises(GeometryError, match="within 20 camera heights"):
+            FloorCamera(lens, mount)
+
+
 @pytest.mark.parametrize(
     ("distortion", "count"), [("brown_conrady", 6), ("fisheye", 0)], ids=["too many coefficients", "unknown model"]
 )

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,12 +106,13 @@ def test_a_long_drive_stays_small_and_right():
     assert worst_m(poses, way) < 0.4 * worst_m(integrated(drifting(way)), way)
 
 
-def test_a_saved_maps_things_say_where_the_robot_is():
+@pytest.mark.parametrize("seen", [1, 100])  # times by the earlier run: a map holds nothing that is not there
+def test_a_saved_maps_objects_say_where_the_robot_is(seen):
     # It starts where a person says, 0.2 m and 4 degrees off; the saved map is in the room's own frame.
     way = round_trip(120)
     consensus = SE2(way[0].x_m + 0.2, way[0].y_m - 0.1, way[0].yaw_rad + math.radians(4))
     graph = PoseGraph()
-    graph.add_prior_landmarks(mapped(ROOM, told_sigma_m=0.08))
+    graph.add_prior_landmarks([replace(item, count=seen) for item in mapped(ROOM, told_sigma_m=0.08)])
     graph.trajectory.begin(consensus, np.diag([0.03, 0.03, 0.005]), 0.0)
     drive_graph(graph, ROOM, way, np.random.default_rng(1), drifting(way, yaw_share=0.02))
     off = way[-1].inverse() @ graph.trajectory.pose
@@ -175,3 +177,15 @@ def test_the_work_of_a_frame_is_bounded_however_long_the_drive():
     assert late[1] <= 40 + 16  # tracks in view are never dropped
     assert late[2] <= 75 * 16 / 4  # a keyframe sees about a quarter of the room, each object once
     assert late[3] <= early[3] + 4
+
+
+def test_a_first_visit_that_leaves_hands_its_links_to_the_next_one():
+    """Two later visits are linked to it: the earlier of the two stands for the object from then on."""
+    graph = PoseGraph()
+    graph._parent = {4: 1, 7: 1, 9: 8}
+    assert graph._unlink(1) == 4
+    assert graph._parent == {7: 4, 9: 8}
+    assert [graph._root(number) for number in (4, 7, 9)] == [4, 4, 8]
+    assert graph._unlink(9) == 8
+    assert graph._unlink(5) == -1
+    assert graph._parent == {7: 4}

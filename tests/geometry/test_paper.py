@@ -82,3 +82,11 @@ def test_equation_9_by_hand():
 
 def test_paper_axes():
     np.testing.assert_allclose(paper.xz_of([[2.0, 1.0]]), [[-1.0, 2.0]])
+
+
+def test_equation_6_holds_the_inverse_motion_in_the_plane_and_leaves_heights_alone():
+    """After 1 m forwards and a left turn, what was 1 m ahead is here; a height stays what it is."""
+    change = paper.map_change(SE2(1.0, 0.0, math.pi / 2.0))
+    np.testing.assert_allclose(
+        change, [[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]], atol=1e-12
+    )

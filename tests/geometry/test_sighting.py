@@ -211,3 +211,11 @@ def test_a_covered_share_is_the_share_of_columns_behind_nearer_boxes(corners):
 def test_a_box_that_ends_at_the_horizon_has_no_place_however_far_is_allowed():
     at_horizon = seen(("chair", 300, 100, 340, 240.3))
     assert sightings_of(at_horizon, CAMERA, FloorRule(max_sigma_m=math.inf, max_distance_m=math.inf)) == []
+
+
+def test_two_chairs_whose_boxes_overlap_by_half_are_two_and_a_box_inside_another_is_a_part():
+    """Both 5 m away, 0.2 m apart: 0.6 of the smaller box is shared, then all of it."""
+    beside = seen(("chair", 290, 240, 340, 340), ("chair", 310, 240, 360, 340))
+    assert on_floor(beside, FloorRule()) == [0, 1]
+    inside = seen(("chair", 290, 240, 340, 340), ("chair", 292, 260, 330, 340))
+    assert len(on_floor(inside, FloorRule())) == 1

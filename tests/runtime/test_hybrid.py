@@ -181,3 +181,16 @@ def test_after_a_gap_a_member_alone_is_not_believed(dt_s, blind):
     found = hybrid.step(at(0.1 + dt_s), {})
     assert found.blind is blind
     assert bool(found.covariance[2, 2] > 0.1) is blind
+
+
+@pytest.mark.parametrize(
+    ("answers", "still"),
+    [((True, False), False), ((True, None), True), ((None, None), None), ((True, True), True), ((False, None), False)],
+)
+def test_it_stands_still_where_every_member_that_knows_says_so(answers, still):
+    members = []
+    for answer in answers:
+        member = Scripted()
+        member.still = lambda stamp_s, attitude, answer=answer: answer
+        members.append(Member(member, "wheels"))
+    assert HybridOdometry(members).still(0.1, None) is still
