@@ -57,9 +57,9 @@ class PaperMap:
                 found.append(cluster.sums.as_object(identity, label, position, cluster.covariance_sum / count))
         return sorted(found, key=lambda item: id_order(item.id))
 
-    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """Of `objects`, those no farther than that from a point (2,)."""
-        return [item for item in self.objects() if float(np.linalg.norm(item.position_m - point_m)) <= reach_m]
+    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:  # noqa: ARG002
+        """Raises MapError: see `drop`."""
+        raise MapError("the paper's clustering forgets nothing, so nobody asks what is near")
 
     def shown_as(self, identity: str) -> str:
         """The id itself: objects of two labels are never one."""

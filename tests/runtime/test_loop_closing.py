@@ -71,6 +71,16 @@ def test_the_covariance_is_honest_after_a_loop(corrected):
     assert off @ np.linalg.solve(result.pose_covariance, off) < 16.3  # chi-square, 3 degrees of freedom, 99.9 %
 
 
+def test_the_pose_is_known_as_well_as_its_correction_says(corrected):
+    times = [result for result, _ in corrected if result.correction]
+    assert any((at.past.covariances[-1] != at.past.covariances[-2]).any() for r in times if (at := r.correction))
+    for result in times:
+        now = result.correction.past
+        assert now.stamps_s[-1] == pytest.approx(result.frame.stamp_s)
+        np.testing.assert_allclose(now.poses[-1], result.pose_map_base.vector(), atol=1e-9)
+        np.testing.assert_array_equal(now.covariances[-1], result.pose_covariance)
+
+
 def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path):
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
