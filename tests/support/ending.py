@@ -13,8 +13,8 @@ POLL_S = 0.002
 
 @dataclass(frozen=True)
 class Ending:
-    """own_s: from the signal to the end, less the time in which its threads were ready to run and had no processor (the
-    kernel's count of it); on a machine that has its cores to itself that is the time by the clock. busy_s: processor
+    """own_s: from the signal to the end, less the longest time that one of its threads was ready to run and had no
+    processor (the kernel's count): on a machine that has its cores to itself, the time by the clock. busy_s: processor
     time of all threads meanwhile."""
 
     code: int
@@ -34,11 +34,9 @@ def ended_by_sigterm(run: subprocess.Popen[str], limit_s: float = 120.0) -> Endi
         time.sleep(POLL_S)
     took_s = time.monotonic() - asked_s
     output, errors = run.communicate(timeout=10)
-    used = {
-        task: [now - then for now, then in zip(seen[task], before.get(task, (0.0, 0.0)), strict=True)] for task in seen
-    }
-    busy_s, waited_s = (sum(times[column] for times in used.values()) for column in (0, 1))
-    return Ending(run.returncode, output, errors, took_s - waited_s, busy_s)
+    used = [(now[0] - then[0], now[1] - then[1]) for now, then in ((seen[t], before.get(t, (0.0, 0.0))) for t in seen)]
+    waited_s = max((waited for _, waited in used), default=0.0)
+    return Ending(run.returncode, output, errors, took_s - waited_s, sum(busy for busy, _ in used))
 
 
 def _threads(pid: int) -> dict[str, tuple[float, float]]:
