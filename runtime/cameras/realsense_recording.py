@@ -19,6 +19,7 @@ from edgemap.runtime.cameras.realsense_picture import to_bgr
 from edgemap.runtime.cameras.realsense_playback import POLL_MS, SILENT_POLLS, as_fast_as_read, started, stop
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.reading import one_line
 
 
 class RealSenseRecording(CameraBase):
@@ -58,13 +59,16 @@ class RealSenseRecording(CameraBase):
             ) from None
         try:
             self.intrinsics: Intrinsics | None = intrinsics or lens_of(profile, str(path))
+            self.size = picture_size(profile)
+            self.rate_hz: float | None = float(profile.fps())
+            self.imu = recorded_motion(rs, path)
+            self._depth = depth_beside(rs, path) if depth else None
         except EdgemapError:
             self.close()
             raise
-        self.size = picture_size(profile)
-        self.rate_hz: float | None = float(profile.fps())
-        self.imu = recorded_motion(rs, path)
-        self._depth = depth_beside(rs, path) if depth else None
+        except RuntimeError as error:
+            self.close()
+            raise CameraError(f"{path}: motion or depth in it is damaged ({one_line(error)})") from None
 
     def read(self) -> Frame | None:
         """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""

@@ -149,3 +149,15 @@ def test_the_thread_that_reads_a_recording_is_done_when_it_is_closed(realsense_r
             camera.read()
         camera.close()
         assert playback.current_status() == rs.playback_status.stopped
+
+
+@pytest.mark.parametrize("room", ["recorded_motion", "depth_beside"])
+def test_what_librealsense_says_of_damaged_motion_or_depth_is_one_line(realsense_recording, monkeypatch, room):
+    """No recording of ours makes it fail there, so it is made to; the pictures' playback is let go of as ever."""
+
+    def fails(*_):
+        raise RuntimeError("Failed to read\nthe file")
+
+    monkeypatch.setattr(f"edgemap.runtime.cameras.realsense_recording.{room}", fails)
+    with pytest.raises(CameraError, match=r"drive\.db3: motion or depth in it is damaged \(Failed to read the file\)"):
+        open_camera(f"realsense:{realsense_recording[0]}")
