@@ -69,10 +69,7 @@ class FloorCamera:
 
         Ray-plane intersection; at zero roll and on the optical axis' column it is the paper's equation 3.
         """
-        rays = self.rays_base(pixels)
-        down = np.where(rays[:, 2] < -1e-9, -rays[:, 2], np.nan)
-        lens = self.mount.position_base_m()
-        return lens[:2] + rays[:, :2] * (lens[2] / down)[:, None]
+        return _on_floor(self.intrinsics.rays(pixels), self.mount)
 
     def project(self, points_base_m: ArrayLike) -> Array:
         """Points (N, 3), or (N, 2) on the floor, of the base frame to pixels (N, 2); NaN behind the camera."""
@@ -129,19 +126,22 @@ def floor_covariances(
     """
     pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
-
-    def column(plus: Array, minus: Array, step: float) -> Array:
-        return (plus - minus) / (2.0 * step)
-
-    wrt_u = column(camera.floor_points(pixels + [0.5, 0.0]), camera.floor_points(pixels - [0.5, 0.0]), 0.5)
-    wrt_v = column(camera.floor_points(pixels + [0.0, 0.5]), camera.floor_points(pixels - [0.0, 0.5]), 0.5)
+    around = pixels + _HALF_PIXELS[:, None]  # all five in one go, for the lens costs most
+    rays = camera.intrinsics.rays(around.reshape(-1, 2)).reshape(len(_HALF_PIXELS), -1, 3)
+    right, left, below, above = (_on_floor(part, camera.mount) for part in rays[:4])
+    wrt_u, wrt_v = right - left, below - above
     from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
 
     def wrt(name: str) -> Array:
-        plus, minus = (_moved(camera, name, sign * 1e-4).floor_points(pixels) for sign in (1.0, -1.0))
-        return column(plus, minus, 1e-4)
+        value = getattr(camera.mount, name)
+        plus, minus = (
+            _on_floor(rays[4], replace(camera.mount, **{name: value + sign * _STEP})) for sign in (1.0, -1.0)
+        )
+        return (plus - minus) / (2.0 * _STEP)
 
-    wrt_roll, wrt_pitch, wrt_height = wrt("roll_rad"), wrt("pitch_rad"), wrt("height_m")
+    wrt_roll, wrt_pitch = wrt("roll_rad"), wrt("pitch_rad")
+    here = _on_floor(rays[4], camera.mount)
+    wrt_height = (here - camera.mount.position_base_m()[:2]) / camera.mount.height_m
     from_mount = (
         noise.roll_rad**2 * _outer(wrt_roll)
         + noise.pitch_rad**2 * _outer(wrt_pitch)
@@ -153,8 +153,16 @@ def floor_covariances(
     return from_pixels, from_mount
 
 
-def _moved(camera: FloorCamera, name: str, step: float) -> FloorCamera:
-    return replace(camera, mount=replace(camera.mount, **{name: getattr(camera.mount, name) + step}))
+_HALF_PIXELS = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5], [0.0, 0.0]])
+_STEP = 1e-4  # rad
+
+
+def _on_floor(rays_optical: Array, mount: Mount) -> Array:
+    """Where rays (N, 3) from the lens meet the floor, (N, 2) base frame; NaN at or above the horizon."""
+    rays = rays_optical @ mount.rotation_base_optical().T
+    down = np.where(rays[:, 2] < -1e-9, -rays[:, 2], np.nan)
+    lens = mount.position_base_m()
+    return lens[:2] + rays[:, :2] * (lens[2] / down)[:, None]
 
 
 def _outer(vectors: Array) -> Array:

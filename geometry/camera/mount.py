@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +53,20 @@ class Mount:
 
     def rotation_base_optical(self) -> Array:
         """3x3 rotation that takes directions of the optical frame into the base frame."""
-        cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
-        pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down
-        roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])  # about x (forward)
-        return pitch @ roll @ _BASE_OPTICAL
+        return _rotation_base_optical(self.pitch_rad, self.roll_rad)
 
     def position_base_m(self) -> Array:
         """Where the lens is in the base frame, (3,) in metres; the base's origin is on the floor."""
         return np.array([self.forward_m, self.left_m, self.height_m])
+
+
+@lru_cache(maxsize=64)
+def _rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
+    """Asked for some twenty times a frame, so it is kept, and cannot be written to."""
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down
+    roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])  # about x (forward)
+    found = pitch @ roll @ _BASE_OPTICAL
+    found.setflags(write=False)
+    return found

@@ -366,9 +366,15 @@ def _whitened(sight: Sight, misfit: Array, free: Array, variance: Array, sigma2:
 
 def _turned_to(sight: Sight, seen: Array, start: View) -> View:
     """The start, turned by the median misfit of a look from it: yaw and pitch change fast, and are common to all."""
-    across, down = np.median(seen - sight.seen, axis=0)
-    yaw, pitch = np.median(sight.by_view[:, 0, 2]), np.median(sight.by_view[:, 1, 3])
+    across, down = _median(seen - sight.seen)
+    yaw, pitch = _median(sight.by_view[:, [0, 1], [2, 3]])
     return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))
+
+
+def _median(columns: Array) -> Array:
+    """Of each column (N, C), as `np.median`, which takes five times as long on so few rows."""
+    rows, middle = np.sort(columns, axis=0), len(columns) // 2
+    return rows[middle] if len(rows) % 2 else (rows[middle - 1] + rows[middle]) / 2.0
 
 
 def _moved(view: View, step: Array) -> View:
