@@ -226,6 +226,30 @@ def test_on_a_phone_all_fits_and_two_fingers_zoom(serve, look):
     assert tab.value("edgemap.map.view.now.scale") == pytest.approx(2 * before, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("width", "height", "scale"), [(844, 390, 1.0), (640, 400, 2.0), (390, 844, 1.0), (1280, 800, 1.0)]
+)
+def test_nothing_is_cut_or_lies_over_another_on_small_and_enlarged_screens(serve, look, width, height, scale):
+    """A phone held sideways, a laptop at 200 %, a phone, and a laptop."""
+    served = serve()
+    served.step(5)
+    tab = look(served)
+    tab.resize(width, height, scale)
+    tab.until("edgemap.frame === 4")
+    assert tab.value("document.documentElement.scrollWidth") <= width
+    tab.value("document.querySelectorAll('#figures .big').forEach(text => text.firstChild.textContent = '1234.5')")
+    cut = """[...document.querySelectorAll('.tools button, .actions > *, #figures .big')].filter(element => {
+      const inner = document.createRange(); inner.selectNodeContents(element);
+      const own = inner.getBoundingClientRect(), card = element.closest('.card, header').getBoundingClientRect();
+      return own.left < card.left || own.right > card.right; }).map(element => element.textContent)"""
+    assert tab.value(cut) == []
+    over = """(() => { const boxes = [...document.querySelectorAll('#figures .big')].map(element => {
+      const inner = document.createRange(); inner.selectNodeContents(element); return inner.getBoundingClientRect(); });
+      return boxes.flatMap((a, i) => boxes.slice(i + 1).filter(b => a.left < b.right - 1 && b.left < a.right - 1
+        && a.top < b.bottom - 1 && b.top < a.bottom - 1)).length; })()"""
+    assert tab.value(over) == 0
+
+
 def test_the_mouse_drags_the_floor_and_the_wheel_zooms_about_the_pointer(serve, look):
     served = serve()
     served.step(5)
