@@ -175,7 +175,14 @@ def _trusted() -> ssl.SSLContext:
 
 
 class _WebOnly(urllib.request.HTTPRedirectHandler):
-    """Follows redirects to http and https only, and never from https to http."""
+    """Follows redirects to http and https only, and never from https to http; their own bodies are not read."""
+
+    def http_error_302(self, req: Any, fp: Any, code: int, msg: str, headers: Any) -> Any:
+        """As the base class, which would take a redirect's whole body into memory, whatever its length."""
+        fp.read = bytes
+        return super().http_error_302(req, fp, code, msg, headers)
+
+    http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
 
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         """As the base class, after the check. Raises ValueError."""

@@ -15,6 +15,14 @@ from edgemap.runtime.download import DownloadError, download, is_url
 class Hostile(BaseHTTPRequestHandler):
     def do_GET(self):
         where = {"/file": "file:///etc/passwd", "/ftp": "ftp://127.0.0.1/x", "/loop": "/loop", "/good": "/body"}
+        if self.path in ("/301", "/302", "/307"):
+            self.send_response(int(self.path[1:]))
+            self.send_header("Location", "/body")
+            self.send_header("Content-Length", "9" * (18 if self.path == "/301" else 400))
+            self.end_headers()
+            with suppress(OSError):
+                self.wfile.write(bytes(1 << 24))
+            return
         if self.path in where:
             self.send_response(302)
             self.send_header("Location", where[self.path])
@@ -78,6 +86,12 @@ def test_a_redirect_leaves_the_web_for_nothing_else(address, tmp_path, path, wor
 
 def test_a_redirect_on_the_web_is_followed(address, tmp_path):
     assert download(address + "/good", tmp_path / "f", progress=False).read_bytes() == b"body"
+
+
+@pytest.mark.parametrize("path", ["/301", "/302", "/307"])
+def test_the_body_of_a_redirect_is_not_read(address, tmp_path, path):
+    """Whatever its length says: memory for it was an error of its own, and no limit held for what came."""
+    assert download(address + path, tmp_path / "f", progress=False).read_bytes() == b"body"
 
 
 def test_https_never_becomes_http():
