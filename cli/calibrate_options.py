@@ -30,7 +30,7 @@ def read_board(text: str, square_m: float = 1.0) -> Board:
     """`--board 9x6`. Raises OptionError."""
     from edgemap.runtime.calibration.board import Board
 
-    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
+    found = re.fullmatch(r"(\d{1,4})[x×](\d{1,4})", text.strip())
     if found is None:
         raise OptionError(f"--board {text!r}: expected COLSxROWS, like 9x6")
     return Board(int(found[1]), int(found[2]), square_m)

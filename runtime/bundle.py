@@ -201,7 +201,8 @@ def _cut(promised: Shapes, found: Shapes) -> Callable[[Shapes], Shapes]:
     """What makes promised shapes those of a backbone of fewer rows, if it is one."""
     name, shape = next(iter(promised.items()))
     rows = found.get(name, shape)[2:3]
-    if len(promised) > 1 or not rows or not 0 < rows[0] < shape[2]:
+    known = bool(rows) and isinstance(rows[0], int)  # a model may name a side, or leave it open
+    if len(promised) > 1 or not known or not 0 < rows[0] < shape[2]:
         return lambda shapes: shapes
     return lambda shapes: {key: (*one[:2], one[2] * rows[0] // shape[2], *one[3:]) for key, one in shapes.items()}
 

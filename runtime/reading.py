@@ -59,10 +59,10 @@ def tell(text: object) -> None:
 
 
 def user_path(text: str | Path) -> Path:
-    """A path as a user types it: `~` is the home folder; one of nobody known stays as it is."""
+    """A path as a user types it: `~` is the home folder; one of nobody known, or that cannot be, stays as it is."""
     try:
         return Path(text).expanduser()
-    except RuntimeError:
+    except (RuntimeError, ValueError):  # ValueError: a NUL in the name
         return Path(text)
 
 

@@ -101,6 +101,8 @@ class McapReading:
         kind = _short(schema.name)
         if kind not in FIELDS:
             raise CameraError(f"{self.path}: {topic} is {one_line(kind)}, a kind that edgemap does not read")
+        if kind != self.topics[topic].kind:
+            raise CameraError(f"{self.path}: {topic} is {self.topics[topic].kind} and {kind}; a topic has one kind")
         return decoder(kind)
 
     def close(self) -> None:

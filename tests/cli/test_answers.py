@@ -114,6 +114,10 @@ def test_map_show_without_matplotlib_lists_the_objects_and_draws_the_centres(tmp
         (("map", "show", "a\nb\udcff"), "cannot be read"),
         (("map", "export", "a\nb", "--format", "csv"), "cannot be read"),
         (("pull", "a\nb"), r"a\nb"),
+        (("run", "--camera", "~root\0"), r"~root\x00"),
+        (("run", "--bundle", "~\0x"), r"~\x00x"),
+        (("map", "show", "~\0"), "embedded null byte"),
+        (("calibrate", "intrinsics", "--board", "9" * 5000 + "x6", "--camera", "demo"), "expected COLSxROWS"),
     ],
 )
 def test_paths_that_the_system_refuses_are_one_line(capsys, arguments, words):

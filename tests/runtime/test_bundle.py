@@ -85,6 +85,19 @@ def test_wrong_shapes_are_named(tmp_path):
     assert "output head has shape (1, 8, 4, 4), manifest says (1, 8, 2, 2)" in refusal(folder)
 
 
+@pytest.mark.parametrize("rows", ["N", None])
+def test_a_side_that_the_model_leaves_open_is_named(tmp_path, rows):
+    folder = painted.write_painted(tmp_path / "b", CHAIR)
+    model = painted.backbone_model(painted.head_with(CHAIR))
+    side = model.graph.input[0].type.tensor_type.shape.dim[2]
+    side.ClearField("dim_value")
+    if rows is not None:
+        side.dim_param = rows
+    painted.save(folder / "backbone.onnx", model, painted.contract_metadata(read_manifest(folder).detector))
+    painted.resum(folder)
+    assert f"input image has shape (1, 3, {rows!r}, 64), manifest says (1, 3, 64, 64)" in refusal(folder)
+
+
 def test_wrong_opset_is_named(tmp_path):
     folder = painted.write_painted(tmp_path / "b", CHAIR, opset=7)
     assert "opset 7" in refusal(folder)

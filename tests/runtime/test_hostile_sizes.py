@@ -70,12 +70,12 @@ def bag(path, messages, **options):
         writer, channels = Writer(file, **options), {}
         writer.start("ros2", "test")
         for topic, kind, stamp_ns, fields in messages:
-            if topic not in channels:
+            if (topic, kind) not in channels:
                 name = kind.replace("/", "/msg/")
                 schema = writer.register_schema(name, "ros2msg", definition(kind).encode())
-                channels[topic] = (writer.register_channel(topic, "cdr", schema), kind)
+                channels[topic, kind] = writer.register_channel(topic, "cdr", schema)
             data = fields if isinstance(fields, bytes) else serialize_dynamic(kind, definition(kind))[kind](fields)
-            writer.add_message(channels[topic][0], stamp_ns, bytes(data), stamp_ns)
+            writer.add_message(channels[topic, kind], stamp_ns, bytes(data), stamp_ns)
         writer.finish()
     return path
 
@@ -156,6 +156,17 @@ def edited(path, old, new):
     assert old in data
     path.write_bytes(data.replace(old, new))
     return path
+
+
+def test_a_topic_of_two_kinds_is_refused(tmp_path):
+    """What is read of its messages follows from the kind that the topic has."""
+    messages = [
+        ("/image", "sensor_msgs/Image", 1, picture()),
+        ("/imu", "sensor_msgs/Imu", 2, bytes(400)),
+        ("/imu", "std_msgs/Float64", 1, {"data": 1.0}),
+    ]
+    with pytest.raises(CameraError, match=r"a\.mcap: /imu is \S+ and \S+; a topic has one kind"):
+        RecordingCamera(str(bag(tmp_path / "a.mcap", messages)))
 
 
 def test_names_of_topics_that_a_terminal_would_act_on_are_refused(tmp_path):
