@@ -33,6 +33,12 @@ def command(
             "moved.json says which, and where in the first drive's map the new one starts.",
         ),
     ] = 0,
+    nodding: Annotated[
+        bool, arg(help="The robot nods as it speeds up and brakes, and over thresholds and carpets; poses have 6 DoF.")
+    ] = False,
+    imu: Annotated[
+        bool, arg(help="Samples of an IMU too, 200 a second, with the errors of a BMI055: imu.csv.")
+    ] = False,
     plain: Annotated[
         bool,
         arg(
@@ -98,8 +104,9 @@ def command(
             from edgemap.simulation.record import record
             from edgemap.simulation.world import draw_world
 
+            chosen = _choices(plain, mount, rate, light, people, moved, nodding, imu)
             for home in [seed] if seeds is None else _homes(seeds, shard):
-                world = draw_world(home, frames, _choices(plain, mount, rate, light, people, moved))
+                world = draw_world(home, frames, chosen)
                 folder = out if seeds is None else out / str(home)
                 record(world, folder, video=video, depth=depth, progress=progress, command=typed)
     if seeds is not None and pictures is None:
@@ -110,14 +117,21 @@ def command(
 
 
 def _choices(
-    plain: bool, mount: str | None, rate_hz: float, light: str | None, people: int | None, moved: int
+    plain: bool,
+    mount: str | None,
+    rate_hz: float,
+    light: str | None,
+    people: int | None,
+    moved: int,
+    nodding: bool,
+    imu: bool,
 ) -> Choices:
     from dataclasses import replace
 
     from edgemap.simulation.camera.setup import CameraSetup
     from edgemap.simulation.world import PLAIN, Choices
 
-    choices = replace(PLAIN if plain else Choices(), moved=moved, rate_hz=rate_hz)
+    choices = replace(PLAIN if plain else Choices(), moved=moved, rate_hz=rate_hz, nodding=nodding, imu=imu)
     if mount is not None:
         seat = read_mount(mount, CameraSetup().mount)
         choices = replace(choices, mount=seat)

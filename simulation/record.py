@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.runtime.drives.imu_csv import write_imu_csv
 from edgemap.runtime.drives.locobot import write_locobot
 from edgemap.runtime.drives.pictures import read_picture
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.changes import moved_record
+from edgemap.simulation.robot.imu import imu_samples
 from edgemap.simulation.robot.wheels import wheel_odometry
 from edgemap.simulation.shots import shots
 from edgemap.simulation.store import FrameStore, write_text
@@ -70,7 +72,13 @@ def record(
     else:
         boxes = [store.read(index) for index in range(world.frames)]
         objects = object_records(world.apartment, world.poses()[0], boxes)
-        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist())
+        tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
+        rows = wheel.tolist()
+        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
+        if world.imu:
+            rng = np.random.default_rng([world.seed, 9])
+            samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
+            write_imu_csv(folder / "imu.csv", samples)
     if moved := moved_record(world):
         write_text(folder / "moved.json", json.dumps(moved, indent=1))
     write_text(folder / "README.md", credits_text(world.models(), command))
@@ -78,21 +86,30 @@ def record(
 
 
 def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "seed": world.seed,
-        "home_seed": world.home_seed,
-        "frames": world.frames,
-        "layout": layout,
-        "video": video,
-        "depth": depth,
-        "people": len(world.walkers),
-        "effects": asdict(world.effects),
-        "light": {**asdict(world.light), "switches_s": list(world.light.switches_s[:8])},
-        "height_m": world.camera.mount.height_m,
-        "pitch_rad": world.camera.mount.pitch_rad,
-        "focal_px": world.camera.intrinsics.fx,
-    } | ({"moved": len(world.changes.moved)} if world.changes else {})
+    return (
+        {
+            "format": FORMAT,
+            "seed": world.seed,
+            "home_seed": world.home_seed,
+            "frames": world.frames,
+            "layout": layout,
+            "video": video,
+            "depth": depth,
+            "people": len(world.walkers),
+            "effects": asdict(world.effects),
+            "light": {**asdict(world.light), "switches_s": list(world.light.switches_s[:8])},
+            "height_m": world.camera.mount.height_m,
+            "pitch_rad": world.camera.mount.pitch_rad,
+            "focal_px": world.camera.intrinsics.fx,
+        }
+        | _options(world)
+        | ({"moved": len(world.changes.moved)} if world.changes else {})
+    )
+
+
+def _options(world: World) -> dict[str, bool]:
+    chosen = {"nodding": world.tilts is not None, "imu": world.imu}
+    return {name: True for name, wanted in chosen.items() if wanted}
 
 
 def _write_video(store: FrameStore, rate_hz: float) -> None:

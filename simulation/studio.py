@@ -21,6 +21,7 @@ from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitScene
 from edgemap.simulation.render.view import View
+from edgemap.simulation.robot.nodding import lean
 from edgemap.simulation.truth import picture_boxes
 from edgemap.simulation.world import World, build_scene
 
@@ -76,7 +77,8 @@ class Studio:
         stamp_s = index / world.camera.rate_hz
         pose, velocity = self._moment(stamp_s)
         mount = shaken(world.camera.mount, effects.shake_rad, velocity, rng)
-        view = View.of_base(pose, mount)
+        tilt = None if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
+        view = View.of_base(pose, mount) if tilt is None else View.of_base(pose, mount, lean(tilt), float(tilt[2]))
         gain, movers = float(self._gains[index]), self._movers(stamp_s)
         frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE * gain, movers)
         boxes = picture_boxes(self._renderer, view, world.apartment, movers)

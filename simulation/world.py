@@ -24,6 +24,7 @@ from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
 from edgemap.simulation.robot.explore import Habits, drive
 from edgemap.simulation.robot.motion import Limits, Motion
+from edgemap.simulation.robot.nodding import Tilts, nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.sight import Sight
 
@@ -45,6 +46,7 @@ class Choices:
     """What the user fixes; None is drawn from the seed. contract: whether the world must offer what `sim:SEED` does.
 
     rate_hz: of the camera.
+    nodding: whether the robot nods. imu: whether an IMU is beside the lens.
     moved: so many pieces are removed from the seed's home and as many put elsewhere, and another way is driven.
     """
 
@@ -58,6 +60,8 @@ class Choices:
     habits: Habits | None = None
     contract: bool = True
     moved: int = 0
+    nodding: bool = False
+    imu: bool = False
 
 
 PLAIN = Choices(CameraSetup(), effects=Effects(), light="day", people=0)
@@ -67,6 +71,7 @@ PLAIN = Choices(CameraSetup(), effects=Effects(), light="day", people=0)
 class World:
     """All that a seed determines. home_seed: of the home, which is the seed's own or one of its substitutes'.
 
+    tilts: of a base that nods, None of a level one. imu: whether its samples are recorded.
     changes: what was moved since the seed's own drive, start_before: where that one starts, in the home frame.
     """
 
@@ -81,6 +86,8 @@ class World:
     walkers: tuple[Walker, ...] = ()
     changes: Changes | None = None
     start_before: SE2 | None = None
+    tilts: Tilts | None = None
+    imu: bool = False
 
     @property
     def stamps_s(self) -> np.ndarray:
@@ -111,12 +118,20 @@ def _place(item: Placed) -> tuple[float, float, float, float]:
 
 
 def draw_world(seed: int, frames: int, choices: Choices | None = None, envelope: Envelope | None = None) -> World:
+    """The world of a seed, its base level or nodding; see `_draw_world`. Nodding and IMU have random streams of their
+    own, so that everything else is as without them."""
+    choices = choices or Choices()
+    world = _draw_world(seed, frames, choices, envelope or Envelope())
+    tilts = nodding_of(world.motion, (seed, world.home_seed, 8)) if choices.nodding else None
+    return replace(world, tilts=tilts, imu=choices.imu)
+
+
+def _draw_world(seed: int, frames: int, choices: Choices, envelope: Envelope) -> World:
     """The world of a seed: the first home, camera and drive, in a fixed order, that offer what the contract asks.
 
     The contract is judged on the drive's first 45 s whatever `frames` is, and a drive is one endless stream, so
     a longer recording of a seed begins with the shorter one. Raises SimulationError where no try will do.
     """
-    choices, envelope = choices or Choices(), envelope or Envelope()
     for attempt in range(_HOMES):
         home_seed = seed // _BLOCK * _BLOCK + (seed + _STRIDE * attempt) % _BLOCK
         apartment = furnish(home_seed)

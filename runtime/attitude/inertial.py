@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
-from edgemap.geometry.camera.inertial import OFFSET_RAD, InertialNoise, InertialState, inertial_start, inertial_step
+from edgemap.geometry.camera.inertial import (
+    GRAVITY_M_S2,
+    OFFSET_RAD,
+    InertialNoise,
+    InertialState,
+    inertial_start,
+    inertial_step,
+    rotation_of,
+)
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.checked_mount import MountRule
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.attitude.sources import NODDING_RAD
+from edgemap.runtime.calibration.level import up_optical
 from edgemap.runtime.frame import Frame
 
+SURE_RAD = math.radians(1.0)  # an IMU that says so of itself is believed: it is two to three times as good
+LIKELY = 1.5  # standard deviations, that a robot is taken to nod by where the IMU says that it does
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -59,14 +70,18 @@ class ConstantTilt:
             self._sum, self._squares = self._sum + deviation_rad, self._squares + deviation_rad**2
             self._seconds, self._count = self._seconds + span_s, self._count + 1
 
+    def nodding_rad2(self) -> np.ndarray:
+        """Variance (2,) of the deviations about their mean, the rule's at least."""
+        scatter = (self._squares - self._sum**2 / max(self._count, 1)) / max(self._count, 1)
+        return np.maximum(scatter, self._rule.nodding_rad**2)
+
     def estimate(self) -> tuple[np.ndarray, np.ndarray]:
         """The constant (2,), rad, and its variance (2,)."""
         prior = self._rule.offset_rad**2
         if not self._count:
             return np.zeros(2), np.full(2, prior)
         mean = self._sum / self._count
-        scatter = np.maximum(self._squares / self._count - mean**2, self._rule.nodding_rad**2)
-        variance = scatter / max(self._seconds / (2.0 * self._rule.nodding_s), 1.0)
+        variance = self.nodding_rad2() / max(self._seconds / (2.0 * self._rule.nodding_s), 1.0)
         gain = prior / (prior + variance)
         return gain * mean, prior * (1.0 - gain)
 
@@ -102,6 +117,9 @@ class MountCheck:
 class InertialAttitude:
     """Roll, pitch and rotation by gyro and accelerometer, against the mount; without samples the `other` source.
 
+    What is constant between IMU and mount is taken for the accelerometer's offset, which turns with the camera, and
+    taken out of its samples: beside the filter it would stay where it was in the room as the camera turns.
+
     Starts with the first samples, and again after a hole of `InertialNoise.lost_s`.
     """
 
@@ -112,13 +130,16 @@ class InertialAttitude:
         self._mount = np.array([mount.roll_rad, mount.pitch_rad])
         self._other, self._noise = other, rule.noise
         self._tilt, self._check = ConstantTilt(rule), MountCheck(mount, rule)
+        self._offset = np.zeros(2)  # roll and pitch that the accelerometer's own offset shows, taken out of its samples
         self._state: InertialState | None = None
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
         other = self._other.step(frame)
         state, rotation = self._state, None
-        if not len(frame.imu):
+        samples = replace(frame.imu, accel_m_s2=frame.imu.accel_m_s2 - GRAVITY_M_S2 * self._up_error())
+        frame = replace(frame, imu=samples)
+        if not len(samples):
             if state is not None and frame.stamp_s - state.stamp_s > self._noise.lost_s:
                 self._state = None
             return other
@@ -151,10 +172,29 @@ class InertialAttitude:
 
     def _against_mount(self, state: InertialState, rotation: GyroRotation | None, span_s: float) -> Attitude:
         plain = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
-        measured = np.array([plain.roll_rad, plain.pitch_rad])
+        measured = np.array([plain.roll_rad, plain.pitch_rad]) + self._offset
         self._tilt.learn(measured - self._mount, span_s)
-        offset, variance = self._tilt.estimate()
-        roll, pitch = (float(value) for value in measured - offset)
-        covariance = plain.covariance_rad2 + np.diag(variance)
         fault = self._check.judge(measured, span_s)
-        return Attitude(roll, pitch, covariance, rotation=rotation, source=self.name, fault=fault)
+        before, self._offset = self._up_error(), self._tilt.estimate()[0]
+        up = state.up_optical + before - self._up_error()
+        turn = rotation_of(-np.cross(state.up_optical, up)[None])[0]
+        self._state = state = replace(state, rotation=state.rotation @ turn)
+        covariance = plain.covariance_rad2 + np.diag(self._tilt.estimate()[1])
+        found = Attitude.of_up(state.up_optical, covariance, self.name)
+        return replace(self._held(found), rotation=rotation, fault=fault)
+
+    def _held(self, found: Attitude) -> Attitude:
+        """An attitude between the IMU's and the mount's: what is mounted nods little, so an IMU that has not learnt its
+        bias yet says less than the mount. The farther off the mount, the less that says."""
+        off = np.array([found.roll_rad, found.pitch_rad]) - self._mount
+        own = np.diag(found.covariance_rad2)
+        mounted = np.maximum(self._tilt.nodding_rad2(), (off / LIKELY) ** 2)
+        gain = mounted / (mounted + np.maximum(own - SURE_RAD**2, 0.0))
+        roll, pitch = (float(value) for value in self._mount + gain * off)
+        covariance = found.covariance_rad2 * np.sqrt(np.outer(gain, gain))
+        return replace(found, roll_rad=roll, pitch_rad=pitch, covariance_rad2=covariance)
+
+    def _up_error(self) -> np.ndarray:
+        """By how much an offset accelerometer's up is off, (3,), optical frame, in parts of gravity."""
+        roll, pitch = self._mount
+        return up_optical(pitch + self._offset[1], roll + self._offset[0]) - up_optical(pitch, roll)

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from math import cos, sin
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.camera_yaml import write_camera_yaml
 from edgemap.runtime.drives.wheel_csv import write_wheel_csv
 from edgemap.runtime.trajectory import Trajectory, tum_line
@@ -23,6 +28,7 @@ def write_drive(
     objects: Sequence[dict[str, Any]] | None = None,
     boxes: Sequence[Sequence[dict[str, Any]]] | None = None,
     wheel: Iterable[Sequence[float]] | None = None,
+    tilts: NDArray[np.float64] | None = None,
 ) -> None:
     """Write `camera.yaml`, `poses.tum` and, where given, `objects.json`, `boxes.json` and `wheel.csv`.
 
@@ -30,12 +36,16 @@ def write_drive(
     `{"id", "label", "x_m", "y_m", "on_floor", "footprint_m": [[x, y], ...], "width_m", "depth_m", "height_m",
     "visible_frames"}`. boxes: one list per picture of `{"id", "label", "box": [x0, y0, x1, y1] in px,
     "visible": 0..1}`. wheel: rows (stamp_s, x_m, y_m, yaw_rad), the wheels' own integrated pose.
+    tilts: (N, 3) of the base at each pose: roll, pitch (positive down) in rad, and rise in metres.
     Pictures go to `images/` (natural order of names) or one `video.mp4`; both are the caller's. Makes the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
-    lines = (tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True))
+    rows = zip(poses.stamps_s, poses.poses, strict=True)
+    lines = (tum_line(stamp, pose) for stamp, pose in rows)
+    if tilts is not None:
+        lines = (_tilted_line(stamp, pose, tilt) for (stamp, pose), tilt in zip(rows, tilts, strict=True))
     (folder / "poses.tum").write_text("# base poses: stamp x y z qx qy qz qw\n" + "".join(lines))
     if objects is not None:
         (folder / "objects.json").write_text(json.dumps({"objects": list(objects)}, indent=1))
@@ -43,3 +53,13 @@ def write_drive(
         (folder / "boxes.json").write_text(json.dumps({"frames": [list(frame) for frame in boxes]}))
     if wheel is not None:
         write_wheel_csv(folder / "wheel.csv", wheel)
+
+
+def _tilted_line(stamp_s: float, pose: SE2, tilt: NDArray[np.float64]) -> str:
+    """A line of a TUM file: yaw, then pitch, then roll about the base's axes."""
+    (cr, cp, cy), (sr, sp, sy) = ([f(angle / 2.0) for angle in (tilt[0], tilt[1], pose.yaw_rad)] for f in (cos, sin))
+    quaternion = (
+        sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy,
+    )  # fmt: skip
+    return " ".join(f"{value:.9f}" for value in (stamp_s, pose.x_m, pose.y_m, tilt[2], *quaternion)) + "\n"

@@ -23,11 +23,13 @@ class View:
     position_home_m: Array
 
     @classmethod
-    def of_base(cls, pose_home_base: SE2, mount: Mount) -> View:
-        """The view of a camera mounted on a base that stands in the room."""
+    def of_base(cls, pose_home_base: SE2, mount: Mount, lean: Array | None = None, rise_m: float = 0.0) -> View:
+        """The view of a camera mounted on a base that stands in the room. lean: (3, 3), from the tilted base's axes to
+        the level one's; rise_m: of the base above the floor."""
         turn = np.eye(3)
         turn[:2, :2] = pose_home_base.rotation()
-        position = turn @ mount.position_base_m() + [pose_home_base.x_m, pose_home_base.y_m, 0.0]
+        turn = turn if lean is None else turn @ lean
+        position = turn @ mount.position_base_m() + [pose_home_base.x_m, pose_home_base.y_m, rise_m]
         return cls(turn @ mount.rotation_base_optical(), position)
 
     def to_optical(self, points_home_m: Array) -> Array:

@@ -1,0 +1,99 @@
+"""What an IMU beside the lens measures on a simulated drive, with a datasheet's errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.mount import Mount
+from edgemap.simulation.render.mesh import Array
+from edgemap.simulation.robot.motion import SAMPLE_S, Motion
+from edgemap.simulation.robot.nodding import Tilts, lean
+
+GRAVITY_M_S2 = 9.80665
+_MOMENT_S = 0.0025  # over which velocities are taken
+_SMOOTH = 5.0  # samples; a path's small kinks are none of the robot's accelerations, and less than a millimetre
+
+
+@dataclass(frozen=True, slots=True)
+class ImuErrors:
+    """Of Bosch's BMI055 (in Intel's D435i and D455), by its datasheet; the walks are of its measured kind.
+
+    gyro_density rad/s/sqrt(Hz), accel_density m/s^2/sqrt(Hz): white noise. gyro_bias rad/s, accel_bias m/s^2 (70 mg):
+    largest offset. gyro_walk rad/s^2/sqrt(Hz), accel_walk m/s^3/sqrt(Hz). scale, misaligned: standard deviations,
+    relative and rad. late_s: standard deviation of the clock's offset against the camera's.
+    """
+
+    rate_hz: float = 200.0
+    gyro_density: float = math.radians(0.014)
+    accel_density: float = 150e-6 * GRAVITY_M_S2
+    gyro_bias: float = math.radians(1.0)
+    accel_bias: float = 0.070 * GRAVITY_M_S2
+    gyro_walk: float = 2e-5
+    accel_walk: float = 3e-4
+    scale: float = 0.005
+    misaligned: float = math.radians(0.3)
+    late_s: float = 0.002
+
+
+def imu_samples(
+    motion: Motion,
+    tilts: Tilts | None,
+    mount: Mount,
+    until_s: float,
+    rng: np.random.Generator,
+    errors: ImuErrors | None = None,
+) -> ImuSamples:
+    """Samples from time 0 until a stamp, optical axes. tilts: of a base that nods, None for a level one."""
+    errors = errors or ImuErrors()
+    true_s = np.arange(0.0, until_s, 1.0 / errors.rate_hz)
+    smooth = gaussian_filter1d(motion.samples, _SMOOTH, axis=0, mode="nearest")
+    moved = CubicSpline(np.arange(len(smooth)) * SAMPLE_S, smooth)
+    leaned = np.zeros_like(smooth) if tilts is None else gaussian_filter1d(tilts.samples, 1.0, axis=0)
+    tilted = CubicSpline(np.arange(len(leaned)) * SAMPLE_S, leaned)
+    moments = [_lens(moved, tilted, mount, np.maximum(true_s + shift, 0.0)) for shift in (-_MOMENT_S, 0.0, _MOMENT_S)]
+    (before, at_before), (turned, at), (after, at_after) = moments
+    between = before.transpose(0, 2, 1) @ after
+    rates = _rotation_vectors(between) / (2.0 * _MOMENT_S)
+    accelerations = (at_before - 2.0 * at + at_after) / _MOMENT_S**2
+    forces = np.einsum("nij,ni->nj", turned, accelerations + [0.0, 0.0, GRAVITY_M_S2])
+    late_s = rng.normal(0.0, errors.late_s)
+    measured = []
+    for true, density, bias, walk in (
+        (rates, errors.gyro_density, errors.gyro_bias, errors.gyro_walk),
+        (forces, errors.accel_density, errors.accel_bias, errors.accel_walk),
+    ):
+        axes = np.diag(1.0 + rng.normal(0.0, errors.scale, 3)) + rng.normal(0.0, errors.misaligned, (3, 3))
+        offset = rng.uniform(-bias, bias, 3)
+        steps = rng.normal(0.0, 1.0, (len(true), 6))
+        drift = np.cumsum(steps[:, 3:], axis=0) * walk / math.sqrt(errors.rate_hz)
+        measured.append(true @ axes.T + offset + drift + steps[:, :3] * density * math.sqrt(errors.rate_hz))
+    return ImuSamples(true_s + max(late_s, 0.0), *measured)
+
+
+def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array) -> tuple[Array, Array]:
+    """Rotation (N, 3, 3) from optical to home axes, and place (N, 3) of the lens."""
+    rotations, places = np.zeros((len(stamps_s), 3, 3)), np.zeros((len(stamps_s), 3))
+    optical, arm = mount.rotation_base_optical(), mount.position_base_m()
+    for row, ((x, y, yaw), tilt) in enumerate(zip(moved(stamps_s), tilted(stamps_s), strict=True)):
+        c, s = math.cos(yaw), math.sin(yaw)
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lean(tilt)
+        rotations[row], places[row] = turned @ optical, turned @ arm + [x, y, tilt[2]]
+    return rotations, places
+
+
+def _rotation_vectors(rotations: Array) -> Array:
+    """Of small rotations (N, 3, 3), as vectors (N, 3)."""
+    return 0.5 * np.stack(
+        [
+            rotations[:, 2, 1] - rotations[:, 1, 2],
+            rotations[:, 0, 2] - rotations[:, 2, 0],
+            rotations[:, 1, 0] - rotations[:, 0, 1],
+        ],
+        axis=-1,
+    )
