@@ -1,6 +1,7 @@
 """What each line of the back end is there for, through the real Mapper: numbers by hand, or the room as it stands."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -193,3 +194,45 @@ def test_the_alignment_is_part_of_the_pose_covariance_after_relocalisation():
     assert np.linalg.eigvalsh(alignment.covariance).min() > 1e-6
     assert np.linalg.eigvalsh(excess).min() > -1e-9  # at least the alignment's
     assert np.trace(excess) < 2.0 * np.trace(before.pose_covariance) + 1e-4  # and the drive's own little
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_a_room_seen_from_a_map_that_is_turned_is_the_same_room(quarters):
+    """Nothing in the back end prefers an axis of the map: same objects, covariances, poses, turned by right angles."""
+    way = round_trip(200, turns=1.8)
+    maps = []
+    for turn in (SE2(), SE2(0.0, 0.0, quarters * math.pi / 2.0)):
+        mapper = Mapper(loop_closer=LoopCloser())
+        mapper.start_in([], turn, (1e-4, 1e-4, 1e-4))
+        *_, (result, objects) = drive(mapper, ROOM, way, drifting(way), 0)
+        assert result.trajectory.revision > 2
+        maps.append((result, objects))
+    (plain, before), (turned, after) = maps
+    rotation = SE2(0.0, 0.0, quarters * math.pi / 2.0)
+    assert turned.pose_map_base.vector()[:2] == pytest.approx(
+        rotation.apply(plain.pose_map_base.vector()[:2]), abs=1e-6
+    )
+    assert sorted(item.id for item in after) == sorted(item.id for item in before)
+    for item, same in zip(before, after, strict=True):
+        assert (same.id, same.count) == (item.id, item.count)
+        assert same.position_m == pytest.approx(rotation.apply(item.position_m), abs=1e-6)
+        covariance = rotation.rotation() @ item.covariance_m2 @ rotation.rotation().T
+        np.testing.assert_allclose(same.covariance_m2, covariance, rtol=1e-5, atol=1e-8)
+        assert len(same.seen_from_m) == len(item.seen_from_m)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain(axis):
+    """Six sightings, which count as four, of 0.3 m along one axis and 0.02 m across, and six more 1.15 m away: a squared
+    Mahalanobis distance of 1.15^2 / (2 (0.3^2 4 / 6 + 0.08^2)) = 10, gate 13.8; of one alone it would be 20."""
+    for apart, count in ((axis, 1), (1 - axis, 2)):
+        mapper = Mapper()
+        sigmas_m = np.full(2, 0.02)
+        sigmas_m[axis] = 0.3
+        for index in range(12):
+            place = np.array([2.1, 0.1])
+            place[apart] += 1.15 * (index >= 6)
+            found = sight("chair", *place, index=index)
+            found = replace(found, covariance_m2=np.diag(sigmas_m**2), shared_m2=np.zeros((2, 2)))
+            mapper.step(observed(index, [found], Motion(SE2(), np.zeros((3, 3)))))
+        assert len(mapper.map._objects) == count
