@@ -223,7 +223,7 @@ def test_a_room_seen_from_a_map_that_is_turned_is_the_same_room(quarters):
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain(axis):
-    """Six sightings, which count as four, of 0.3 m along one axis and 0.02 m across, and six more 1.15 m away: a squared
+    """Six sightings, which count as four, of 0.3 m along one axis and 0.02 m across, and six 1.15 m away: a squared
     Mahalanobis distance of 1.15^2 / (2 (0.3^2 4 / 6 + 0.08^2)) = 10, gate 13.8; of one alone it would be 20."""
     for apart, count in ((axis, 1), (1 - axis, 2)):
         mapper = Mapper()
