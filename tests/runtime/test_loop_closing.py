@@ -79,6 +79,11 @@ def test_the_pose_is_known_as_well_as_its_correction_says(corrected):
         assert now.stamps_s[-1] == pytest.approx(result.frame.stamp_s)
         np.testing.assert_allclose(now.poses[-1], result.pose_map_base.vector(), atol=1e-9)
         np.testing.assert_array_equal(now.covariances[-1], result.pose_covariance)
+    for (before, _), (result, _) in pairwise(corrected):
+        if result.correction:
+            expected, found = before.pose_map_base @ result.observed.motion.motion, result.pose_map_base
+            off_m = np.hypot(found.x_m - expected.x_m, found.y_m - expected.y_m)
+            assert result.correction.moved_m == pytest.approx(off_m, abs=1e-9)
 
 
 def test_the_run_folder_is_written_anew_as_known_at_the_end(corrected, tmp_path):
