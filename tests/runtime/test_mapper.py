@@ -10,6 +10,7 @@ from support.drives import drive, exact, observed, round_trip
 from support.rooms import furnished, mapped
 from support.seen import CAMERA, look
 
+from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, Sighting, sightings_of
@@ -235,4 +236,5 @@ def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain
             found = sight("chair", *place, index=index)
             found = replace(found, covariance_m2=np.diag(sigmas_m**2), shared_m2=np.zeros((2, 2)))
             mapper.step(observed(index, [found], Motion(SE2(), np.zeros((3, 3)))))
+        assert isinstance(mapper.map, FloorMap)
         assert len(mapper.map._objects) == count
