@@ -31,6 +31,7 @@ from edgemap.runtime.map_file import load_annotated_map, map_document, read_map,
 from edgemap.runtime.reading import Coordinate, decode_json
 
 MOST_ROBOTS, MOST_OBJECTS = 100, 1000  # of a place, and of one robot's map
+LARGEST_M, MOST_COUNTED = 1000.0, 1 << 30  # so that what is merged stays within what a map may hold
 ROUTER_S = 10.0  # for which a router is waited for
 MOST_BYTES = {"map": MESSAGE_BYTES, "pose": 1000}
 
@@ -171,6 +172,14 @@ class PlaceKeeper:
         objects, annotations = unpacked_map(message, source)
         if len(objects) > MOST_OBJECTS:
             raise MapError(f"{source}: {len(objects)} objects, at most {MOST_OBJECTS} are merged")
+        for item in objects:
+            if (
+                max(*abs(item.position_m), *item.covariance_m2.diagonal() ** 0.5) > LARGEST_M
+                or item.count > MOST_COUNTED
+            ):
+                raise MapError(
+                    f"{source}: {item.id} lies, or is unsure by, more than {LARGEST_M:g} m, or is seen too often"
+                )
         robot.refused, robot.came_s, latest = "", time.monotonic(), _robot_map(objects, annotations)
         if robot.latest is None or robot.latest.key != latest.key:
             robot.latest, self._stale = latest, True

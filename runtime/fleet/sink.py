@@ -32,8 +32,8 @@ class FleetSink:
     def __init__(self, place: str, robot: str, address: str) -> None:
         self._place, self._address = name_of(place, "place"), address
         root = place_key(place)
-        self._session: Any = open_session(connect=address)
         key = f"{root}/robots/{name_of(robot, 'robot')}"
+        self._session: Any = open_session(connect=address)
         self._message, self._sending = b"", threading.Lock()
         self._objects, self._annotations = list[MapObject](), NO_ANNOTATIONS
         self._pose_s = self._map_s = self._sent_s = -math.inf

@@ -177,6 +177,7 @@ HOSTILE = [
     packed(map_document([]))[:-3],
     packed({"format": "edgemap.map/1", "objects": [{"id": "a"}]}),
     packed({"format": "edgemap.map/1", "objects": [], "zones": "x" * 1000}),
+    packed(map_document(mapped([("chair", 1001.0, 0.0)]))),
     packed(map_document(mapped([("chair", float(k), 0.0) for k in range(MOST_OBJECTS + 1)]))),
 ]
 
