@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.evaluation.attitude import attitude_figures
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
 from edgemap.evaluation.planar_fit import planar_fit
 from edgemap.geometry.camera.floor import FloorCamera
@@ -47,13 +48,14 @@ class Selection:
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredDrive:
     """One drive, followed and compared with its truth. planar_fit: as of `evaluation.planar_fit`, None for data whose
-    poses are planar already."""
+    poses are planar already. attitude: as of `evaluation.attitude`."""
 
     spec: str
     mount: Mount
     followed: Followed
     errors: DriveErrors
     planar_fit: dict[str, float | None] | None
+    attitude: dict[str, Any]
 
     def document(self) -> dict[str, Any]:
         """All figures and facts of the drive."""
@@ -61,7 +63,7 @@ class ScoredDrive:
         mount = {"height_m": self.mount.height_m, "pitch_deg": round(degrees(self.mount.pitch_rad), 3)}
         facts = {"data": self.spec, "rate_hz": round(rate_hz, 3), "mount": mount, "faults": self.followed.faults}
         fit = {} if self.planar_fit is None else {"planar_fit": self.planar_fit}
-        return {**facts, **figures([self.errors]), **fit}
+        return {**facts, **figures([self.errors]), **fit, "attitude": self.attitude}
 
 
 def score_drive(
@@ -89,9 +91,12 @@ def score_drive(
             every=selection.every, frames=selection.frames, progress=progress,
         )  # fmt: skip
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
+        known = camera.attitudes
+        level = None if known is None else [known.at(stamp_s, camera.mount.height_m) for stamp_s in followed.stamps_s]
+        attitudes = attitude_figures(followed.attitudes, level)
         errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths)
         fit = None if full is None else planar_fit(full[list(followed.indices)], lengths)
-        return ScoredDrive(spec, camera.mount, followed, errors, fit)
+        return ScoredDrive(spec, camera.mount, followed, errors, fit, attitudes)
 
 
 def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:

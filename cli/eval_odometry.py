@@ -168,5 +168,18 @@ def _print(own: dict[str, Any]) -> None:
         off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the path, at most {fit['max_m']:.2f} m{drift}"
         height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
         print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
+    if attitude := own.get("attitude"):
+        _print_attitude(attitude)
     if worst := own.get("worst"):
         print(f"  worst     {worst['sequence']}: t_rel over {worst['length_m']:g} m {worst['t_rel_percent']:.2f} %")
+
+
+def _print_attitude(attitude: dict[str, Any]) -> None:
+    sources = ", ".join(f"{name} {100 * share:.0f} %" for name, share in attitude["sources"].items())
+    error = ""
+    if attitude["pitch_rms_deg"] is not None:
+        error = (
+            f"   pitch {attitude['pitch_rms_deg']:.2f} deg   roll {attitude['roll_rms_deg']:.2f} deg (RMS), "
+            f"at most {attitude['max_deg']:.2f}   NEES {attitude['nees']:.2f}"
+        )
+    print(f"  attitude  by {sources}{error}")

@@ -1,0 +1,36 @@
+"""How true attitudes are, and where they come from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude
+
+
+def attitude_figures(found: Sequence[Attitude | None], true: Sequence[Attitude] | None) -> dict[str, Any]:
+    """`sources`: share of the frames in which each told the attitude. Against true ones, where they are known:
+    `pitch_rms_deg`, `roll_rms_deg`, `max_deg`, and `nees` (2 on average where the covariances are honest); else null.
+    """
+    names = Counter("none" if attitude is None else attitude.source for attitude in found)
+    sources = {name: round(count / len(found), 4) for name, count in names.most_common()}
+    errors, scaled = [], []
+    for own, known in zip(found, true or (), strict=False):
+        if own is None:
+            continue
+        error = np.array([own.roll_rad - known.roll_rad, own.pitch_rad - known.pitch_rad])
+        error = (error + np.pi) % (2.0 * np.pi) - np.pi
+        errors.append(error)
+        scaled.append(float(error @ np.linalg.pinv(own.covariance_rad2) @ error))
+    if not errors:
+        return {"sources": sources, "pitch_rms_deg": None, "roll_rms_deg": None, "max_deg": None, "nees": None}
+    degrees = np.degrees(np.array(errors))
+    roll, pitch = np.sqrt((degrees**2).mean(axis=0)).tolist()
+    largest = float(np.abs(degrees).max())
+    return {
+        "sources": sources, "pitch_rms_deg": pitch, "roll_rms_deg": roll, "max_deg": largest,
+        "nees": float(np.mean(scaled)),
+    }  # fmt: skip
