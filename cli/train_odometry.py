@@ -36,8 +36,9 @@ def command(
     start: Annotated[
         Path | None, arg(metavar="FILE", help="A head's best.pt to go on from, for the same feature.")
     ] = None,
-    teacher: Annotated[
-        Path | None, arg(metavar="FILE", help="A larger flow head for the same feature, to learn from as well.")
+    larger: Annotated[
+        Path | None,
+        arg(metavar="FILE", help="A flow head to begin a smaller one with, fitted to it; --steps 0 gives just that."),
     ] = None,
     minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --steps.")] = None,
     steps: Annotated[int, arg(metavar="N", help="Budget in batches.")] = 4000,
@@ -77,7 +78,6 @@ def command(
     need_export("edgemap train odometry")
     at_least(
         1,
-        steps=steps,
         batch=batch,
         threads=threads,
         patience=patience,
@@ -85,14 +85,14 @@ def command(
         validation_frames=validation_frames,
     )
     at_least(2, length=length)
-    at_least(0, first=first, validation_first=validation_first)
+    at_least(0, steps=steps, first=first, validation_first=validation_first)
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore
     from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
-    from edgemap.export.odometry.start import begin, load_teacher
+    from edgemap.export.odometry.start import begin
     from edgemap.export.odometry.train import HeadTraining, Settings
     from edgemap.runtime.store import cache_folder
 
@@ -107,16 +107,13 @@ def command(
     print(
         f"{sum(map(len, train))} frames of {len(train)} drives to train on, {sum(map(len, held_back))} to validate on"
     )
-    larger = None if teacher is None else load_teacher(teacher, store)
     begun = begin(
-        head, store, train, backbone, feature, seed=seed, start=start, teacher=larger, kernel=kernel,
+        head, store, train, backbone, feature, seed=seed, start=start, larger=larger, kernel=kernel,
         slope=0.0 if relu else 0.1,
     )  # fmt: skip
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
     recipe = (
-        flow_recipe(rate or 1e-3, length or 8, larger)
-        if head == "flow"
-        else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
+        flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     )
     settings = Settings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)

@@ -18,8 +18,9 @@ class Schedule:
 
     def progress(self, trained_s: float, epoch: float) -> float:
         """Share of the budget that is spent, 0..1. epoch: whole and part epochs done."""
-        spent = trained_s / (60.0 * self.minutes) if self.minutes is not None else epoch / self.epochs
-        return min(1.0, spent)
+        if self.minutes is not None:
+            return min(1.0, trained_s / (60.0 * self.minutes))
+        return min(1.0, epoch / self.epochs) if self.epochs else 1.0
 
     @staticmethod
     def rate(progress: float) -> float:

@@ -58,12 +58,12 @@ class FeatureStore:
     """
 
     def __init__(self, part: Backbone, feature: str, folder: Path, threads: int = 2) -> None:
-        self._input = part.detector.input
+        self.input = part.detector.input
         self._name = part.features[feature]
         self._model = part.model.SerializeToString(deterministic=True)
         spec = next(item for item in part.detector.features if item.name == self._name)
         self.shape, self.stride = tuple(spec.shape), spec.stride
-        about = f"{FORMAT} {hashlib.sha256(self._model).hexdigest()} {self._input} {self._name}"
+        about = f"{FORMAT} {hashlib.sha256(self._model).hexdigest()} {self.input} {self._name}"
         self.folder = folder / hashlib.sha256(about.encode()).hexdigest()[:16]
         self._threads = threads
         self._session: ort.InferenceSession | None = None
@@ -85,7 +85,7 @@ class FeatureStore:
         stamps = np.asarray(drive.stamps_s[first:count], dtype=np.float64)
         poses = np.array([drive.truth.at(float(stamp)).vector() for stamp in stamps])
         camera = FloorCamera(drive.intrinsics, drive.mount)
-        grid = cell_grid(self._input, drive.intrinsics.width, drive.intrinsics.height, GRID_STRIDE)
+        grid = cell_grid(self.input, drive.intrinsics.width, drive.intrinsics.height, GRID_STRIDE)
         cells, mount = flow_cells(camera, grid)
         return FeatureDrive(spec, self._features(spec, drive, count)[first:], stamps, poses, cells, mount)
 
@@ -100,7 +100,7 @@ class FeatureStore:
         if done < count:
             shape = (total, *self.shape[1:])
             kept = np.lib.format.open_memmap(path, "r+" if done else "w+", np.float16, None if done else shape)
-            preprocess = Preprocessor(self._input)
+            preprocess = Preprocessor(self.input)
             with drive_camera(drive, spec) as source:
                 for index in range(count):
                     frame = source.read()
@@ -119,7 +119,7 @@ class FeatureStore:
             self._session = ort.InferenceSession(self._model, options, providers=PROVIDERS)
         options = ort.RunOptions()
         options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
-        return np.asarray(self._session.run([self._name], {self._input.name: tensor}, options)[0])[0]
+        return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
 
 
 def _content(drive: Drive) -> str:

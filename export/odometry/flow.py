@@ -40,18 +40,32 @@ class FlowSizes:
     reach: int = 3
 
 
-SMALL = FlowSizes(16, 32, 32, 28, 16, 2)  # of a head that is taught by a larger one
+SMALL = FlowSizes(16, 32, 32, 28, 16, 2)  # of one that `smaller` makes: half the time
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What one search found. moved: displacements in cells to where things were, weights: how sure, (B, 2, H, W) each.
-    inverse_depth: (B, 1, H, W), 1/m. solution: the motion from it."""
+    """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). inverse_depth:
+    (B, 1, H, W), 1/m. solution: the motion from it."""
 
     moved: Tensor
-    weights: Tensor
     inverse_depth: Tensor
     solution: Solution
+
+
+class FilledConv(nn.Conv2d):
+    """A convolution whose inputs are filled up with zeros to a multiple of 4 channels: onnxruntime has a fast one for
+    those."""
+
+    def forward(self, input: Tensor) -> Tensor:
+        """The same numbers as without."""
+        batch, channels, height, width = input.shape
+        missing = -channels % 4
+        if missing == 0:
+            return super().forward(input)
+        weight = functional.pad(self.weight, (0, 0, 0, 0, 0, missing))
+        filled = torch.cat([input, torch.zeros(batch, missing, height, width)], dim=1)
+        return functional.conv2d(filled, weight, self.bias, self.stride, self.padding)
 
 
 class FlowHead(nn.Module):
@@ -76,7 +90,7 @@ class FlowHead(nn.Module):
         self.sharpness = nn.Parameter(torch.tensor([8.0, 8.0]))
         self.search = _convs(coarse_window + sizes.coarse + sizes.hidden + 7, sizes.width)
         self.tell = nn.Conv2d(sizes.width, 5, 3, padding=1)
-        self.narrow = nn.Conv2d(fine_window + sizes.fine, sizes.narrow, 3, 2, 1)
+        self.narrow = FilledConv(fine_window + sizes.fine, sizes.narrow, 3, 2, 1)
         self.refine = _convs(sizes.narrow + sizes.width + 4, sizes.width)
         self.retell = nn.Conv2d(sizes.width, 5, 3, padding=1)
         self.remember = nn.Conv2d(sizes.width, sizes.hidden, 3, 2, 1)
@@ -182,7 +196,7 @@ class FlowHead(nn.Module):
         )
         scores = correlate(fine, _warped(fine_before, predicted), self.sizes.reach, self.sizes.reach)
         nearer = functional.avg_pool2d(_expected(scores, self.fine_offsets, self.sharpness[1]), 2) * 0.5
-        finer = functional.leaky_relu(_filled(self.narrow, [scores.permute(0, 3, 1, 2), fine]), SLOPE)
+        finer = functional.leaky_relu(self.narrow(torch.cat([scores.permute(0, 3, 1, 2), fine], dim=1)), SLOPE)
         found = self.refine(torch.cat([finer, found, nearer, first.moved - predicted], dim=1))
         second = self._read(
             self.retell(found), predicted + nearer, first.inverse_depth.flatten(2), geometry, sight, start, prior,
@@ -206,7 +220,7 @@ class FlowHead(nn.Module):
         measured = geometry.here + geometry.bearings_of(moved.flatten(2))
         used = information.flatten(2) * torch.exp(self.evidence[stage])
         solution = solve(slopes, measured - bearings, used, start, prior, prior_information)
-        return Look(moved, weights, depth.unflatten(2, told.shape[2:]), solution)
+        return Look(moved, depth.unflatten(2, told.shape[2:]), solution)
 
     def _recall(self, x: Tensor, hidden: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
         """One ConvLSTM step (Shi et al. 2015)."""
@@ -222,15 +236,6 @@ def _convs(inputs: int, width: int) -> nn.Sequential:
         nn.Conv2d(width, width, 3, padding=1),
         nn.LeakyReLU(SLOPE),
     )
-
-
-def _filled(conv: nn.Conv2d, parts: Sequence[Tensor]) -> Tensor:
-    """A convolution of parts put together, filled up to a multiple of 4 channels with zeros: onnxruntime has a
-    fast one for those."""
-    missing = -conv.in_channels % 4
-    nothing = torch.zeros(1, missing, *parts[0].shape[2:]).expand(len(parts[0]), -1, -1, -1)
-    weight = functional.pad(conv.weight, (0, 0, 0, 0, 0, missing))
-    return functional.conv2d(torch.cat([*parts, nothing], dim=1), weight, conv.bias, conv.stride, conv.padding)
 
 
 def _unit(features: Tensor) -> Tensor:

@@ -15,7 +15,6 @@ MOTION_SIGMA = (0.006, 0.004, 0.006)  # m, m, rad: what counts as a small error 
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 COVARIANCE_WEIGHT = 0.03
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly
-TEACHER_WEIGHT = 1.0  # of what a teacher tells, against the truth
 COARSE_WEIGHT = 0.3  # of the first look's motion against the second's
 
 
@@ -55,38 +54,16 @@ def run_clip(
     return looks, [hidden, cell, velocity]
 
 
-def flow_loss(
-    head: FlowHead, batch: Batch, progress: float, teacher: FlowHead | None = None
-) -> tuple[Tensor, dict[str, float]]:
-    """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1.
-
-    teacher: another head, whose cells' displacements, doubts and depths are to be told as well.
-    """
+def flow_loss(head: FlowHead, batch: Batch, progress: float) -> tuple[Tensor, dict[str, float]]:
+    """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1."""
     motion, coarse = [], []
-    looks = run_clip(head, batch)[0]
-    for index, (first, second) in enumerate(looks, start=1):
+    for index, (first, second) in enumerate(run_clip(head, batch)[0], start=1):
         true = batch.motions[:, index]
         motion.append(_motion_loss(second.solution, true, progress))
         coarse.append(_huber((first.solution.motion - true) / torch.tensor(MOTION_SIGMA) / 2.0).mean())
     parts = {"motion": torch.stack(motion).mean(), "coarse": torch.stack(coarse).mean()}
     total = parts["motion"] + COARSE_WEIGHT * parts["coarse"]
-    if teacher is not None:
-        with torch.no_grad():
-            wanted = run_clip(teacher, batch)[0]
-        pairs = [pair for both in zip(looks, wanted, strict=True) for pair in zip(*both, strict=True)]
-        parts["taught"] = torch.stack([_unlike(found, true) for found, true in pairs]).mean()
-        total = total + TEACHER_WEIGHT * parts["taught"]
     return total, {name: float(value.detach()) for name, value in parts.items()}
-
-
-def _unlike(found: Look, wanted: Look) -> Tensor:
-    """How far a look is from a teacher's: displacements count where the teacher is sure, in quarters of a cell."""
-    sure = wanted.weights / wanted.weights.mean(dim=(2, 3), keepdim=True).clamp_min(1e-6)
-    moved = (_huber((found.moved - wanted.moved) * 4.0) * sure.clamp_max(4.0)).mean()
-    shown = (wanted.weights > 0.0).float()
-    doubt = (_huber(found.weights.clamp_min(1e-4).log() - wanted.weights.clamp_min(1e-4).log()) * shown).mean()
-    depth = (_huber(found.inverse_depth.log() - wanted.inverse_depth.log()) * sure[:, :1].clamp_max(4.0)).mean()
-    return moved + 0.1 * doubt + 0.3 * depth
 
 
 def _motion_loss(solution: Solution, true: Tensor, progress: float) -> Tensor:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,8 +53,8 @@ class Recipe:
         return spans | {"rate_hz": (round(min(rates) / 2.0, 2), spans["rate_hz"][1])}
 
 
-def flow_recipe(rate: float = 1e-3, length: int = 8, teacher: FlowHead | None = None) -> Recipe:
-    """AdamW with a cosine, the loss of `flow_loss`. teacher: of another size, for the same features."""
+def flow_recipe(rate: float = 1e-3, length: int = 8) -> Recipe:
+    """AdamW with a cosine, the loss of `flow_loss`."""
 
     def optimizer(head: nn.Module) -> torch.optim.Optimizer:
         return torch.optim.AdamW(head.parameters(), lr=rate, weight_decay=1e-3)
@@ -66,15 +65,7 @@ def flow_recipe(rate: float = 1e-3, length: int = 8, teacher: FlowHead | None = 
         motions = torch.stack([solution.motion for solution in solutions], dim=1)
         return motions, torch.stack([solution.covariance for solution in solutions], dim=1), new
 
-    return Recipe(
-        "flow",
-        Clips(length),
-        rate,
-        optimizer,
-        lambda share, _: Schedule.rate(share),
-        partial(flow_loss, teacher=teacher),
-        unroll,
-    )
+    return Recipe("flow", Clips(length), rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)
 
 
 def paper_recipe(length: int = 10, factor: float = 1.0) -> Recipe:

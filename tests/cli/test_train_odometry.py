@@ -78,10 +78,22 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, tmp_path, kind):
     assert document["measured"][f"odometry.{kind}"]["training"]["drives"] == 1
 
 
+def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone, tmp_path):
+    data = f"drive:{floor_drive}"
+    flags = ("--data", data, "--validation", data, "--backbone", backbone, "--cache", tmp_path / "cache")
+    large, small = tmp_path / "large", tmp_path / "small"
+    result = edgemap("train", "odometry", *flags, "--length", "4", "--batch", "2", "--steps", "1", "-o", large)
+    assert result.returncode == 0, result.stderr
+    result = edgemap("train", "odometry", *flags, "--larger", large / "best.pt", "--steps", "0", "-o", small)
+    assert result.returncode == 0, result.stderr
+    assert "flow head: 128,812 parameters" in result.stdout
+    assert (small / "best.pt").is_file()
+
+
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (("--steps", "0"), "--steps 0"),
+        (("--steps", "-1"), "--steps -1"),
         (("--length", "1"), "--length 1"),
         (("--rate", "-1"), "--rate -1.0"),
         (("--feature", "nose"), "has no feature 'nose'"),
