@@ -189,3 +189,15 @@ def test_a_first_visit_that_leaves_hands_its_links_to_the_next_one():
     assert graph._unlink(9) == 8
     assert graph._unlink(5) == -1
     assert graph._parent == {7: 4}
+
+
+def test_a_link_needs_other_links_of_about_its_own_time():
+    """Track 3 may be track 0. Tracks 1 and 2 are one object: seen long before track 3, they say nothing of it."""
+    graph = PoseGraph()
+    for first, last in ((0, 5), (0, 5), (20, 25), (100, 105)):
+        track = graph.tracker.begin("chair", 0.5, np.zeros(2), first, 0.0)
+        track.last = last
+    graph._parent = {2: 1}
+    assert graph._witnessed({3: 0}) == {}
+    graph.tracker.tracks[2].last = 99
+    assert graph._witnessed({3: 0}) == {3: 0}
