@@ -70,7 +70,7 @@ def command(
 
     t_rel (percent of the way) and r_rel (degrees per metre) follow the KITTI protocol: means over all segments of a
     length, started every tenth frame. ATE: positions after the best rigid alignment. eq. 9: the paper's RMSE of
-    integrated x and y, not aligned. NEES: 3 on average where the stated covariances are honest. Still: what is
+    integrated x and y, not aligned. NEES: 3 on average where the stated covariances are consistent. Still: what is
     estimated in frames in which the robot moves less than 0.5 mm and 0.01 degrees. The total counts every segment and
     frame of all sequences once.
     """

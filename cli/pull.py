@@ -76,7 +76,7 @@ def pull_known(name: str, given: str | None = None) -> Path:
             for file in manifest.sha256:
                 verified_file(folder, manifest, file)
         except BundleError:
-            pass  # damaged or of an older format: made anew
+            pass  # damaged or of an older format: made again
         else:
             return folder
     need_export(f"edgemap pull {name}")

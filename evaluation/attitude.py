@@ -13,7 +13,7 @@ from edgemap.geometry.camera.attitude import Attitude
 
 def attitude_figures(found: Sequence[Attitude | None], true: Sequence[Attitude] | None) -> dict[str, Any]:
     """`sources`: share of the frames in which each told the attitude. Against true ones, where they are known:
-    `pitch_rms_deg`, `roll_rms_deg`, `max_deg`, and `nees` (2 on average where the covariances are honest); else null.
+    `pitch_rms_deg`, `roll_rms_deg`, `max_deg`, and `nees` (2 on average where consistent); else null.
     """
     names = Counter("none" if attitude is None else attitude.source for attitude in found)
     sources = {name: round(count / len(found), 4) for name, count in names.most_common()}

@@ -88,7 +88,8 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
 
     A length that fits in none is null. `paper_rmse` is the paper's equation 9: integrated x and y against the truth
     from a common start, in metres, without alignment; the yaw apart. `nees` is three on average where the covariances
-    are honest, and null without them. `still`: what is estimated while the base stands still, null where it never does.
+    are consistent, and null without them. `still`: what is estimated while the base stands still, null where it never
+    does.
     """
     segments: dict[float, Array] = {}
     for length in sorted({length for drive in drives for length in drive.segments}):

@@ -72,7 +72,7 @@ def motion_errors(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
 
 
 def normalised_errors(errors: Array, covariances: Array) -> Array:
-    """Each error (N, 3) squared over its covariance (N, 3, 3): (N,), three on average where the covariance is honest.
+    """Each error (N, 3) squared over its covariance (N, 3, 3): (N,), three on average where that is consistent.
 
     NEES of Bar-Shalom, Li and Kirubarajan (2001), 5.4.2; for Gaussian errors its median is 2.37.
     """

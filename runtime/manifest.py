@@ -128,7 +128,7 @@ class OdometryHead(Strict):
 
     feature: the name of the backbone output that it reads. motion: the output's name, (1, 3) float32 holding
     forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights. geometry: what
-    kind `flow` takes and gives besides. window: frames after which the state starts anew from the last frame, because
+    kind `flow` takes and gives besides. window: frames after which the state starts again from the last frame, because
     it was trained on clips of so many and runs away beyond; 0 for never.
     """
 

@@ -1,4 +1,4 @@
-"""Two maps of one place become one: what is one thing is fused, everything else is carried over."""
+"""Two maps of one place become one: what is one object is fused, everything else is carried over."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ FOOTPRINT_M = {
     "backpack": (0.35, 0.25), "vase": (0.20, 0.20), "bicycle": (1.70, 0.50), "motorcycle": (2.00, 0.80),
     "car": (4.20, 1.80), "truck": (7.00, 2.50), "bus": (11.00, 2.60),
 }  # fmt: skip
-# No thing of these classes is wider, however it stands; of others (beds, couches, tables) there are always wider ones.
+# No object of these classes is wider, however it stands; of others (beds, couches, tables) there are always wider ones.
 WIDEST_M = {
     "backpack": 0.8, "chair": 1.3, "oven": 1.2, "refrigerator": 1.6, "suitcase": 1.0, "toilet": 1.0, "vase": 0.8,
 }  # fmt: skip
@@ -73,7 +73,7 @@ def extent_m(label: str, width_m: float) -> float:
 
 
 def shares_floor(a: str, b: str) -> bool:
-    """Whether things of two classes may stand on the same floor: seats are pushed under tables."""
+    """Whether objects of two classes may stand on the same floor: seats are pushed under tables."""
     return {a, b} <= TABLES | SEATS and (a in TABLES) != (b in TABLES)
 
 

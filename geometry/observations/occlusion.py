@@ -30,7 +30,7 @@ def carried(detections: Detections) -> NDArray[np.bool_]:
 
 
 def covered(boxes: Array, row: int) -> float:
-    """Share of a box's lower edge, 0..1, that lies inside boxes (N, 4) of things standing nearer: what may hide it."""
+    """Share of a box's lower edge, 0..1, that lies inside boxes (N, 4) of objects standing nearer: what may hide it."""
     x0, _, x1, y1 = boxes[row]
     nearer = (boxes[:, 3] > y1 + _IN_FRONT_PX) & (boxes[:, 1] < y1)
     left, right = np.clip(boxes[nearer, 0], x0, x1), np.clip(boxes[nearer, 2], x0, x1)

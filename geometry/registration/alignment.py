@@ -51,7 +51,7 @@ class AlignmentRule:
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
     """pose_a_b: takes the second map's points into the first map's frame; covariance: (3, 3) of it, additive in (x, y,
-    yaw) of the first frame, m and rad. pairs: rows of objects in the first and the second map that are one thing.
+    yaw) of the first frame, m and rad. pairs: rows of objects in the first and the second map that are one object.
     shared: how many objects could be pairs by their labels. rival: how many the next, clearly different alignment
     explains. chance: how many alignments this good unrelated maps would give. rms_m: of the pairs' distances."""
 

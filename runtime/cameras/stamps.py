@@ -28,7 +28,7 @@ class StreamClock:
         self._restarted = False
 
     def restart(self) -> None:
-        """The device was opened again: its clock may have begun anew, which is no fault."""
+        """The device was opened again: its clock may have begun again, which is no fault."""
         self._restarted = True
 
     def now_s(self, host_s: float) -> float | None:

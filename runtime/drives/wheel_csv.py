@@ -16,7 +16,7 @@ from edgemap.runtime.number_rows import STAMP, NumberTable, columns
 
 WHEEL = NumberTable((STAMP, *columns("x_m y_m yaw_rad")), ",", header=True)
 COLUMNS = tuple(column.name for column in WHEEL.columns)
-FASTEST_M_S = 60.0  # a car of KITTI's; a pose that jumps was set anew, or is damaged
+FASTEST_M_S = 60.0  # a car of KITTI's; a pose that jumps was set again, or is damaged
 SHORTEST_JUMP_M = 10.0  # smaller ones are left to what weighs the sources against each other
 
 

@@ -65,7 +65,7 @@ class GrowingTrack:
         OdometryError, also once where it restarted. tolerance_s: before the oldest one."""
         if self._began_anew:
             self._began_anew = False
-            raise OdometryError(f"poses began anew at {self._stamps[0]:.3f} s")
+            raise OdometryError(f"poses began again at {self._stamps[0]:.3f} s")
         if not self._stamps:
             raise OdometryError("no pose has come yet")
         first, last = self._stamps[0], self._stamps[-1]
