@@ -26,7 +26,7 @@ class DemoDrive:
     def __init__(self, frames: int | None = None) -> None:
         from edgemap.benchmarks.map_variants import true_objects
 
-        loaded = load_bundle(bundle_folder("edgemap-nano"), 1)
+        loaded = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
         self._known: dict[int, list[NDArray[np.float32]]] = {}
         self._infer = loaded.backbone.infer
         self.bundle: Bundle = replace(loaded, backbone=replace(loaded.backbone, infer=self._once))
