@@ -132,15 +132,15 @@ class FaultyDevice:
             world.wait(2.0)
             fault.end(world.now_s)
             return None
-        picture = self._inner.grab()
-        if picture is None:
+        grabbed = self._inner.grab()
+        if grabbed is None:
             return None
-        stamp_s, image = picture
-        before, self._last = self._last, picture
+        stamp_s, image = grabbed[0], grabbed[1]
+        before, self._last = self._last, Picture(stamp_s, image)
         if (fault := world.active("stale", "standing")) and before is not None:
             self._spoil(fault)
-            self._last = before if fault.kind == "stale" else (before[0], image)
-            return self._last[0] + world.jumped_s, self._last[1]
+            self._last = last = before if fault.kind == "stale" else Picture(before.stamp_s, image)
+            return Picture(last.stamp_s + world.jumped_s, last.image)
         if fault := world.active("jump"):
             self._spoil(fault)
             fault.end(world.now_s)
@@ -149,7 +149,7 @@ class FaultyDevice:
         if fault := world.active("backwards", "nan", "size", "format", "grey"):
             self._spoil(fault)
             return _spoilt(fault, stamp_s, image)
-        return stamp_s, image
+        return Picture(stamp_s, image)
 
     def close(self) -> None:
         """Close the inner device."""

@@ -37,7 +37,7 @@ class CaptureDevice:
         stamp_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
         if self._device_clock is None:  # decided once: two clocks must not mix
             self._device_clock = stamp_s > 0
-        return (stamp_s if self._device_clock else self._clock_s()), np.asarray(image, dtype=np.uint8)
+        return Picture(stamp_s if self._device_clock else self._clock_s(), np.asarray(image, dtype=np.uint8))
 
     def close(self) -> None:
         """Let go of the device."""

@@ -55,7 +55,7 @@ class Ros2Device:
     def grab(self) -> Picture | None:
         """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
         found, self._first = self._first or self._next(GRAB_S), None
-        return None if found is None else found[:2]
+        return None if found is None else Picture(found[0], found[1])
 
     def close(self) -> None:
         """Unsubscribe."""
