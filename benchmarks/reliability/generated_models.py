@@ -334,11 +334,11 @@ def _head(random: Random) -> bytes:
     record |= {
         "format": head_checkpoint.FORMAT,
         "kind": kind,
-        "shape": [1, 4, 3, 3],
+        "shape": [1, 4, 8, 8],
         "hidden": [2],
         "dense": 3,
         "kernel": 3,
-        "stride": 32,
+        "stride": 8,
     }
     network = PaperHead((1, 4, 8, 8), (2,), 3, 3, 0.1) if kind == "paper" else FlowHead((1, 4, 8, 8), 8)
     if draw.hurt():
