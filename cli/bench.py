@@ -137,7 +137,9 @@ def command(
         probe = files.backbone.zeros()
         tensor = probe[spec.input.name]
         networks = (lambda: files.backbone.run(probe), lambda: infer(tensor))
-        contest = Contest(Detector(files), picture_to_boxes(spec, infer, files.manifest.confidence), networks)
+        height, width = first.image.shape[:2]
+        fitted = files.for_pictures(width, height)  # as `run` has it
+        contest = Contest(Detector(fitted), picture_to_boxes(spec, infer, files.manifest.confidence), networks)
         ratios = compare(contest, lambda: open_drive(files), seconds)
         document["against"] = {against: ratios | {"precision": their_precision}}
     if soak is not None:

@@ -77,27 +77,15 @@ class SE2:
         )
 
 
-def compose_change(pose: SE2, pose_change: Array, motion: SE2, motion_change: Array) -> Array:
-    """First-order change of `pose @ motion` where both change, (3, ...) in (m, m, rad): the pose in its own frame, and
-    so the motion."""
-    wrt_pose, wrt_motion = _compounding(pose, motion)
-    return wrt_pose @ pose_change + wrt_motion @ motion_change
-
-
 def compose_covariance(pose: SE2, pose_covariance: Array, motion: SE2, motion_covariance: Array) -> Array:
     """First-order covariance of `pose @ motion`, 3x3 in (m, m, rad), both errors independent.
 
     The pose's error is additive in (x, y, yaw) of its own frame, and so is the motion's
     (Smith, Self and Cheeseman 1990, the compounding operation).
     """
-    wrt_pose, wrt_motion = _compounding(pose, motion)
-    return wrt_pose @ pose_covariance @ wrt_pose.T + wrt_motion @ motion_covariance @ wrt_motion.T
-
-
-def _compounding(pose: SE2, motion: SE2) -> tuple[Array, Array]:
-    """Derivatives of `pose @ motion` by either, (3, 3)."""
     c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     wrt_pose = np.array(
         [[1.0, 0.0, -s * motion.x_m - c * motion.y_m], [0.0, 1.0, c * motion.x_m - s * motion.y_m], [0.0, 0.0, 1.0]]
     )
-    return wrt_pose, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    wrt_motion = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return wrt_pose @ pose_covariance @ wrt_pose.T + wrt_motion @ motion_covariance @ wrt_motion.T

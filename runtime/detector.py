@@ -13,13 +13,13 @@ from edgemap.runtime.preprocess import Placement, Preprocessor
 
 
 class Detector:
-    """A bundle's detector without odometry or map, for pictures of any size."""
+    """A bundle's detector without odometry or map, for pictures of any size, or of the one that it was fitted to."""
 
     def __init__(self, bundle: Bundle, decode: Decoder | None = None) -> None:
         self._backbone = bundle.backbone
         self._input_name = bundle.manifest.detector.input.name
-        self._preprocess = Preprocessor(bundle.manifest.detector.input)
-        self._decode = decode or Decoder(bundle.manifest.detector)
+        self._preprocess = Preprocessor(bundle.detector.input)
+        self._decode = decode or Decoder(bundle.detector)
 
     def __call__(self, image: NDArray[np.uint8]) -> Detections:
         """Detections in a BGR uint8 picture (H, W, 3), best first."""

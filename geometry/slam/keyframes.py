@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edgemap.geometry.se2 import SE2, compose_change, compose_covariance
+from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam.least_squares import OdometryFactors, inverse
 
 Array = NDArray[np.float64]
@@ -20,15 +20,14 @@ FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 @dataclass(frozen=True, slots=True)
 class KeyframeRule:
     """keyframe_m, keyframe_rad: path or rotation after which a pose is kept. inflation: of the odometry's own
-    covariance, as its errors repeat from frame to frame; still_m, still_rad: standard deviations added to it.
-    per_metre, per_radian: of the odometry's scales of path and rotation, each wrong by one share for a whole drive.
-    maximum: keyframes kept; with more, those of the older half that tell least are dropped."""
+    covariance, as its errors repeat from frame to frame; per_metre, per_radian, still_m, still_rad: standard deviations
+    added to it. maximum: keyframes kept; with more, those of the older half that tell least are dropped."""
 
     keyframe_m: float = 0.25
     keyframe_rad: float = 0.26
-    inflation: float = 5.0
-    per_metre: float = 0.015
-    per_radian: float = 0.025
+    inflation: float = 10.0
+    per_metre: float = 0.03
+    per_radian: float = 0.05
     still_m: float = 0.003
     still_rad: float = 0.003
     maximum: int = 200
@@ -105,7 +104,6 @@ class KeyframeTrajectory:
         self._since_covariance = np.zeros((3, 3))
         self._motions: list[SE2] = []
         self._covariances: list[Array] = []
-        self._scales: list[Array] = []  # (3, 2) of each motion, see OdometryFactors
         self._first, self._first_information = np.zeros(3), FIXED
 
     def __len__(self) -> int:
@@ -132,24 +130,22 @@ class KeyframeTrajectory:
     def keep(self, stamp_s: float) -> None:
         """The pose as it is becomes a keyframe."""
         self._motions.append(self.since)
-        self._covariances.append(self._inflated(self._since_covariance))
-        x_m, y_m, yaw_rad = self.since.vector()
-        path, turn = self.rule.per_metre, self.rule.per_radian
-        self._scales.append(np.array([[path * x_m, 0.0], [path * y_m, 0.0], [0.0, turn * yaw_rad]]))
+        self._covariances.append(self._inflated(self.since, self._since_covariance))
         self.poses.append(self.pose)
         self.stamps_s.append(stamp_s)
         self.since, self._since_covariance = SE2(), np.zeros((3, 3))
 
-    def _inflated(self, covariance: Array) -> Array:
-        still_m2, still_rad2 = self.rule.still_m**2, self.rule.still_rad**2
-        return covariance * self.rule.inflation + np.diag([still_m2, still_m2, still_rad2])
+    def _inflated(self, motion: SE2, covariance: Array) -> Array:
+        rule = self.rule
+        path = (rule.per_metre * math.hypot(motion.x_m, motion.y_m)) ** 2 + rule.still_m**2
+        turn = (rule.per_radian * motion.yaw_rad) ** 2 + rule.still_rad**2
+        return covariance * rule.inflation + np.diag([path, path, turn])
 
     def factors(self) -> OdometryFactors:
         """The keyframes as a graph has them."""
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._covariances).reshape(-1, 3, 3)
-        scales = np.array(self._scales).reshape(-1, 3, 2)
-        return OdometryFactors(motions, inverse(covariances), scales, self._first, self._first_information)
+        return OdometryFactors(motions, inverse(covariances), self._first, self._first_information)
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""
@@ -179,18 +175,13 @@ class KeyframeTrajectory:
         """Forget keyframes, neither the first nor the last: the odometry before and after one becomes one motion."""
         motions: list[SE2] = []
         covariances: list[Array] = []
-        scales: list[Array] = []
-        for before, (motion, covariance, scale) in enumerate(
-            zip(self._motions, self._covariances, self._scales, strict=True)
-        ):
+        for before, (motion, covariance) in enumerate(zip(self._motions, self._covariances, strict=True)):
             if before in gone:
                 covariances[-1] = compose_covariance(motions[-1], covariances[-1], motion, covariance)
-                scales[-1] = compose_change(motions[-1], scales[-1], motion, scale)
                 motions[-1] = motions[-1] @ motion
             else:
                 motions.append(motion)
                 covariances.append(covariance)
-                scales.append(scale)
-        self._motions, self._covariances, self._scales = motions, covariances, scales
+        self._motions, self._covariances = motions, covariances
         self.poses = [pose for row, pose in enumerate(self.poses) if row not in gone]
         self.stamps_s = [stamp_s for row, stamp_s in enumerate(self.stamps_s) if row not in gone]

@@ -13,7 +13,6 @@ from scipy.sparse import csr_array
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-BIASES = 3  # the mount's, and those of odometry's scales
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
 CONVERGED_M = 1e-4  # a step that moves nothing by more ends the iteration
 CHUNK = 60  # keyframes whose covariance is recovered in one unit of work
@@ -22,13 +21,10 @@ CHUNK = 60  # keyframes whose covariance is recovered in one unit of work
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryFactors:
     """K poses one after another. motions (K - 1, 3): from each to the next, (m, m, rad) in the earlier one's frame;
-    information (K - 1, 3, 3) of them; scales (K - 1, 3, 2): how one standard deviation of the odometry's errors in the
-    scale of paths and of rotations, which all motions share, changes each. first (3,): prior of the first pose;
-    first_information (3, 3)."""
+    information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3)."""
 
     motions: Array
     information: Array
-    scales: Array
     first: Array
     first_information: Array
 
@@ -60,14 +56,13 @@ class LandmarkFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. bias (3,): of the mount and of the odometry's
-    scales of paths and rotations, in their standard deviations.
+    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. bias: of the mount, in its standard deviations.
     landmark_covariance (2 L, 2 L): of all landmarks together; pose_covariances (K, 3, 3). chi2 (N,), link_chi2 (M,):
     squared Mahalanobis length of each observation's and each link's residual."""
 
     poses: Array
     landmarks: Array
-    bias: Array
+    bias: float
     landmark_covariance: Array
     pose_covariances: Array
     chi2: Array
@@ -85,10 +80,9 @@ class Problem:
 
 
 def solve(
-    problem: Problem, poses: Array, landmarks: Array, bias: Array, iterations: int = 6, covariances: bool = True
+    problem: Problem, poses: Array, landmarks: Array, bias: float = 0.0, iterations: int = 6, covariances: bool = True
 ) -> Generator[None, None, Solution]:
-    """Gauss-Newton from poses (K, 3), landmarks (L, 2) and bias (3,); yields after every unit of work, each of bounded
-    size.
+    """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every unit of work, each of bounded size.
 
     Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
     landmarks. covariances: whether those of the poses are wanted.
@@ -98,12 +92,12 @@ def solve(
         system = _System(problem, poses, landmarks, bias)
         step, steps = system.step()
         poses, landmarks = poses + step.reshape(-1, 3), landmarks + steps[:size].reshape(-1, 2)
-        bias = bias + steps[size:]
+        bias += float(steps[size])
         yield
         if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < CONVERGED_M:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
-    corner = cho_solve(system.schur, np.eye(size + BIASES))
+    corner = cho_solve(system.schur, np.eye(size + 1))
     blocks = np.zeros((count, 3, 3))
     for start in range(0, count if covariances else 0, CHUNK):
         blocks[start : start + CHUNK] = system.pose_covariances(corner, start, min(start + CHUNK, count))
@@ -113,22 +107,20 @@ def solve(
 
 class _System:
     """Normal equations: poses' band (6, 3 K), what lies between poses and corner (sparse), and the corner, dense: all
-    landmarks, then the biases."""
+    landmarks, then the bias."""
 
-    def __init__(self, problem: Problem, poses: Array, landmarks: Array, bias: Array) -> None:
+    def __init__(self, problem: Problem, poses: Array, landmarks: Array, bias: float) -> None:
         self._poses, self._landmarks, self._bias = poses, landmarks, bias
-        self._count, self._size = len(poses), 2 * len(landmarks) + BIASES
+        self._count, self._size = len(poses), 2 * len(landmarks) + 1
         self.band, self.rhs = np.zeros((BAND + 1, 3 * self._count)), np.zeros((self._count, 3))
         self.corner, self.rhs_corner = np.zeros((self._size, self._size)), np.zeros(self._size)
-        self.corner[-BIASES:, -BIASES:], self.rhs_corner[-BIASES:] = np.eye(BIASES), -bias
-        self._blocks: list[tuple[Array, Rows, Rows]] = []  # between poses and corner: (N, 3, M), pose rows, columns
+        self.corner[-1, -1], self.rhs_corner[-1] = 1.0, -bias
         self._add_odometry(problem.odometry)
         self._add_observations(problem.observations, problem.kernel)
         self._add_landmarks(problem.landmarks, problem.kernel)
-        self.between = self._between()
 
     def step(self) -> tuple[Array, Array]:
-        """Steps of the poses (3 K,) and of the corner (2 L + 3,)."""
+        """Steps of the poses (3 K,) and of the corner (2 L + 1,)."""
         self._factor = cholesky_banded(self.band)
         solved = cho_solve_banded(
             (self._factor, False), np.column_stack([self.rhs.ravel(), self.between.toarray()]), check_finite=False
@@ -140,7 +132,7 @@ class _System:
         return own - self._tied @ steps, steps
 
     def pose_covariances(self, corner: Array, start: int, end: int) -> Array:
-        """Marginal covariances of poses from row `start` up to `end`, (N, 3, 3); corner: (2 L + 3, 2 L + 3)."""
+        """Marginal covariances of poses from row `start` up to `end`, (N, 3, 3); corner: (2 L + 1, 2 L + 1)."""
         rows = slice(3 * start, 3 * end)
         unit = np.zeros((3 * self._count, 3 * (end - start)))
         unit[rows] = np.eye(3 * (end - start))
@@ -163,25 +155,21 @@ class _System:
         self.rhs[0] -= odometry.first_information @ [*residual[:2], np.angle(np.exp(1j * residual[2]))]
         x, y, by_before, by_after = _seen_from(self._poses[:-1], self._poses[1:, :2])
         turn = self._poses[1:, 2] - self._poses[:-1, 2]
-        residual = np.column_stack([x, y, turn]) - odometry.motions - odometry.scales @ self._bias[1:]
+        residual = np.column_stack([x, y, turn]) - odometry.motions
         residual[:, 2] = np.angle(np.exp(1j * residual[:, 2]))
         zero, one = np.zeros((len(rows), 2, 1)), np.tile([0.0, 0.0, 1.0], (len(rows), 1, 1))
         by_before = np.concatenate([by_before, -one], axis=1)
         by_after = np.concatenate([np.concatenate([by_after, zero], axis=2), one], axis=1)
         weighted = odometry.information @ residual[:, :, None]
-        by_scale, scale = odometry.scales.transpose(0, 2, 1), np.tile([self._size - 2, self._size - 1], (len(rows), 1))
-        self.corner[-2:, -2:] += (by_scale @ odometry.information @ odometry.scales).sum(axis=0)
-        self.rhs_corner[-2:] += (by_scale @ weighted).sum(axis=0)[:, 0]
         for jacobian, at in ((by_before, rows), (by_after, rows + 1)):
             transposed = jacobian.transpose(0, 2, 1)
             self._add_blocks(at, at, transposed @ odometry.information @ jacobian)
             self.rhs[at] -= (transposed @ weighted)[:, :, 0]
-            self._blocks.append((-transposed @ odometry.information @ odometry.scales, at, scale))
         self._add_blocks(rows, rows + 1, by_before.transpose(0, 2, 1) @ odometry.information @ by_after)
 
     def _add_observations(self, seen: ObservationFactors, kernel: float) -> None:
         x, y, by_pose, by_landmark = _seen_from(self._poses[seen.pose], self._landmarks[seen.landmark])
-        residual = np.column_stack([x, y]) + self._bias[0] * seen.bias_m - seen.position_m
+        residual = np.column_stack([x, y]) + self._bias * seen.bias_m - seen.position_m
         self.chi2 = np.einsum("ni,nij,nj->n", residual, seen.information, residual)
         information = seen.information / (1.0 + self.chi2 / kernel)[:, None, None]
         weighted = information @ residual[:, :, None]
@@ -189,26 +177,17 @@ class _System:
         from_pose, from_corner = by_pose.transpose(0, 2, 1), by_corner.transpose(0, 2, 1)
         self._add_blocks(seen.pose, seen.pose, from_pose @ information @ by_pose)
         np.subtract.at(self.rhs, seen.pose, (from_pose @ weighted)[:, :, 0])
-        columns = np.column_stack([2 * seen.landmark, 2 * seen.landmark + 1, np.full_like(seen.pose, self._size - 3)])
+        columns = np.column_stack([2 * seen.landmark, 2 * seen.landmark + 1, np.full_like(seen.pose, self._size - 1)])
         np.subtract.at(self.rhs_corner, columns, (from_corner @ weighted)[:, :, 0])
         np.add.at(self.corner, (columns[:, :, None], columns[:, None, :]), from_corner @ information @ by_corner)
-        self._blocks.append((from_pose @ information @ by_corner, seen.pose, columns))
-
-    def _between(self) -> csr_array:
-        """What lies between poses and corner, (3 K, 2 L + 3)."""
-        values, rows, columns = [], [], []
-        for blocks, pose, column in self._blocks:
-            row, column = np.broadcast_arrays((3 * pose[:, None] + np.arange(3))[:, :, None], column[:, None, :])
-            values.append(blocks.ravel())
-            rows.append(row.ravel())
-            columns.append(column.ravel())
-        at = np.concatenate(rows), np.concatenate(columns)
-        return csr_array((np.concatenate(values), at), shape=(3 * self._count, self._size))
+        rows = np.broadcast_to((3 * seen.pose[:, None] + np.arange(3))[:, :, None], (len(x), 3, 3)).ravel()
+        at = rows, np.broadcast_to(columns[:, None], (len(x), 3, 3)).ravel()
+        blocks = from_pose @ information @ by_corner
+        self.between = csr_array((blocks.ravel(), at), shape=(3 * self._count, self._size))
 
     def _add_landmarks(self, factors: LandmarkFactors, kernel: float) -> None:
         count = len(self._landmarks)
-        size = 2 * count
-        corner, rhs = self.corner[:size, :size].reshape(count, 2, count, 2), self.rhs_corner[:size].reshape(count, 2)
+        corner, rhs = self.corner[:-1, :-1].reshape(count, 2, count, 2), self.rhs_corner[:-1].reshape(count, 2)
         rows = np.arange(count)
         corner[rows, :, rows] += factors.information
         rhs -= (factors.information @ (self._landmarks - factors.prior_m)[:, :, None])[:, :, 0]

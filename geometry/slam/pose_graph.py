@@ -15,7 +15,6 @@ from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, LandmarkCorrection, TrajectoryCorrection
 from edgemap.geometry.slam.least_squares import (
-    BIASES,
     LandmarkFactors,
     ObservationFactors,
     Problem,
@@ -92,7 +91,7 @@ class PoseGraph:
         self._observations: dict[tuple[int, int], _Observation] = {}
         self._refused: set[tuple[int, int]] = set()
         self._became: dict[int, int] = {}  # tracks that are part of another since `landmarks` was last asked
-        self._bias, self._moves_m = np.zeros(BIASES), dict[int, Array]()
+        self._bias, self._moves_m = 0.0, dict[int, Array]()
         self._work: Work | None = None
         self._due = False
 

@@ -106,23 +106,3 @@ def test_a_start_that_is_not_certain_is_known_as_well_as_it_is():
     chain = way.factors()
     assert chain.first == pytest.approx([3.0, -1.0, 2.0])
     np.testing.assert_allclose(np.linalg.inv(chain.first_information), np.diag([0.01, 0.02, 0.001]), atol=1e-6)
-
-
-@given(st.lists(poses, min_size=2, max_size=5))
-def test_motions_joined_by_a_drop_change_with_the_odometrys_scales_as_they_did(driven_motions):
-    """Against motions that are scaled a little and composed."""
-    rule = KeyframeRule(keyframe_m=0.0, keyframe_rad=0.0, per_metre=0.1, per_radian=0.2)
-    way, share = KeyframeTrajectory(rule), 1e-6
-    way.begin(SE2(), np.zeros((3, 3)), 0.0)
-    for frame, motion in enumerate(driven_motions, 1):
-        way.is_due(motion, SPREAD)
-        way.keep(float(frame))
-    way.drop(set(range(1, len(driven_motions))))
-    for column, (path, turn) in enumerate(((0.1 * share, 0.0), (0.0, 0.2 * share))):
-        plain, scaled = SE2(), SE2()
-        for motion in driven_motions:
-            plain = plain @ motion
-            scaled = scaled @ SE2(motion.x_m * (1 + path), motion.y_m * (1 + path), motion.yaw_rad * (1 + turn))
-        change = scaled.vector() - plain.vector()
-        change[2] = np.angle(np.exp(1j * change[2]))
-        assert way.factors().scales[0][:, column] == pytest.approx(change / share, abs=1e-3)

@@ -15,7 +15,7 @@ NOTHING = LandmarkFactors(np.zeros((3, 2)), np.zeros((3, 2, 2)), NO_ROWS, NO_ROW
 
 def solve(poses, landmarks, chain, looks, known, kernel=9.0, rounds=6):
     """The solution, whatever the units of work."""
-    work = graph.solve(Problem(chain, looks, known, kernel), poses, landmarks, np.zeros(3), rounds)
+    work = graph.solve(Problem(chain, looks, known, kernel), poses, landmarks, 0.0, rounds)
     try:
         while True:
             next(work)
@@ -43,24 +43,23 @@ def drive(seed=0, count=9):
     information = inverse(np.array([np.diag([9e-4, 9e-4, 9e-4]) + 1e-4 for _ in motions]))
     start = np.array([p.vector() for p in poses]) + random.normal(0.0, 0.05, (count, 3))
     start[0] = poses[0].vector()
-    scales = random.normal(0.0, 0.02, (count - 1, 3, 2))
-    chain = OdometryFactors(np.array(motions), information, scales, start[0], FIXED)
+    chain = OdometryFactors(np.array(motions), information, start[0], FIXED)
     return start, landmarks + random.normal(0.0, 0.2, (3, 2)), chain, looks
 
 
 def residuals(x, count, chain, looks):
     """The same problem written with SE2 and whitened, for scipy."""
-    poses, landmarks = x[: 3 * count].reshape(-1, 3), x[3 * count : -3].reshape(-1, 2)
+    poses, landmarks = x[: 3 * count].reshape(-1, 3), x[3 * count : -1].reshape(-1, 2)
     found = [math.sqrt(FIXED[0, 0]) * (poses[0] - chain.first)]
-    for k, (motion, information, scale) in enumerate(zip(chain.motions, chain.information, chain.scales, strict=True)):
+    for k, (motion, information) in enumerate(zip(chain.motions, chain.information, strict=True)):
         relative = SE2(*poses[k]).inverse() @ SE2(*poses[k + 1])
-        off = relative.vector() - motion - scale @ x[-2:]
+        off = relative.vector() - motion
         off[2] = math.remainder(off[2], math.tau)
         found.append(np.linalg.cholesky(information).T @ off)
-    found.append(x[-3:])  # the errors of the mount and of the odometry's scales, in their standard deviations
+    found.append(x[-1:])  # the mount's error, in its standard deviations
     rows = zip(looks.pose, looks.landmark, looks.position_m, looks.information, looks.bias_m, strict=True)
     for k, j, place, information, bias in rows:
-        off = SE2(*poses[k]).inverse().apply(landmarks[j]) + x[-3] * bias - place
+        off = SE2(*poses[k]).inverse().apply(landmarks[j]) + x[-1] * bias - place
         found.append(np.linalg.cholesky(information).T @ off)
     return np.concatenate(found)
 
@@ -70,12 +69,12 @@ def test_the_least_squares_are_scipys(seed):
     start, landmarks, chain, looks = drive(seed)
     ours = solve(start, landmarks, chain, looks, NOTHING, kernel=1e12, rounds=30)
     count = len(start)
-    x = np.concatenate([start.ravel(), landmarks.ravel(), np.zeros(3)])
+    x = np.concatenate([start.ravel(), landmarks.ravel(), [0.0]])
     theirs = least_squares(residuals, x, args=(count, chain, looks), xtol=1e-14, ftol=1e-14, gtol=1e-12)
     np.testing.assert_allclose(ours.poses, theirs.x[: 3 * count].reshape(-1, 3), atol=1e-4)
-    np.testing.assert_allclose(ours.landmarks, theirs.x[3 * count : -3].reshape(-1, 2), atol=1e-4)
+    np.testing.assert_allclose(ours.landmarks, theirs.x[3 * count : -1].reshape(-1, 2), atol=1e-4)
     covariance = np.linalg.inv(theirs.jac.T @ theirs.jac)
-    assert ours.bias == pytest.approx(theirs.x[-3:], abs=1e-3)
+    assert ours.bias == pytest.approx(theirs.x[-1], abs=1e-3)
     landmark = slice(3 * count, 3 * count + 6)
     np.testing.assert_allclose(ours.landmark_covariance, covariance[landmark, landmark], rtol=0.03, atol=1e-5)
     for pose in range(count):
@@ -85,9 +84,7 @@ def test_the_least_squares_are_scipys(seed):
 
 def test_one_look_at_a_known_landmark_is_a_kalman_update():
     # The pose may be 0.2 m off along x and y, the landmark 0.1 m, the look 0.1 m: it says 0.3 m less in x.
-    chain = OdometryFactors(
-        np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), np.zeros(3), np.diag([25.0, 25.0, 1e12])
-    )
+    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), np.diag([25.0, 25.0, 1e12]))
     looks = ObservationFactors(
         np.array([0]), np.array([0]), np.array([[1.7, 0.0]]), np.eye(2)[None] * 100.0, np.zeros((1, 2))
     )
@@ -127,7 +124,7 @@ def test_a_way_without_landmarks_stays_as_it_was_driven():
 def test_one_error_of_the_mount_is_not_averaged_away():
     """Each of many observations is 0.01 m off by itself, and all may be 0.2 m too far: so is the landmark."""
     count = 50
-    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), np.zeros(3), FIXED)
+    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FIXED)
     rows = np.zeros(count, dtype=np.intp)
     looks = ObservationFactors(
         rows, rows, np.tile([2.0, 0.0], (count, 1)), np.tile(np.eye(2) * 1e4, (count, 1, 1)),
@@ -141,7 +138,7 @@ def test_one_error_of_the_mount_is_not_averaged_away():
 
 def test_a_link_draws_two_landmarks_together_as_far_as_it_is_sure():
     """Priors of 0.1 m at 0 and 0.3 m, linked with 0.1 m: each moves by a third; the residual is 0.1 m."""
-    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), np.zeros(3), FIXED)
+    chain = OdometryFactors(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(3), FIXED)
     none = ObservationFactors(NO_ROWS, NO_ROWS, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2)))
     prior = np.array([[0.0, 0.0], [0.3, 0.0]])
     linked = LandmarkFactors(
@@ -152,23 +149,3 @@ def test_a_link_draws_two_landmarks_together_as_far_as_it_is_sure():
     assert found.link_chi2 == pytest.approx([1.0], abs=1e-3)
     far = LandmarkFactors(prior * 20.0, linked.information, linked.first, linked.second, linked.variance_m2)
     assert abs(solve(np.zeros((1, 3)), far.prior_m, chain, none, far).landmarks[0, 0]) < 0.05  # a robust kernel
-
-
-def test_one_error_of_the_odometrys_scale_is_learnt_and_holds_for_all_motions():
-    """Wheels tell 1 m of every 1.1 m, with a scale known to 0.1: landmarks seen from the first two poses show it, and
-    the poses after them, from which nothing is seen, follow."""
-    count = 4
-    scales = np.tile(np.array([[0.1, 0.0], [0.0, 0.0], [0.0, 0.0]]), (count - 1, 1, 1))
-    motions = np.tile([1.0, 0.0, 0.0], (count - 1, 1))
-    chain = OdometryFactors(motions, np.tile(np.eye(3) * 1e6, (count - 1, 1, 1)), scales, np.zeros(3), FIXED)
-    known = LandmarkFactors(np.array([[3.0, 1.0]]), np.eye(2)[None] * 1e8, NO_ROWS, NO_ROWS, np.zeros(0))
-    looks = ObservationFactors(
-        np.array([0, 1]), np.array([0, 0]), np.array([[3.0, 1.0], [1.9, 1.0]]), np.tile(np.eye(2) * 1e6, (2, 1, 1)),
-        np.zeros((2, 2)),
-    )  # fmt: skip
-    start = np.column_stack([np.arange(count), np.zeros((count, 2))])
-    found = solve(start, known.prior_m, chain, looks, known, kernel=1e12, rounds=20)
-    assert found.bias == pytest.approx([0.0, 1.0, 0.0], abs=1e-3)
-    assert found.poses[:, 0] == pytest.approx([0.0, 1.1, 2.2, 3.3], abs=1e-3)
-    sigmas_m = np.sqrt(found.pose_covariances[:, 0, 0])  # of one scale for all: they grow with the path, not its root
-    assert (sigmas_m[3] - sigmas_m[1]) / (sigmas_m[2] - sigmas_m[1]) == pytest.approx(2.0, abs=0.3)

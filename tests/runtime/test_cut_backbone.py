@@ -8,6 +8,7 @@ import pytest
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.decode import Decoder
+from edgemap.runtime.detector import Detector
 from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.store import bundle_folder
 
@@ -29,10 +30,9 @@ def test_boxes_and_features_are_those_of_the_whole_input(pictures, engine):
     assert (whole.detector.input.height, cut.detector.input.height) == (416, 320)
     found = {}
     for bundle in (whole, cut):
-        preprocess, decode = Preprocessor(bundle.detector.input), Decoder(bundle.detector, 0.3, one_name=True)
+        detector, decode = Detector(bundle), Decoder(bundle.detector, 0.3, one_name=True)
         for index, picture in enumerate(pictures):
-            tensor, placement = preprocess(picture)
-            outputs = bundle.backbone.run({bundle.detector.input.name: tensor})
+            outputs, placement = detector.raw(picture)
             found[bundle is cut, index] = outputs["feature_stride4"].copy(), decode(outputs, placement)
     for index in range(len(pictures)):
         (features, boxes), (own_features, own_boxes) = found[False, index], found[True, index]

@@ -190,17 +190,16 @@ def test_a_wrong_closure_is_taken_back(monkeypatch):
 
     monkeypatch.setattr(pose_graph, "certain_pairings", certain)
     monkeypatch.setattr(PoseGraph, "_witnessed", witnessed)
-    little_trust = GraphRule(keyframes=KeyframeRule(inflation=40.0))  # in odometry, or the link would not fit at once
-    closer, misled, right = LoopCloser(little_trust), [], []
+    closer, misled, right = LoopCloser(), [], []
     for result, objects in drive(Mapper(loop_closer=closer), ROOM, way, drifting(way), 0):
         if result.correction:
             ((later, first),) = wrong
             is_linked = closer.graph._parent.get(later) == first
             (misled if is_linked else right).append((errors_m(objects), len(objects)))
-    assert misled  # or nothing was taken back
+    assert len(misled) > 1  # or nothing was taken back
     assert (later, first) in closer.graph._refused
     (_, doubles), count = misled[-1]
-    assert doubles > 0
+    assert doubles > 3
     (errors, doubles), after = right[-1]
     assert doubles == 0
     assert after < count
@@ -224,21 +223,3 @@ def test_what_a_dropped_pose_saw_moves_with_its_landmark():
     moved_m = {item.label: item.position_m - before[item.label] for item in floor_map.objects()}
     assert moved_m["chair"] == pytest.approx([0.3, -0.1], abs=0.02)
     assert moved_m["couch"] == pytest.approx([0.0, 0.0], abs=0.02)
-
-
-@pytest.mark.parametrize(("seed", "yaw_share", "way_share"), [(1, 0.044, -0.008), (6, 0.048, -0.028)])
-def test_the_scale_of_the_odometry_is_learnt_so_objects_lie_in_their_places(seed, yaw_share, way_share):
-    """Wheels that turn 5 % too far and roll 3 % too short: 0.06 m in the median, 0.11 to 0.16 m where nothing is
-    learnt of them."""
-    room, way = furnished(np.random.default_rng(seed), 16, apart_m=0.8), round_trip(300, turns=2.6)
-    motions = drifting(way, seed, yaw_share=yaw_share, way_share=way_share)
-    closer = LoopCloser()
-    *_, (_, objects) = drive(Mapper(loop_closer=closer), room, way, motions, seed)
-    start = way[0].inverse()
-    errors = [
-        min(float(np.linalg.norm(item.position_m - start.apply([x, y]))) for label, x, y in room if label == item.label)
-        for item in objects
-    ]
-    assert np.median(errors) < 0.08
-    turn_share = closer.graph._bias[2] * closer.graph.rule.keyframes.per_radian
-    assert turn_share == pytest.approx(-yaw_share, abs=0.02)
