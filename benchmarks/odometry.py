@@ -33,8 +33,7 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 @dataclass(frozen=True, slots=True)
 class Selection:
     """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
-    for the kind's own. wheels, imu, depth: whether those that come with the data may be
-    used."""
+    for the kind's own. wheels, imu, depth: whether those that come with the data may be used."""
 
     first: int = 0
     every: int = 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import degrees
 from pathlib import Path
 from typing import Annotated
 
@@ -39,9 +40,9 @@ def command(
 ) -> None:
     """Keep one map of a place from the latest map of each robot that runs with `--fleet PLACE`, until Ctrl-C.
 
-    DIR/map.json is the merged map, written atomically; DIR/robots/NAME.json the latest map of each. Maps are laid onto
-    each other by their objects, as `map merge` does; one that fits nowhere with certainty stays apart, with the reason,
-    until it does. A robot that is away stays in the map; when it is back its new map takes the place of its old one.
+    DIR/map.json is the merged map, written atomically; DIR/robots/NAME.json the latest map of each. Maps are aligned
+    by their objects, as `map merge` does; one that fits nowhere with certainty stays apart, with the reason, until it
+    does. A robot that is away stays in the map; when it is back its new map takes the place of its old one.
     """
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.errors import DiskError
@@ -92,8 +93,8 @@ def lines(robots: dict) -> dict[str, str]:
             said = f"apart: {robot['apart']}"
         else:
             x_m, y_m, yaw_rad = robot["pose_place_map"]
-            laid = f"{robot['pairs']} of {robot['shared']} laid onto their like" if robot["pairs"] else "first"
-            said = f"{laid}, its frame at x {x_m:.2f} m, y {y_m:.2f} m, yaw {57.29578 * yaw_rad:.0f} deg"
+            matched = f"{robot['pairs']} of {robot['shared']} matched" if robot["pairs"] else "first"
+            said = f"{matched}, its frame at x {x_m:.2f} m, y {y_m:.2f} m, yaw {degrees(yaw_rad):.0f} deg"
         refused = f"; refused: {robot['refused']}" if "refused" in robot else ""
         found[name] = f"{name:<16} {robot['objects']:4d} objects{here}; {said}{refused}"
     return found

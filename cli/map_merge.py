@@ -61,6 +61,6 @@ def told(alignment: Alignment) -> str:
     pose = alignment.pose_a_b
     rival = f"next best {alignment.rival}" if alignment.rival else "no other fits"
     return (
-        f"{len(alignment.pairs)} of {alignment.shared} laid onto their like ({rival}) by x {pose.x_m:.2f} m, "
+        f"{len(alignment.pairs)} of {alignment.shared} matched ({rival}) by x {pose.x_m:.2f} m, "
         f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; {alignment.rms_m:.2f} m apart"
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.se2 import wrap_angle
 
 
 def attitude_figures(found: Sequence[Attitude | None], true: Sequence[Attitude] | None) -> dict[str, Any]:
@@ -21,8 +22,8 @@ def attitude_figures(found: Sequence[Attitude | None], true: Sequence[Attitude] 
     for own, known in zip(found, true or (), strict=False):
         if own is None:
             continue
-        error = np.array([own.roll_rad - known.roll_rad, own.pitch_rad - known.pitch_rad])
-        error = (error + np.pi) % (2.0 * np.pi) - np.pi
+        off_rad = own.roll_rad - known.roll_rad, own.pitch_rad - known.pitch_rad
+        error = np.array([wrap_angle(value) for value in off_rad])
         errors.append(error)
         scaled.append(float(error @ np.linalg.pinv(own.covariance_rad2) @ error))
     if not errors:

@@ -2,14 +2,12 @@
 """The moving picture of the README: `python scripts/demo_picture.py [docs/demo.webp]`, some minutes.
 
 Runs the demo with its live page, looks at that in chromium without a window, and keeps what it shows at every
-`EVERY`th frame of the drive as one animated WebP. Needs chromium and the extras
-view and simulation.
+`EVERY`th frame of the drive as one animated WebP. Needs chromium and the extras view and simulation.
 """
 
 from __future__ import annotations
 
 import io
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -19,6 +17,7 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 from support.browser import Browser, Page  # noqa: E402
+from support.live_run import begin_live_run  # noqa: E402
 
 EVERY, SHOWN_MS, LAST_MS = 10, 125, 3000  # frames of the drive at 10 Hz between two pictures: it plays 8 times as fast
 SIZE, SCALE = (1280, 800), 0.75  # of the window, and of the picture
@@ -41,19 +40,7 @@ def main() -> None:
     """Make it."""
     out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "demo.webp"
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            "-u",
-            "-m",
-            "edgemap.cli",
-            "run",
-            "--view",
-            "--view-port",
-            "0",
-            "--out",
-            f"{folder}/run",
-        ]
-        run = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        run = begin_live_run("--out", f"{folder}/run")
         assert run.stdout is not None
         url = run.stdout.readline().split()[-1]
         browser = Browser(Path(folder) / "chromium")

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Zone
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.objects.merge import merge_maps, moved
@@ -30,7 +28,7 @@ class Member:
     """What became of one robot's map.
 
     pose_place_map: its frame in the place's; None where it stays apart, for `reason`.
-    pairs: its objects laid onto their like, of `shared` that have one by label; 0 for the map that came first.
+    pairs: its objects that matched, of `shared` that could by their labels; 0 for the map that came first.
     """
 
     pose_place_map: SE2 | None
@@ -77,7 +75,7 @@ def merge_place(
         known.update(found)
     to_place = place.members[min(place.members)].pose_place_map
     assert to_place is not None
-    turn = Alignment(to_place.inverse(), np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
+    turn = Alignment.known(to_place.inverse())
     members = {name: Member(None, reason=str(reason)) for name, reason in reasons.items()}
     for name, member in place.members.items():
         if name and member.pose_place_map is not None:
@@ -101,7 +99,7 @@ class _Group:
 
     @classmethod
     def of(cls, name: str, single: RobotMap) -> _Group:
-        annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment(SE2(), np.zeros((3, 3)), (), 0, 0, 0.0, 0.0))
+        annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment.known(SE2()))
         return cls((single.key,), list(single.objects), annotations, {name: Member(SE2())})
 
     def joined(self, name: str, single: RobotMap, alignment: Alignment) -> _Group:

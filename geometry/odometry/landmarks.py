@@ -173,33 +173,33 @@ def look(landmarks: Landmarks, camera: FloorCamera, view: View) -> Sight:
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
     """view: the pose found. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given landmarks.
-    weights (N,): 0 for a track that does not fit. misfit (N, 2), sight: what is left, and seen from there. scale: how
+    weights (N,): 0 for a track that does not fit. residual (N, 2), sight: what is left, and seen from there. scale: how
     much larger the inverse depths off the floor are than was thought, relative."""
 
     view: View
     covariance: Array
     weights: Array
-    misfit: Array
+    residual: Array
     sight: Sight
     scale: float
 
 
 DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
-TUKEY = 16.0  # squared, in units of the expected misfit; beyond it a track counts nothing
+TUKEY = 16.0  # squared, in units of the expected residual; beyond it a track counts nothing
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
 
 def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, noise: Noise) -> Located:
     """The view from which landmarks look as seen, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
-    A landmark's uncertain depth widens its expected misfit along its epipolar line, so a far or new one speaks of
+    A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one speaks of
     rotation only. Pitch, roll and rise are held to the start's by `noise`. Points off the floor keep their shape, but
     their common scale is left to the floor within `noise.scale`, or it would wander. Tukey's weights, scale annealed.
     """
     sight = look(landmarks, camera, start)
     view, log_scale = _turned_to(sight, seen, start), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
-    misfit, information = seen, np.eye(7)
+    residual, information = seen, np.eye(7)
     free = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
@@ -207,8 +207,8 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * free)
         sight = look(scaled, camera, view)
-        misfit = seen - sight.seen
-        white, jacobian = _whitened(sight, misfit, free, landmarks.variance, sigma2)
+        residual = seen - sight.seen
+        white, jacobian = _whitened(sight, residual, free, landmarks.variance, sigma2)
         distance2 = (white**2).sum(axis=0)
         weights = np.where(sight.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
         weighted = jacobian * weights
@@ -221,7 +221,7 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, 
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
     covariance = np.asarray(np.linalg.inv(information)[:6, :6] * excess, dtype=np.float64)
-    return Located(view, covariance, weights, misfit, sight, log_scale)
+    return Located(view, covariance, weights, residual, sight, log_scale)
 
 
 def refined(
@@ -236,8 +236,8 @@ def refined(
     kept = landmarks.floor | landmarks.measured
     landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + found.scale))
     slope2 = (found.sight.by_inverse**2).sum(axis=1)
-    along = (found.sight.by_inverse * found.misfit).sum(axis=1)
-    total2 = (found.misfit**2).sum(axis=1)
+    along = (found.sight.by_inverse * found.residual).sum(axis=1)
+    total2 = (found.residual**2).sum(axis=1)
     innovation2 = sigma2 + landmarks.variance * slope2
     fit2 = (total2 - landmarks.variance * along**2 / innovation2) / sigma2
     fits = (fit2 < gate) & found.sight.ahead
@@ -348,24 +348,24 @@ def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float
     return after, View(view.pose, left, view.rise_m - lower)
 
 
-def _whitened(sight: Sight, misfit: Array, free: Array, variance: Array, sigma2: Array) -> tuple[Array, Array]:
-    """Misfit (2, N) and Jacobian (2, 7, N), by view and common scale, in units of the expected misfit.
+def _whitened(sight: Sight, residual: Array, free: Array, variance: Array, sigma2: Array) -> tuple[Array, Array]:
+    """Residual (2, N) and Jacobian (2, 7, N), by view and common scale, in units of the expected residual.
 
-    That has the covariance sigma2 I + variance g g^T, g being the misfit per inverse depth.
+    That has the covariance sigma2 I + variance g g^T, g being the residual per inverse depth.
     """
     by_inverse = sight.by_inverse.T
     slope2 = (by_inverse**2).sum(axis=0)
     along = by_inverse / np.sqrt(np.maximum(slope2, 1e-18))
     lost = 1.0 - np.sqrt(sigma2 / (sigma2 + variance * slope2))
     both = np.empty((2, 8, len(slope2)))
-    both[:, 0], both[:, 1:7], both[:, 7] = misfit.T, sight.by_view.transpose(1, 2, 0), by_inverse * free
+    both[:, 0], both[:, 1:7], both[:, 7] = residual.T, sight.by_view.transpose(1, 2, 0), by_inverse * free
     both -= (lost * along)[:, None] * (along[0] * both[0] + along[1] * both[1])
     both /= np.sqrt(sigma2)
     return both[:, 0], both[:, 1:]
 
 
 def _turned_to(sight: Sight, seen: Array, start: View) -> View:
-    """The start, turned by the median misfit of a look from it: yaw and pitch change fast, and are common to all."""
+    """The start, turned by the median residual of a look from it: yaw and pitch change fast, and are common to all."""
     across, down = _median(seen - sight.seen)
     yaw, pitch = _median(sight.by_view[:, [0, 1], [2, 3]])
     return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))

@@ -26,7 +26,7 @@ Pairs = tuple[tuple[int, int], ...]
 
 
 class AlignmentError(MapError):
-    """Two maps that cannot be laid onto each other with certainty: the text says why, with numbers."""
+    """Two maps that cannot be aligned with certainty: the text says why, with numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +62,11 @@ class Alignment:
     rival: int
     chance: float
     rms_m: float
+
+    @classmethod
+    def known(cls, pose_a_b: SE2) -> Alignment:
+        """A pose that is certain without any pairs."""
+        return cls(pose_a_b, np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
 
 
 def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None) -> Alignment:
@@ -124,11 +129,11 @@ def realigned(
     alignment: Alignment, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
 ) -> Alignment:
     """An alignment of maps that have changed a little since it was found. Raises AlignmentError where too few objects
-    still lie on their like."""
+    still match."""
     rule = rule or AlignmentRule()
     fit = _refined(alignment.pose_a_b, first, second, rule)
     if fit is None or len(fit.pairs) < max(rule.least_pairs, len(alignment.pairs) - rule.rival_margin):
-        raise AlignmentError(f"{len(alignment.pairs)} objects lay on their like, and no longer do")
+        raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
     return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
 
 

@@ -137,12 +137,12 @@ class InertialAttitude:
         """The attitude at the frame's stamp."""
         other = self._other.step(frame)
         state, rotation = self._state, None
-        samples = replace(frame.imu, accel_m_s2=frame.imu.accel_m_s2 - GRAVITY_M_S2 * self._up_error())
-        frame = replace(frame, imu=samples)
-        if not len(samples):
+        if not len(frame.imu):
             if state is not None and frame.stamp_s - state.stamp_s > self._noise.lost_s:
                 self._state = None
             return other
+        samples = replace(frame.imu, accel_m_s2=frame.imu.accel_m_s2 - GRAVITY_M_S2 * self._up_error())
+        frame = replace(frame, imu=samples)
         if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= self._noise.lost_s:
             self._state = self._begun(frame)
         else:
@@ -175,11 +175,12 @@ class InertialAttitude:
         measured = np.array([plain.roll_rad, plain.pitch_rad]) + self._offset
         self._tilt.learn(measured - self._mount, span_s)
         fault = self._check.judge(measured, span_s)
-        before, self._offset = self._up_error(), self._tilt.estimate()[0]
+        before = self._up_error()
+        self._offset, variance = self._tilt.estimate()
         up = state.up_optical + before - self._up_error()
         turn = rotation_of(-np.cross(state.up_optical, up)[None])[0]
         self._state = state = replace(state, rotation=state.rotation @ turn)
-        covariance = plain.covariance_rad2 + np.diag(self._tilt.estimate()[1])
+        covariance = plain.covariance_rad2 + np.diag(variance)
         found = Attitude.of_up(state.up_optical, covariance, self.name)
         return replace(self._held(found), rotation=rotation, fault=fault)
 

@@ -25,6 +25,7 @@ from edgemap.runtime.fleet.network import (
     packed,
     place_key,
     robot_of,
+    rounded,
     unpacked_map,
 )
 from edgemap.runtime.map_file import load_annotated_map, map_document, read_map, save_map, write_atomically
@@ -154,9 +155,9 @@ class PlaceKeeper:
         if member.pose_place_map is None:
             told |= {"apart": member.reason}
         else:
-            told |= {"pairs": member.pairs, "shared": member.shared, "pose_place_map": _rounded(member.pose_place_map)}
+            told |= {"pairs": member.pairs, "shared": member.shared, "pose_place_map": rounded(member.pose_place_map)}
             if robot.pose is not None:
-                told |= {"pose_place_base": _rounded(member.pose_place_map @ robot.pose)}
+                told |= {"pose_place_base": rounded(member.pose_place_map @ robot.pose)}
         return told | ({"refused": robot.refused} if robot.refused else {})
 
     def _take(self, kind: str, name: str, robot: Robot, message: bytes) -> None:
@@ -207,7 +208,3 @@ class PlaceKeeper:
 def _robot_map(objects: list[Any], annotations: Any) -> RobotMap:
     text = json.dumps(map_document(objects, annotations), sort_keys=True)
     return RobotMap(hashlib.sha256(text.encode()).hexdigest(), tuple(objects), annotations.zones)
-
-
-def _rounded(pose: SE2) -> list[float]:
-    return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 4)]

@@ -11,6 +11,7 @@ from typing import Any
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import PublishError
 from edgemap.runtime.extras import need
 from edgemap.runtime.map_file import read_map
@@ -69,6 +70,11 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
         line = str(error).split(" at ")[0]
         where = f"listening on {listen}" if listen else f"connecting to {connect}"
         raise PublishError(f"fleet, {where}: {line}") from None
+
+
+def rounded(pose: SE2) -> list[float]:
+    """x, y and yaw as messages tell them: to a millimetre and a tenth of a milliradian."""
+    return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 4)]
 
 
 def packed(document: dict[str, Any]) -> bytes:

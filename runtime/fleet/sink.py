@@ -10,7 +10,7 @@ from typing import Any
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import PublishError
-from edgemap.runtime.fleet.network import name_of, open_session, packed, place_key
+from edgemap.runtime.fleet.network import name_of, open_session, packed, place_key, rounded
 from edgemap.runtime.map_file import map_document
 from edgemap.runtime.slam import StepResult
 
@@ -56,9 +56,9 @@ class FleetSink:
                 self._sent_s = stamp_s
         self._objects, self._annotations = objects, annotations
         if not 0.0 <= stamp_s - self._pose_s < POSE_EVERY_S:
-            self._pose_s, pose = stamp_s, result.pose_map_base
-            told = [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 4)]
-            self._pose.put(json.dumps(dict(zip(("x_m", "y_m", "yaw_rad"), told, strict=True))))
+            self._pose_s = stamp_s
+            told = zip(("x_m", "y_m", "yaw_rad"), rounded(result.pose_map_base), strict=True)
+            self._pose.put(json.dumps(dict(told)))
         if not self._kept.is_set():
             raise PublishError(f"nobody keeps the map of {self._place} at {self._address} (edgemap fleet serve)")
 

@@ -40,7 +40,7 @@ Pixels = NDArray[np.float32]
 LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
 SHIFT_PX = 4  # the picture's shift is looked for on every so many pixels
 MASK_PX = 8  # the floor is told from the rest on every so many pixels
-EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner, whose depth may else be that of either of two things
+EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner, whose depth may else be that of either of two objects
 LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
@@ -227,23 +227,23 @@ class PlanarOdometry:
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
     def _locate(self, index: int) -> Located:
-        """The view that the remembered landmarks agree on; where few do, and more do when forgotten, anew."""
+        """The view that the remembered landmarks agree on; where few do, and more do when forgotten, found again."""
         seen, noise = self._bearings(self._corners), self._noise_now()
         start = self._ahead(self._since @ self._motion)
         found = locate(self._landmarks, seen, self._camera, start, noise)
         if self._trusted and found.weights.sum() > self._rule.trusted_share * len(seen):
             return found
         rays = _rays(self._bearings(self._before))
-        anew = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m)
-        before = self._camera_before.floor_points(self._before[anew.floor])
-        after = self._camera.floor_points(self._corners[anew.floor])
+        renewed = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m)
+        before = self._camera_before.floor_points(self._before[renewed.floor])
+        after = self._camera.floor_points(self._corners[renewed.floor])
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
         start = self._ahead(rough.motion if rough else self._since @ self._motion)
-        other = locate(anew, seen, self._camera, start, noise)
+        other = locate(renewed, seen, self._camera, start, noise)
         if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
             return found
-        self._landmarks = anew
+        self._landmarks = renewed
         return other
 
     def _ahead(self, motion: SE2) -> View:
@@ -343,7 +343,7 @@ class PlanarOdometry:
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
 
     def _depths(self, corners: Pixels, depth: Depth) -> Array:
-        """Depths (N,) at corners, m; NaN where unknown, or where a nearer thing ends before a farther one: on a plane
+        """Depths (N,) at corners, m; NaN where unknown, or where a nearer object ends before a farther one: on a plane
         the inverse depth is the mean of those on two opposite sides."""
         height, width = depth.shape
         middle = (corners + 0.5) * [width / self._size[0], height / self._size[1]]

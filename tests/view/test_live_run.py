@@ -12,6 +12,7 @@ import pytest
 from support import painted
 from support.http_client import Api
 from support.live import raw_viewer
+from support.live_run import begin_live_run
 
 
 @pytest.fixture(scope="module")
@@ -26,20 +27,8 @@ def start(tmp_path, bundle):
     processes = []
 
     def begin(*arguments):
-        command = [
-            sys.executable,
-            "-u",
-            "-m",
-            "edgemap.cli",
-            "run",
-            "--view",
-            "--view-port",
-            "0",
-            "--bundle",
-            str(bundle),
-        ]
-        command += ["--out", str(tmp_path / f"run{len(processes)}"), *arguments]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        out = str(tmp_path / f"run{len(processes)}")
+        process = begin_live_run("--bundle", str(bundle), "--out", out, *arguments, stderr=subprocess.PIPE)
         processes.append(process)
         assert process.stdout is not None
         line = process.stdout.readline()

@@ -26,7 +26,7 @@ def moves(head: FlowHead, drive) -> np.ndarray:
 
 
 def test_fitted_it_moves_as_the_larger_one():
-    """Nobody trained this one, so it gets no smaller: its descriptions are turned, and all behind them fitted anew."""
+    """Nobody trained this one, so it gets no smaller: its descriptions are turned, and all behind them fitted again."""
     torch.manual_seed(0)
     large = FlowHead((1, 8, 40, 40), 4, SIZES).eval()
     with torch.no_grad():
