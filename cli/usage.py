@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import re
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr
-from functools import wraps
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 FRAME = re.compile(r"^[│╭╰─╮╯ ]?|[│╮╯]\s*$")
 
@@ -19,11 +20,13 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
 
     said, real = io.StringIO(), sys.stderr
 
-    @wraps(command)
     def begun(*arguments: Any, **options: Any) -> Any:
         with redirect_stderr(real):
             return command(*arguments, **options)
 
+    hints = get_type_hints(command, include_extras=True)
+    begun.__doc__, begun.__signature__ = command.__doc__, inspect.signature(command)  # type: ignore[attr-defined]
+    begun.__annotations__ = {name: _spelt_out(hint) for name, hint in hints.items()}
     try:
         with redirect_stderr(said):
             tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
@@ -33,6 +36,13 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
 
             tell(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)")
         raise
+
+
+def _spelt_out(hint: Any) -> Any:
+    """`A | B` as `Union[A, B]`: of the former tyro asks typeguard, whose import takes as long as all the rest."""
+    if get_origin(hint) is Annotated:
+        return Annotated[_spelt_out(hint.__origin__), *hint.__metadata__]
+    return Union[get_args(hint)] if get_origin(hint) is UnionType else hint  # noqa: UP007
 
 
 def usage_line(box: str) -> str:
