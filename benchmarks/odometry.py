@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.attitude import attitude_figures
+from edgemap.evaluation.availability import availability
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
 from edgemap.evaluation.planar_fit import planar_fit
 from edgemap.geometry.camera.floor import FloorCamera
@@ -62,7 +63,8 @@ class ScoredDrive:
         mount = {"height_m": self.mount.height_m, "pitch_deg": round(degrees(self.mount.pitch_rad), 3)}
         facts = {"data": self.spec, "rate_hz": round(rate_hz, 3), "mount": mount, "faults": self.followed.faults}
         fit = {} if self.planar_fit is None else {"planar_fit": self.planar_fit}
-        return {**facts, **figures([self.errors]), **fit, "attitude": self.attitude}
+        shares = availability(self.followed.members)
+        return {**facts, **figures([self.errors]), **fit, "attitude": self.attitude, "availability": shares}
 
 
 def score_drive(
@@ -103,6 +105,7 @@ def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:
     errors = {name: drive.errors for name, drive in drives.items()}
     total = {"sequences": len(drives), **figures(list(errors.values())), "worst": worst_drive(errors)}
     total["faults"] = sum(drive.followed.faults for drive in drives.values())
+    total["availability"] = availability([step for drive in drives.values() for step in drive.followed.members])
     return {"sequences": {name: drive.document() for name, drive in drives.items()}, "total": total}
 
 

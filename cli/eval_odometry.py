@@ -168,6 +168,9 @@ def _print(own: dict[str, Any]) -> None:
         off = f"{fit['mean_m']:.2f} m, {fit['mean_percent']:.2g} % of the path, at most {fit['max_m']:.2f} m{drift}"
         height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
         print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
+    for member, shares in own["availability"].items():
+        told = ", ".join(f"{key.replace('_', ' ')} {100 * share:.1f} %" for key, share in shares.items())
+        print(f"  {member:<9} {told}")
     if attitude := own.get("attitude"):
         _print_attitude(attitude)
     if worst := own.get("worst"):

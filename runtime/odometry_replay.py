@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,7 +60,8 @@ class FeatureSource:
 class Followed:
     """N frames of a drive. indices: which of the camera's frames. true, estimated: N poses of the base in the frame of
     the first one. covariances: (N - 1, 3, 3) of the estimated motions. faults: motions that were guesses.
-    attitudes: N, as the odometry was told."""
+    attitudes: N, as the odometry was told. members: of each motion, as of `Motion.members`; an odometry that has none
+    is its own."""
 
     indices: tuple[int, ...]
     stamps_s: NDArray[np.float64]
@@ -69,6 +70,7 @@ class Followed:
     covariances: NDArray[np.float64]
     faults: int
     attitudes: tuple[Attitude | None, ...] = ()
+    members: tuple[Mapping[str, str], ...] = ()
 
 
 def follow(
@@ -96,6 +98,7 @@ def follow(
     true: list[SE2] = []
     estimated: list[SE2] = []
     covariances: list[NDArray[np.float64]] = []
+    members: list[Mapping[str, str]] = []
     faults, health, skipped = 0, HealthMonitor(), []
     while (frames is None or len(indices) < frames) and (frame := camera.read()) is not None:
         skipped.append(frame.imu)
@@ -114,7 +117,9 @@ def follow(
         if indices:
             estimated.append(estimated[-1] @ step.motion)
             covariances.append(step.covariance)
-            faults += bool(step.fault or step.blind)
+            guessed = bool(step.fault or step.blind)
+            members.append(step.members or {odometry.name: "blind" if guessed else "used"})
+            faults += guessed
         else:
             estimated.append(SE2())
         indices.append(frame.index)
@@ -125,5 +130,5 @@ def follow(
     start = true[0].inverse()
     return Followed(
         tuple(indices), np.array(stamps_s), tuple(start @ pose for pose in true), tuple(estimated),
-        np.array(covariances), faults, tuple(attitudes),
+        np.array(covariances), faults, tuple(attitudes), tuple(members),
     )  # fmt: skip

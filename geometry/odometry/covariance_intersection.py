@@ -23,12 +23,14 @@ class MotionEstimate:
     """A motion (3,) in (m, m, rad), its covariance (3, 3). source: measurements of one source share their errors.
 
     conflict: sources that disagree beyond the gate, and what the covariance therefore covers; empty where they agree.
+    members: names of the measurements that are in it.
     """
 
     motion: Array
     covariance: Array
     source: str
     conflict: str = ""
+    members: frozenset[str] = frozenset()
 
 
 def difference(a: MotionEstimate, b: MotionEstimate) -> Array:
@@ -48,9 +50,8 @@ def fused(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
     """Two measurements with independent errors, weighted by their information."""
     gain = np.linalg.solve(a.covariance + b.covariance, a.covariance).T
     covariance = a.covariance - gain @ a.covariance
-    return MotionEstimate(
-        a.motion + gain @ difference(a, b), (covariance + covariance.T) / 2.0, f"{a.source}+{b.source}"
-    )
+    motion, source = a.motion + gain @ difference(a, b), f"{a.source}+{b.source}"
+    return MotionEstimate(motion, (covariance + covariance.T) / 2.0, source, members=a.members | b.members)
 
 
 def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
@@ -63,7 +64,7 @@ def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
     best = int(np.argmax(np.linalg.det(mixed)))
     covariance = np.linalg.inv(mixed[best])
     motion = a.motion + SHARES[best] * covariance @ other @ difference(a, b)
-    return MotionEstimate(motion, (covariance + covariance.T) / 2.0, a.source)
+    return MotionEstimate(motion, (covariance + covariance.T) / 2.0, a.source, members=a.members | b.members)
 
 
 def consensus(
@@ -119,7 +120,8 @@ def _between(sets: Sequence[MotionEstimate], known_sigma: float) -> MotionEstima
     off = np.sqrt(weights) * (apart - middle)
     within = sum(np.sqrt(np.outer(w, w)) * item.covariance for w, item in zip(weights, sets, strict=True))
     names = sorted(item.source for item in sets)
-    return MotionEstimate(sets[0].motion + middle, within + off.T @ off, names[0], " against ".join(names))
+    members = frozenset[str]().union(*(item.members for item in sets))
+    return MotionEstimate(sets[0].motion + middle, within + off.T @ off, names[0], " against ".join(names), members)
 
 
 def _agree(chosen: tuple[int, ...], apart: dict[tuple[int, int], float], gate: float) -> bool:

@@ -170,13 +170,17 @@ class HybridOdometry:
             self._coasting.begin(stamp_s)
             return Motion(fault=faults)
         alive = [
-            MotionEstimate(motion.motion.vector(), member.covariance_scale * motion.covariance, member.source)
+            MotionEstimate(
+                motion.motion.vector(), member.covariance_scale * motion.covariance, member.source,
+                members=frozenset([_short(member)]),
+            )
             for member, motion in named
             if not (motion.fault or motion.blind)
-        ]
+        ]  # fmt: skip
         if all(item.source == GYRO for item in alive):
             guess = self._coasting.guess(stamp_s, told)
-            return guess if not alive else _turned(guess, alive[0])
+            guess = guess if not alive else _turned(guess, alive[0])
+            return replace(guess, members=self._answers(alive, alive))
         found = consensus(alive, self._rule.gate, self._rule.known_sigma)
         wheels = self._of(WHEELS, alive)
         camera = None if wheels is None else self._of(CAMERA, alive)
@@ -186,7 +190,13 @@ class HybridOdometry:
             told = "; ".join(filter(None, (told, f"hybrid odometry: {found.conflict}: they disagree")))
         motion = SE2(*found.motion)
         self._coasting.saw(motion, stamp_s)
-        return Motion(motion, np.asarray(found.covariance), told)
+        return Motion(motion, np.asarray(found.covariance), told, members=self._answers(alive, [found]))
+
+    def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
+        """What became of each member in a step, as of `Motion.members`."""
+        measured, taken = ({name for item in items for name in item.members} for items in (alive, used))
+        names = [_short(member) for member in self._members]
+        return {n: "used" if n in taken else "left_out" if n in measured else "blind" for n in names}
 
     def _of(self, source: str, alive: Sequence[MotionEstimate]) -> MotionEstimate | None:
         """What those of one source measured, as one."""
@@ -222,6 +232,11 @@ class HybridOdometry:
                 self._told_s[index] = stamp_s
                 texts.append(motion.fault)
         return "; ".join(texts)
+
+
+def _short(member: Member) -> str:
+    """Its name without the file that it reads."""
+    return member.odometry.name.partition(":")[0]
 
 
 def _turned(guess: Motion, gyro: MotionEstimate) -> Motion:

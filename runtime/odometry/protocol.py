@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -48,12 +49,13 @@ def unknown_covariance() -> Array:
 class Motion:
     """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
     base frame. fault: one line on what failed or was left out, else empty. blind: nothing was measured, the motion is a
-    guess."""
+    guess. members: of a hybrid, by name: `used`, `blind` (it measured nothing) or `left_out` (it disagrees)."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
     fault: str = ""
     blind: bool = False
+    members: Mapping[str, str] = field(default_factory=dict)
 
     def checked(self, name: str) -> Motion:
         """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance

@@ -169,6 +169,19 @@ def test_the_demo_by_default(evaluate):
     assert own["mount"] == {"height_m": 0.6, "pitch_deg": 11.5}
     assert own["paper_rmse"] < 0.1 * own["path_m"]
     assert own["nees"] > 0
+    assert own["availability"] == {"planar": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
+
+
+def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
+    """Wheels that end after 40 of 60 motions: blind in the last 20."""
+    spec = drive(tmp_path / "a")
+    rows = (tmp_path / "a" / "wheel.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "a" / "wheel.csv").write_text("".join(rows[:-20]))
+    own = document(evaluate("--data", spec, "--json"))
+    assert own["sequences"]["a"]["availability"]["wheel"] == {"used": 0.6667, "blind": 0.3333, "left_out": 0.0}
+    assert own["total"]["availability"] == own["sequences"]["a"]["availability"]
+    told = evaluate("--data", spec).stdout
+    assert "  wheel     used 66.7 %, blind 33.3 %, left out 0.0 %" in told.splitlines()
 
 
 def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):

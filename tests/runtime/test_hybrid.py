@@ -194,3 +194,30 @@ def test_it_stands_still_where_every_member_that_knows_says_so(answers, still):
         member.still = lambda stamp_s, attitude, answer=answer: answer
         members.append(Member(member, "wheels"))
     assert HybridOdometry(members).still(0.1, None) is still
+
+
+def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
+    """Of the camera, flow agrees with the wheels and planar does not; then planar is lost; then all are."""
+    start, agrees, lost = motion(0.0, 1.0), motion(0.1, 0.001), motion(0.0, 1.0, fault="lost")
+    steps = {
+        "planar": (Scripted(start, motion(0.3, 0.001), lost, lost), "camera"),
+        "flow": (Scripted(start, agrees, agrees, lost), "camera"),
+        "wheel:way.csv": (Scripted(start, agrees, agrees, lost), "wheels"),
+    }
+    for name, (odometry, _) in steps.items():
+        odometry.name = name
+    hybrid = HybridOdometry([Member(odometry, source) for odometry, source in steps.values()])
+    found = [hybrid.step(at(index / 10), {}).members for index in range(4)]
+    assert found[1:] == [
+        {"planar": "left_out", "flow": "used", "wheel": "used"},
+        {"planar": "blind", "flow": "used", "wheel": "used"},
+        {"planar": "blind", "flow": "blind", "wheel": "blind"},
+    ]
+
+
+def test_of_sources_that_disagree_all_are_used():
+    camera, wheels = Scripted(*[motion(0.1, 0.001)] * 2), Scripted(*[motion(0.3, 0.001)] * 2)
+    camera.name, wheels.name = "planar", "wheel"
+    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid.step(at(0.0), {})
+    assert hybrid.step(at(0.1), {}).members == {"planar": "used", "wheel": "used"}
