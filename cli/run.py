@@ -81,7 +81,9 @@ def command(
     start: StartText = None,
     forget: Forget = "auto",
     edited: EditsFile = None,
-    out: Annotated[Path | None, arg(metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")] = None,
+    out: Annotated[
+        Path | None, arg(aliases=["-o"], metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
+    ] = None,
     frames: Annotated[int | None, arg(metavar="N", help="Stop after N frames.")] = None,
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
     view: Annotated[

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.se2 import SE2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,6 +23,8 @@ class Frame:
     camera.
     search: whether its objects are looked for; a budget decides that, and a recording keeps it.
     attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
+    moved: what the odometry measured from the frame before the last to the last, the gyro left out: motion of the base
+    and covariance (3, 3); None where it measured nothing, and as delivered by cameras.
     Raises ValueError where the image is not (H, W, 3) uint8, or the depth not (H, W).
     """
 
@@ -33,6 +36,7 @@ class Frame:
     depth: NDArray[np.float32] | None = None
     attitude: Attitude | None = None
     search: bool = True
+    moved: tuple[SE2, NDArray[np.float64]] | None = None
 
     def _repr_png_(self) -> bytes:
         """In a notebook: the picture."""

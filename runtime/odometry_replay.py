@@ -99,12 +99,13 @@ def follow(
     estimated: list[SE2] = []
     covariances: list[NDArray[np.float64]] = []
     members: list[Mapping[str, str]] = []
-    faults, health, skipped = 0, HealthMonitor(), []
+    faults, health, skipped, moved = 0, HealthMonitor(), [], None
     while (frames is None or len(indices) < frames) and (frame := camera.read()) is not None:
         skipped.append(frame.imu)
         if frame.index < first or (frame.index - first) % every:
             continue
         frame, skipped = replace(frame, imu=ImuSamples.joined(skipped)), []
+        frame = replace(frame, moved=moved)
         frame = replace(frame, attitude=None if attitude is None else attitude.step(frame))
         attitudes.append(frame.attitude)
         picture = health.judge(frame)
@@ -113,6 +114,7 @@ def follow(
         else:
             step = odometry.step(replace(frame, index=len(indices)), features(frame))
         step = step.checked(odometry.name)
+        moved = step.moved()
         true.append(camera.truth.at(frame.stamp_s))
         if indices:
             estimated.append(estimated[-1] @ step.motion)

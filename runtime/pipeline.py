@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
@@ -63,6 +66,7 @@ class Pipeline:
         self._found = Detections.none(bundle.names)  # in the last picture that was searched
         self._health, self._rest = HealthMonitor(health), RestMonitor(rest)
         self._since_seen = SE2()
+        self._moved: tuple[SE2, NDArray[np.float64]] | None = None  # over the last frame, for the attitude
         self._watch = Stopwatch()
 
     def step(self, frame: Frame) -> FrameObservations:
@@ -70,7 +74,7 @@ class Pipeline:
         stage = self._begin(frame)
         health = self._health.judge(frame)
         stage("health")
-        attitude = self.attitude.step(frame)
+        attitude = self.attitude.step(replace(frame, moved=self._moved))
         frame, camera = replace(frame, attitude=attitude), self.camera.at(attitude)
         stage("attitude")
         at_rest = self._rest.judge(frame, health, self.odometry.still(frame.stamp_s, attitude))
@@ -96,6 +100,7 @@ class Pipeline:
     def _stand(self, frame: Frame, health: PictureHealth, camera: FloorCamera) -> FrameObservations:
         """No network runs and nothing is counted again; the first frame that differs is compared with the last one."""
         motion = self.odometry.rest(frame.stamp_s)
+        self._moved = motion.moved()
         self._watch.stage("odometry")
         return replace(self._unsearched(frame, self._found, motion, health, camera), at_rest=True)
 
@@ -116,13 +121,14 @@ class Pipeline:
         """The odometry's step, with the backbone's outputs where it ran."""
         self._since_seen = SE2()
         motion = self.odometry.step(frame, features).checked(self.odometry.name)
+        self._moved = motion.moved()
         self._watch.stage("odometry")
         return motion
 
     def _move_blind(self, frame: Frame, health: PictureHealth) -> Motion:
         """The odometry goes on with what needs no picture."""
         motion = self.odometry.step_blind(frame.stamp_s, health.reason, frame.attitude).checked(self.odometry.name)
-        self._since_seen = self._since_seen @ motion.motion
+        self._since_seen, self._moved = self._since_seen @ motion.motion, motion.moved()
         self._watch.stage("odometry")
         return motion
 

@@ -1,9 +1,11 @@
 """Attitude from gyro and accelerometer: an error-state Kalman filter, one update a frame.
 
 The accelerometer tells gravity only as far as the camera's own acceleration averages out, which a bounded velocity
-makes certain: the filter integrates the velocity that its attitude implies and holds it to zero, as loosely as robots
-move. A wrong tilt makes gravity leak into that velocity and is found by it. States: attitude error in the world frame
-(3), gyro bias (3), velocity (3).
+makes certain: the filter integrates the velocity that its attitude implies and holds it to what odometry measures, and
+to zero where it measures nothing, as loosely as robots move. A wrong tilt makes gravity leak into that velocity and is
+found by it. Odometry's yaw tells the gyro's bias about the vertical, which gravity does not; the mount, about which a
+robot nods, tells the accelerometer's offset. States: attitude error in the world frame (3), gyro bias (3), velocity
+(3), accelerometer offset (3).
 """
 
 from __future__ import annotations
@@ -16,36 +18,52 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import GyroRotation
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.se2 import SE2, wrap_angle
 
 Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
-_TILT, _BIAS, _VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
+_TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+STATES = 12
 
 
 @dataclass(frozen=True, slots=True)
 class InertialNoise:
     """Standard deviations of an inexpensive sensor on a small robot; densities are per square root of a second.
 
-    gyro: of the integrated angle, rad. accel: of the integrated velocity, m/s, shaking included. bias_walk: rad/s.
-    start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. speed, speed_s: velocity, m/s, and for how
-    long it keeps its direction, s. rest_gyro, rest_accel: at rest samples scatter less, rad/s and m/s^2. rest_bias:
-    of the mean rate over a second of rest, rad/s. rest_window_s: over which rest is judged. gap_s, gap: a longer hole
-    between samples adds this rate, rad/s. lost_s: after such a hole the filter starts again.
+    gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a radian.
+    accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
+    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_accel: of the
+    robot at the start, m/s^2. speed, speed_s: velocity, m/s, and for how long it keeps its direction, s. rest_gyro,
+    rest_accel: at rest samples scatter less, rad/s and m/s^2. rest_bias: of the mean rate over a second of rest,
+    rad/s. rest_window_s: over which rest is judged. rest_speed, rest_yaw: rest is denied where odometry measures
+    more, m/s and rad/s. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned, turned_share:
+    of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors last longer than a
+    step. gap_s, gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole the filter
+    starts again.
     """
 
     gyro: float = 5e-4
+    gyro_share: float = 0.01
     accel: float = 0.2
+    offset: float = OFFSET_RAD
     bias_walk: float = 1e-5
     start_bias: float = 0.1
     start_tilt: float = math.radians(10.0)
+    start_accel: float = 0.2
     speed: float = 0.5
     speed_s: float = 0.5
     rest_gyro: float = 0.03
     rest_accel: float = 0.5
     rest_bias: float = 0.003
     rest_window_s: float = 0.5
+    rest_speed: float = 0.03
+    rest_yaw: float = 0.05
+    moved: float = 0.05
+    risen: float = 0.1
+    turned: float = 0.003
+    turned_share: float = 0.05
     gap_s: float = 0.05
     gap: float = 0.5
     lost_s: float = 1.0
@@ -54,21 +72,31 @@ class InertialNoise:
 @dataclass(frozen=True, slots=True, eq=False)
 class InertialState:
     """rotation (3, 3): optical directions into a z-up frame of unknown heading. bias (3,): of the gyro, rad/s.
-    velocity (3,): m/s, z-up frame. covariance (9, 9). stamp_s: up to where samples are integrated. recent: samples of
-    the last moments. rest_s: how long the camera has been at rest. still: at rest now."""
+    velocity (3,): m/s, z-up frame. offset (3,): of the accelerometer, m/s^2, optical axes. covariance (12, 12).
+    stamp_s: up to where samples are integrated. recent: samples of the last moments. rest_s: how long the camera has
+    been at rest. before: the state one step before, without its own. calm: whether odometry measured so little that
+    the camera may be at rest, None where none measures."""
 
     rotation: Array
     bias: Array
     velocity: Array
+    offset: Array
     covariance: Array
     stamp_s: float
     recent: ImuSamples
     rest_s: float = 0.0
+    before: InertialState | None = None
+    calm: bool | None = None
 
     @property
     def up_optical(self) -> Array:
         """The direction that points up, (3,), optical frame."""
         return self.rotation[2]
+
+    @property
+    def force_optical(self) -> Array:
+        """What the accelerometer shows at rest, its offset included, (3,), optical frame, in parts of gravity."""
+        return self.rotation[2] + self.offset / GRAVITY_M_S2
 
     def tilt_covariance(self) -> Array:
         """Of the angle about the camera's forward and right axes, levelled: roll and pitch, (2, 2) rad^2."""
@@ -77,17 +105,75 @@ class InertialState:
         return axes @ self.covariance[:2, :2] @ axes.T
 
 
-def inertial_start(samples: ImuSamples, stamp_s: float, noise: InertialNoise) -> InertialState:
-    """The attitude that the mean specific force of the first samples (one or more) shows; the gyro's bias unknown."""
-    up = samples.accel_m_s2.mean(axis=0)
-    up = up / max(float(np.linalg.norm(up)), 1e-9)
+def inertial_start(
+    samples: ImuSamples, stamp_s: float, noise: InertialNoise, up_optical: Array | None = None, sigma_rad: float = 0.0
+) -> InertialState:
+    """The attitude that the mean specific force of the first samples (one or more) shows; the gyro's bias unknown.
+
+    up_optical: (3,), where a mount tells it to this standard deviation; the accelerometer's offset then learns from it.
+    """
+    force = samples.accel_m_s2.mean(axis=0)
+    mean_m_s2 = float(np.linalg.norm(force))
+    tilt = noise.start_tilt + 2.0 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
+    if up_optical is None:
+        up = force / max(mean_m_s2, 1e-9)
+    else:
+        up, tilt = up_optical, sigma_rad
     side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    mean_m_s2 = float(np.linalg.norm(samples.accel_m_s2.mean(axis=0)))
-    tilt = noise.start_tilt + 2.0 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
-    sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [noise.speed] * 3
+    offset = noise.offset * GRAVITY_M_S2
+    sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [noise.speed] * 3 + [offset] * 3
     rotation = np.array([side, np.cross(up, side), up])
-    return InertialState(rotation, np.zeros(3), np.zeros(3), np.diag(np.square(sigmas)), stamp_s, samples)
+    zero, mixed, covariance = np.zeros(3), np.eye(STATES), np.diag(np.square(sigmas))
+    if up_optical is None:  # the offset that the mean force holds is a tilt
+        mixed[:2, _OFFSET] = np.array([-rotation[1], rotation[0]]) / GRAVITY_M_S2
+        return InertialState(rotation, zero, zero, zero, mixed @ covariance @ mixed.T, stamp_s, samples)
+    share = offset**2 / (offset**2 + noise.start_accel**2)
+    covariance[_OFFSET, _OFFSET] *= 1.0 - share
+    return InertialState(rotation, zero, zero, share * (force - GRAVITY_M_S2 * up), covariance, stamp_s, samples)
+
+
+def inertial_moved(
+    state: InertialState, motion: SE2, covariance: Array, arm_optical_m: Array, noise: InertialNoise
+) -> InertialState:
+    """Take in what an odometry without the gyro measured over the last step: motion of the base with covariance (3, 3).
+
+    arm_optical_m: from the floor below the lens up to it, and from the base's origin to there, (2, 3), optical axes. A
+    camera high up swings as the robot nods, which wheels do not measure and pictures do.
+    """
+    before = state.before
+    if before is None:
+        return state
+    span_s = state.stamp_s - before.stamp_s
+    ahead = before.rotation[:2, 2] / max(float(np.linalg.norm(before.rotation[:2, 2])), 1e-9)
+    axes = np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])  # forward and left of the base, in the world
+    swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
+    displaced[:2] += axes @ [motion.x_m, motion.y_m]
+    loose = noise.moved**2 + float(swung @ swung) / span_s**2
+    variance = np.diag([loose, loose, noise.risen**2])
+    variance[:2, :2] += axes @ covariance[:2, :2] @ axes.T / span_s**2
+    residual = displaced / span_s - (state.velocity + before.velocity) / 2.0
+    moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False)
+    now, was = state.rotation[:2, 2], before.rotation[:2, 2]
+    turned = math.atan2(was[0] * now[1] - was[1] * now[0], float(was @ now))
+    own = covariance[2, 2] + noise.gyro**2 * span_s + noise.turned**2 + (noise.turned_share * motion.yaw_rad) ** 2
+    about = np.zeros((1, STATES))
+    about[0, _BIAS] = moved.up_optical
+    off = np.array([wrap_angle(turned - motion.yaw_rad) / span_s])
+    moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True)
+    slow = math.hypot(motion.x_m, motion.y_m) < noise.rest_speed * span_s
+    return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.rest_yaw * span_s)
+
+
+def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array) -> InertialState:
+    """Take in that the camera sits on a mount, about which it nods.
+
+    up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
+    """
+    off = state.rotation @ up_optical
+    selected = _selected(_TILT)[:2]
+    variance = np.diag(np.square(sigmas_rad))
+    return _corrected(state, selected, np.array([off[1], -off[0]]), variance, learns_vertical_bias=False)
 
 
 def inertial_step(
@@ -97,22 +183,28 @@ def inertial_step(
     span_s = until_s - state.stamp_s
     rotated, gained, gap_s = _integrated(state, samples, until_s, noise)
     before, force = state.rotation, state.rotation @ gained
-    transition = np.eye(9)
-    transition[_TILT, _BIAS] = -before * span_s
+    transition = np.eye(STATES)
+    transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -before * span_s
     transition[_VELOCITY, _TILT] = -_cross(force)
     transition[_VELOCITY, 2] = 0.0  # heading moves no velocity that a heading-free frame could know
-    angle2 = noise.gyro**2 * span_s + (noise.gap * gap_s) ** 2
-    diagonal = [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [noise.accel**2 * span_s + (5.0 * gap_s) ** 2] * 3
+    turned_rad = math.acos(min(max((float(np.trace(rotated)) - 1.0) / 2.0, -1.0), 1.0))
+    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * turned_rad + (noise.gap * gap_s) ** 2
+    diagonal = np.zeros(STATES)
+    diagonal[_TILT], diagonal[_BIAS] = angle2, noise.bias_walk**2 * span_s
+    diagonal[_VELOCITY] = noise.accel**2 * span_s + (5.0 * gap_s) ** 2
     covariance = transition @ state.covariance @ transition.T + np.diag(diagonal)
     recent = ImuSamples.joined([state.recent, samples]).between(until_s - noise.rest_window_s, until_s)
     predicted = InertialState(
         before @ rotated,
         state.bias,
         state.velocity + force - [0.0, 0.0, GRAVITY_M_S2 * span_s],
+        state.offset,
         covariance,
         until_s,
         recent,
-        state.rest_s + span_s if _at_rest(state, recent, noise) else 0.0,
+        state.rest_s + span_s if state.calm is not False and _at_rest(state, recent, noise) else 0.0,
+        replace(state, before=None),
+        state.calm,
     )
     ahead, was_ahead = (
         predicted.rotation[:2, 2],
@@ -125,40 +217,45 @@ def inertial_step(
 
 
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
-    """Velocities stay bounded; at rest there is none, and the mean rate is the bias."""
-    selected = np.zeros((3, 9))
-    selected[:, _VELOCITY] = np.eye(3)
-    variance = noise.speed**2 * max(2.0 * noise.speed_s / span_s, 1.0)
+    """Velocities stay bounded; at rest there is none, and the mean rate is the bias: about the vertical only where no
+    odometry tells a slow turn from rest."""
+    selected = _selected(_VELOCITY)
+    variance = noise.speed**2 * max(2.0 * noise.speed_s / span_s, 1.0) * np.eye(3)
     state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
     if state.rest_s < noise.rest_window_s:
         return state
-    state = _corrected(state, selected, -state.velocity, 0.05**2, learns_vertical_bias=False)
-    selected = np.zeros((3, 9))
-    selected[:, _BIAS] = np.eye(3)
+    state = _corrected(state, selected, -state.velocity, 0.05**2 * np.eye(3), learns_vertical_bias=False)
     rate = state.recent.gyro_rad_s.mean(axis=0)
     # The window's mean is nearly the same one frame later: each counts for its own share of a second.
-    return _corrected(state, selected, rate - state.bias, noise.rest_bias**2 / span_s, learns_vertical_bias=True)
+    variance = noise.rest_bias**2 / span_s * np.eye(3)
+    vertical = state.calm is None
+    return _corrected(state, _selected(_BIAS), rate - state.bias, variance, learns_vertical_bias=vertical)
 
 
 def _corrected(
-    state: InertialState, selected: Array, residual: Array, variance: float, *, learns_vertical_bias: bool
+    state: InertialState, selected: Array, residual: Array, variance: Array, *, learns_vertical_bias: bool
 ) -> InertialState:
     """Kalman update in Joseph's form. Gravity says nothing of the bias about the vertical, so there its gain is zero:
     what a wrong velocity assumption would teach is worse than what was learnt at rest."""
     cross = state.covariance @ selected.T
-    gain = np.linalg.solve(selected @ cross + variance * np.eye(3), cross.T).T
+    gain = np.linalg.solve(selected @ cross + variance, cross.T).T
     if not learns_vertical_bias:
         up = state.up_optical
         gain[_BIAS] -= np.outer(up, up @ gain[_BIAS])
     change = gain @ residual
-    left = np.eye(9) - gain @ selected
+    left = np.eye(STATES) - gain @ selected
     return replace(
         state,
         rotation=rotation_of(change[_TILT][None])[0] @ state.rotation,
         bias=state.bias + change[_BIAS],
         velocity=state.velocity + change[_VELOCITY],
-        covariance=left @ state.covariance @ left.T + variance * gain @ gain.T,
+        offset=state.offset + change[_OFFSET],
+        covariance=left @ state.covariance @ left.T + gain @ variance @ gain.T,
     )
+
+
+def _selected(part: slice) -> Array:
+    return np.eye(STATES)[part]
 
 
 def _integrated(
@@ -174,7 +271,7 @@ def _integrated(
     rates = np.concatenate([first.gyro_rad_s[-1:] if len(state.recent) else first.gyro_rad_s[:1], samples.gyro_rad_s])
     forces = np.concatenate([first.accel_m_s2[-1:] if len(state.recent) else first.accel_m_s2[:1], samples.accel_m_s2])
     rates = np.concatenate([(rates[:-1] + rates[1:]) / 2.0, rates[-1:]]) - state.bias
-    forces = np.concatenate([(forces[:-1] + forces[1:]) / 2.0, forces[-1:]])
+    forces = np.concatenate([(forces[:-1] + forces[1:]) / 2.0, forces[-1:]]) - state.offset
     total, gained = np.eye(3), np.zeros(3)
     for step, force, span in zip(rotation_of(rates * spans[:, None]), forces, spans, strict=True):
         after = total @ step

@@ -190,7 +190,11 @@ class HybridOdometry:
             told = "; ".join(filter(None, (told, f"hybrid odometry: {found.conflict}: they disagree")))
         motion = SE2(*found.motion)
         self._coasting.saw(motion, stamp_s)
-        return Motion(motion, np.asarray(found.covariance), told, members=self._answers(alive, [found]))
+        others = [item for item in alive if item.source != GYRO]
+        seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
+        without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
+        members = self._answers(alive, [found])
+        return Motion(motion, np.asarray(found.covariance), told, members=members, without_gyro=without_gyro)
 
     def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
         """What became of each member in a step, as of `Motion.members`."""

@@ -49,13 +49,19 @@ def unknown_covariance() -> Array:
 class Motion:
     """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
     base frame. fault: one line on what failed or was left out, else empty. blind: nothing was measured, the motion is a
-    guess. members: of a hybrid, by name: `used`, `blind` (it measured nothing) or `left_out` (it disagrees)."""
+    guess. members: of a hybrid, by name: `used`, `blind` (it measured nothing) or `left_out` (it disagrees).
+    without_gyro: of a hybrid with one, what its other members measured: motion and covariance."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
     fault: str = ""
     blind: bool = False
     members: Mapping[str, str] = field(default_factory=dict)
+    without_gyro: tuple[SE2, Array] | None = None
+
+    def moved(self) -> tuple[SE2, Array] | None:
+        """What the next frame's attitude is told (`Frame.moved`): a gyro learns nothing from itself."""
+        return None if self.blind or self.fault else self.without_gyro or (self.motion, self.covariance)
 
     def checked(self, name: str) -> Motion:
         """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance

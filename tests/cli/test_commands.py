@@ -87,7 +87,7 @@ def test_run_on_pictures_makes_a_map(edgemap, painted_bundle, pictures, tmp_path
 
 def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
-    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out, "--clustering", "paper")
+    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "-o", out, "--clustering", "paper")
     result = edgemap("map", "show", out)
     assert "chair-1" in result.stdout
     alone = tmp_path / "alone.json"

@@ -221,3 +221,15 @@ def test_of_sources_that_disagree_all_are_used():
     hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
     hybrid.step(at(0.0), {})
     assert hybrid.step(at(0.1), {}).members == {"planar": "used", "wheel": "used"}
+
+
+def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
+    camera = Scripted(*[motion(0.1, 0.01, 0.02)] * 2)
+    hybrid = HybridOdometry([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
+    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=GyroRotation(np.eye(3), 0.03, 0.001))
+    found = [hybrid.step(replace(at(index / 10), attitude=attitude), {}) for index in range(2)][1]
+    assert found.motion.yaw_rad == pytest.approx(0.03, abs=2e-4)
+    moved = found.moved()
+    assert moved is not None
+    assert (moved[0].yaw_rad, moved[1][2, 2]) == pytest.approx((0.02, 1e-4))
+    assert hybrid.step_blind(0.2, "dark", attitude).moved() is None
