@@ -149,12 +149,17 @@ def _without(normal: Tensor, unknown: int) -> Tensor:
 
 
 def inverse3(matrix: Tensor) -> Tensor:
-    """Of symmetric positive (B, 3, 3), by cofactors, after scaling its diagonal to 1."""
-    root = matrix.flatten(1)[:, ::4].rsqrt()
-    scale = root[:, :, None] * root[:, None]
-    scaled = (matrix * scale).flatten(1)
-    adjugate = scaled[:, [4, 5, 3, 7, 8, 6, 1, 2, 0]] * scaled[:, [8, 6, 7, 2, 0, 1, 5, 3, 4]] - (
-        scaled[:, [5, 3, 4, 8, 6, 7, 2, 0, 1]] * scaled[:, [7, 8, 6, 1, 2, 0, 4, 5, 3]]
-    )
-    determinant = (scaled[:, :3] * adjugate[:, :3]).sum(dim=1, keepdim=True).clamp_min(1e-9)
-    return (adjugate / determinant).unflatten(1, (3, 3)) * scale
+    """Of symmetric positive (B, 3, 3) in float64, by cofactors."""
+    flat = matrix.flatten(1)
+    first, second, third, fourth = (flat.index_select(1, torch.tensor(places)) for places in _COFACTORS)
+    adjugate = first * second - third * fourth
+    determinant = torch.matmul(flat[:, None, :3], adjugate[:, :3, None])[:, 0].clamp_min(1e-9)
+    return (adjugate / determinant).unflatten(1, (3, 3))
+
+
+_COFACTORS = (
+    (4, 5, 3, 7, 8, 6, 1, 2, 0),
+    (8, 6, 7, 2, 0, 1, 5, 3, 4),
+    (5, 3, 4, 8, 6, 7, 2, 0, 1),
+    (7, 8, 6, 1, 2, 0, 4, 5, 3),
+)

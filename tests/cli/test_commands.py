@@ -57,6 +57,15 @@ def test_every_command_explains_itself_without_its_heavy_imports(words):
     assert "usage: edgemap " + words in result.stdout
 
 
+def test_help_of_a_run_does_without_a_type_checker():
+    """It takes as long to import as all the rest, and tyro asks it about every `A | B`."""
+    code = (
+        "import sys\nfrom edgemap.cli import main\ntry: main(['run', '--help'])\nexcept SystemExit: pass\n"
+        "assert 'tyro' in sys.modules and 'typeguard' not in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
 def test_pitch_says_which_way_is_positive(edgemap):
     text = " ".join(edgemap("run", "--help").stdout.replace("│", " ").split())
     assert "pitch in degrees, positive looking DOWN" in text
