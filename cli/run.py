@@ -174,6 +174,7 @@ def command(
         mapped = choose_classes(classes, loaded)
         lens, seat = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, seat)
+        loaded = loaded.for_pictures(lens.width, lens.height)  # and the network for whole inputs may go
         chosen = SlamOptions(
             odometry, not without_wheels, not without_imu, clustering, loop_closure, forgets(forget, saved, clustering),
             allow_untrained, mapped, least,

@@ -1,5 +1,6 @@
 """What a run leaves to look at: report.html, and the verdicts where the source knows what stands there."""
 
+import gc
 import json
 import signal
 import subprocess
@@ -69,3 +70,18 @@ def test_ctrl_c_leaves_a_report(painted_bundle, pictures, tmp_path):
     assert process.returncode == 0
     assert "stopped after" in stdout
     assert "</html>" in (out / "report.html").read_text()
+
+
+def test_a_run_keeps_no_network_for_rows_that_its_pictures_do_not_reach(tmp_path, monkeypatch):
+    from edgemap.cli import main
+    from edgemap.runtime import loop
+    from edgemap.runtime.network import Network
+
+    def whole_networks():
+        gc.collect()
+        return sum(isinstance(one, Network) and one.inputs.get("image", (0,) * 4)[2] == 416 for one in gc.get_objects())
+
+    before, during, run = whole_networks(), [], loop.run
+    monkeypatch.setattr(loop, "run", lambda *given: during.append(whole_networks()) or run(*given))
+    main(["run", "--frames", "1", "--threads", "1", "-o", str(tmp_path / "run")])
+    assert during == [before]
