@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from edgemap.cli.arguments import arg
 
@@ -14,12 +14,12 @@ def command(
         arg(
             metavar="KIND:DIR...",
             help="Labelled pictures: yolo:DIR, or drive:DIR with boxes.json; or a plain folder of pictures, which the "
-            "teachers label.",
+            "teachers label, and of which --keep holds on to what the network knew.",
         ),
     ],
     output: Annotated[
         Path,
-        arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, last.pt, curves.csv and curves.png."),
+        arg(aliases=["-o"], metavar="DIR", help="Gets best.pt, blended.pt, last.pt, curves.csv and curves.png."),
     ],
     validation: Annotated[
         tuple[str, ...],
@@ -28,29 +28,36 @@ def command(
             help="Other pictures, other rooms! Each is a set of its own; the highest mean AP50 chooses best.pt.",
         ),
     ],
-    start: Annotated[
+    bundle: Annotated[
         str,
         arg(
-            metavar="NAME|FILE",
-            help="yolox-nano (its COCO weights, fetched where needed), its .onnx file, an earlier best.pt, or none.",
+            aliases=["--start"],
+            metavar="NAME|DIR|FILE",
+            help="The bundle whose detector to train, or an earlier best.pt.",
         ),
     ] = "yolox-nano",
     weights: Annotated[
         Path | None,
         arg(
             metavar="FILE",
-            help="A best.pt to go on from, with a schedule of its own; --keep and --blend-loss still look to --start.",
+            help="A best.pt to go on from, with a schedule of its own; --keep and --blend-loss still look to --bundle.",
         ),
     ] = None,
     minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --epochs.")] = None,
     epochs: Annotated[int, arg(metavar="N", help="Budget in passes over the pictures.")] = 10,
     resume: Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
-    input: Annotated[int, arg(metavar="PX", help="Side of the square input, a multiple of 32.")] = 416,
+    input: Annotated[
+        int | None,
+        arg(
+            metavar="PX",
+            help="Largest side of the square training pictures, a multiple of 32; by default the bundle's.",
+        ),
+    ] = None,
     batch: Annotated[int, arg(metavar="N", help="Pictures per step.")] = 16,
     rate: Annotated[
-        float | None,
-        arg(metavar="RATE", help="Highest learning rate; by default 0.0003, from scratch 0.004."),
-    ] = None,
+        float,
+        arg(metavar="RATE", help="Highest learning rate."),
+    ] = 0.0005,
     mix: Annotated[
         tuple[float, ...],
         arg(metavar="SHARE...", help="Share of pictures of each --data in turn; by default by how many each holds."),
@@ -59,25 +66,29 @@ def command(
         tuple[str, ...],
         arg(
             metavar="BUNDLE...",
-            help="Label pictures without labels: boxes of these bundles, averaged; at least 0.45 is a label, 0.2 to "
-            "0.45 is neither object nor background.",
+            help="Label pictures without labels: boxes of these bundles, averaged; at least 0.45 is a label, 0.2 "
+            "to 0.45 is neither object nor background.",
         ),
     ] = (),
     keep: Annotated[
         str | None,
         arg(
-            metavar="BUNDLE",
-            help="Whose features to stay near on every picture: a bundle with detector.pt, or anything that --start "
-            "takes; by default --start; 'none' for nobody's.",
+            metavar="BUNDLE|none",
+            help="Whose scores and boxes to stay with where labels say nothing: on pictures without labels, and of "
+            "classes that no label of a --data names. By default --bundle's.",
         ),
     ] = None,
     keep_weight: Annotated[float, arg(metavar="W", help="How hard to hold on to them.")] = 1.0,
+    all_layers: Annotated[
+        bool,
+        arg(help="Train what lies before the odometry head's features, too: the bundle then needs a head of its own."),
+    ] = False,
     blend_loss: Annotated[
         float,
         arg(
             metavar="AP50",
             help="At the end blended.pt: weights drawn back towards the start as far as that costs at most so much "
-            "validation AP50; it knows photographs better than best.pt does.",
+            "validation AP50; it knows best what training did not show.",
         ),
     ] = 0.03,
     bfloat16: Annotated[
@@ -87,6 +98,9 @@ def command(
         int,
         arg(metavar="N", help="Of the network; one is better than two where other work shares the cores."),
     ] = 2,
+    device: Annotated[
+        Literal["cpu", "cuda"], arg(help="Where to compute; with torchrun one GPU for each process.")
+    ] = "cpu",
     seed: Annotated[int, arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
     validate_minutes: Annotated[
         float | None,
@@ -96,10 +110,10 @@ def command(
         int, arg(metavar="N", help="Validation pictures of each folder, evenly chosen.")
     ] = 300,
 ) -> None:
-    """Train edgemap-nano on labelled pictures: mosaics, colour, scale, blur; moving average; cosine schedule.
+    """Train a bundle's detector on labelled pictures: mosaics, colour, scale, blur; moving average; cosine schedule.
 
-    The classes are COCO's household ones. Interrupted runs go on with --resume: with a budget in epochs exactly as if
-    nothing had happened.
+    Interrupted runs go on with --resume: with a budget in epochs exactly as if nothing had happened. `edgemap export
+    DIR/best.pt --head HEAD -o BUNDLE` makes a bundle.
     """
     from edgemap.cli.errors import OptionError
     from edgemap.cli.extras import need_export
@@ -107,61 +121,62 @@ def command(
 
     need_export("edgemap train detector")
     at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)
-    at_least(64, input=input)
-    if input % 32:
-        raise OptionError(f"--input {input}: must be a multiple of 32")
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")
-    from edgemap.export.detector.begin import SCRATCH, begin, earlier, kept_checkpoint
+    if mix and (len(mix) != len(data) or min(mix) < 0.0 or sum(mix) <= 0.0):
+        raise OptionError(f"--mix {' '.join(map(str, mix))}: expected {len(data)} shares, one for each --data")
+    if input is not None and (input < 64 or input % 32):
+        raise OptionError(f"--input {input}: must be a multiple of 32 from 64 on")
     from edgemap.export.detector.blend import choose_blend
-    from edgemap.export.detector.checkpoint import load_detector, save_detector
-    from edgemap.export.detector.classes import NAMES
+    from edgemap.export.detector.network import load_network
     from edgemap.export.detector.store import load_examples
     from edgemap.export.detector.teach import teacher_of
     from edgemap.export.detector.train import Settings, Trainer
 
-    scratch = start == SCRATCH
     settings = Settings(
         size=input,
         batch=batch,
         seed=seed,
         minutes=minutes,
         epochs=epochs,
-        rate=rate or (0.004 if scratch else 0.0003),
-        trunk_rate=1.0 if scratch else 0.5,
-        keep=0.0 if keep == SCRATCH or (scratch and keep is None) else keep_weight,
+        rate=rate,
+        keep=0.0 if keep == "none" else keep_weight,
         mix=mix,
-        frozen=() if scratch else ("stem", "down4"),
         validate_minutes=validate_minutes,
         bfloat16=bfloat16,
         threads=threads,
+        device=device,
     )
-    if mix and (len(mix) != len(data) or min(mix) < 0.0 or sum(mix) <= 0.0):
-        raise OptionError(f"--mix {' '.join(map(str, mix))}: expected {len(data)} shares, one for each --data")
-    network = begin(start if keep in (None, SCRATCH) else kept_checkpoint(keep), NAMES, input, seed)
-    begun = None if keep in (None, SCRATCH) else begin(start, NAMES, input, seed).network
-    begun = begun if weights is None else earlier(weights, NAMES).network
+    start = load_network(bundle, all_layers)
+    network = start if weights is None else load_network(str(weights), all_layers)
+    known = start if keep in (None, "none") else load_network(str(keep))
+    for other, path in ((network, weights), (known, keep)):
+        if other.names != start.names:
+            raise OptionError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
     print(f"reading {', '.join(data)} …", flush=True)
     teach = teacher_of([find_bundle(name, threads) for name in teacher]) if teacher else None
-    examples = load_examples(data, NAMES, input, teach=teach)
-    held_back = {spec: load_examples([spec], NAMES, input, validate_pictures, teach) for spec in validation}
+    examples = load_examples(data, network.names, network.side, teach=teach)
+    held_back = {
+        spec: load_examples([spec], network.names, network.side, validate_pictures, teach) for spec in validation
+    }
     print(
         f"{len(examples)} pictures with {sum(len(e.boxes) for e in examples)} boxes to train on, "
         f"{sum(map(len, held_back.values()))} to validate on",
         flush=True,
     )
-    trainer = Trainer(network, examples, held_back, output, settings, begun)
+    if bare := [spec for spec, pictures in held_back.items() if not any(one.told.any() for one in pictures)]:
+        raise OptionError(f"--validation {bare[0]}: pictures without labels need a --teacher")
+    trainer = Trainer(network, examples, held_back, output, settings, known)
     if resume:
         trainer.resume()
     best = trainer.run()
     if not trainer.ranks.first:
         return
-    if not scratch:
-        chosen, rows = choose_blend(network.network, load_detector(output / "best.pt"), held_back, blend_loss)
-        save_detector(chosen, output / "blended.pt")
-        for row in rows:
-            print(f"  {row['share']:.0%} of what was learnt: AP50 {row['ap50']:.3f}   AP {row['ap']:.3f}")
+    chosen, rows = choose_blend(start, load_network(str(output / "best.pt")), held_back, blend_loss)
+    chosen.save(output / "blended.pt", {"blend": rows})
+    for row in rows:
+        print(f"  {row['share']:.0%} of what was learnt: AP50 {row['ap50']:.3f}   AP {row['ap']:.3f}")
     print(
         f"{output / 'best.pt'}: AP50 {best['ap50']:.3f} on the validation pictures, after {best['minutes']:g} minutes"
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import msgspec
 import onnx
 from google.protobuf.message import DecodeError
 from onnx import ModelProto, version_converter
@@ -116,6 +117,23 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]
         classes=class_entries(classes),
     )
     return model, detector
+
+
+def tapped(model: ModelProto, detector: Detector, path: Path, feature: str | None) -> Detector:
+    """The contract of a network of ours with that feature alone, and the model's outputs accordingly.
+
+    feature: as for `adopt`, or `head` for the raw coarsest map. Raises ExportError.
+    """
+    coarsest = max(detector.heads, key=lambda head: head.strides[-1])
+    known = next((f for f in detector.features if feature in (f.name, f"stride{f.stride}")), None)
+    if feature == "head" and len(coarsest.shape) == 4:
+        known = FeatureSpec(name=coarsest.name, shape=coarsest.shape, stride=coarsest.strides[0])
+    shown = {head.name for head in detector.heads} | ({known.name} if known else set())
+    for value in [value for value in model.graph.output if value.name not in shown]:
+        model.graph.output.remove(value)
+    if known is None and feature is not None:
+        known = _tap(model, path, feature, detector.input)
+    return msgspec.structs.replace(detector, features=() if known is None else (known,))
 
 
 def with_outputs(path: Path, names: Sequence[str]) -> bytes:

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap.export import architectures, parity
-from edgemap.export.adopt import adopt, with_outputs
+from edgemap.export.adopt import adopt, tapped, with_outputs
 from edgemap.export.coco import class_entries
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
+from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.detector.graph import Graph
 from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
@@ -94,6 +96,35 @@ def darknet_backbone(
         measured={"weights": about},
         licence=known.licence if known else "not stated",
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
+    )
+
+
+def trained_backbone(name: str, wanted: list[str]) -> Backbone:
+    """A detector's best.pt, or our own bundle by name, one feature tapped. Raises ExportError or BundleError."""
+    model, manifest = load_detector(name)
+    if len(set(wanted)) > 1:
+        raise ExportError(f"{name}: heads that read different features ({', '.join(wanted)}) do not fit one network")
+    detector = tapped(model, manifest.detector, Path(name), wanted[0] if wanted else None)
+    graph = Graph(model)
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        with torch.no_grad():
+            tensors = graph(torch.from_numpy(picture))
+        return {name: tensor.numpy() for name, tensor in zip(graph.outputs, tensors, strict=True)}
+
+    parameters = sum(parameter.numel() for parameter in graph.parameters())
+    return Backbone(
+        name=manifest.name,
+        model=model,
+        detector=detector,
+        features={word: feature.name for word in wanted for feature in detector.features},
+        reference=reference,
+        exact=False,
+        measured=manifest.measured | {"weights": {"parameters": parameters}},
+        licence=manifest.licence,
+        sources=manifest.sources,
+        confidence=manifest.confidence,
+        sure_confidence=manifest.sure_confidence,
     )
 
 

@@ -9,11 +9,9 @@ from onnx import ModelProto
 
 from edgemap import __version__
 from edgemap.export import parity
-from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone
+from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
 from edgemap.export.bundle_writer import write_bundle
 from edgemap.export.calibration import read_calibration
-from edgemap.export.detector.backbone import NAME as NANO
-from edgemap.export.detector.backbone import nano_backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.free_rows import free_rows
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
@@ -23,7 +21,8 @@ from edgemap.export.onnx_export import head_to_onnx, seal
 from edgemap.geometry.odometry.flow_cells import CHANNELS
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.manifest import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
-from edgemap.runtime.store import bundle_folder
+
+NANO = "edgemap-nano"
 
 
 def export_backbone(
@@ -41,23 +40,22 @@ def export_backbone(
     """Export a backbone and its odometry heads as a bundle folder; gives `out`.
 
     backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
-    trained here. weights: its .weights (for yolox-nano
-    its .onnx) file; without one a known name's is fetched. heads: checkpoints of trained heads; without any, an
-    untrained paper head on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked
-    so, but none for a detector trained here unless `feature` is given. size: (width, height) in px of a Darknet input.
+    trained here, whose bundle is named after its folder. weights: its .weights (for yolox-nano its .onnx) file;
+    without one a known name's is fetched. heads: checkpoints of trained heads; without any, an untrained paper head
+    on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked so, but none for
+    a detector trained here unless `feature` is given. size: (width, height) in px of a Darknet input.
     random_seed: random weights instead of a file, for timing.
     sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
     ExportError or another EdgemapError; then nothing is left at `out`.
     """
     calibration = None if calibrate is None else read_calibration(calibrate)
-    backbone = _file_of(backbone)
     checkpoints = [load_head(path) for path in heads]
     kinds = [checkpoint.kind for checkpoint in checkpoints]
     if len(set(kinds)) != len(kinds):
         raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
     if heads and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
-    trained_here = backbone.endswith(".pt")
+    trained_here = is_trained(backbone)
     adopted = is_onnx(backbone)
     if (adopted or trained_here) and (size is not None or random_seed is not None):
         raise ExportError(f"{backbone}: --size and --random-weights are for Darknet backbones, this file is fixed")
@@ -67,6 +65,7 @@ def export_backbone(
     if not checkpoints and (feature is not None or not trained_here):
         wanted = [feature or ("stride32" if adopted else "head")]
     part = open_backbone(backbone, weights, wanted, size, random_seed, sources)
+    part.name = out.name if backbone.endswith(".pt") else part.name
     if wanted and not checkpoints:
         shape = _feature_shape(part.detector, part.features[wanted[0]])
         checkpoints = [HeadCheckpoint(random_head(shape), part.name, wanted[0], trained=False)]
@@ -108,17 +107,16 @@ def open_backbone(
     sources: tuple[str, ...] = (),
 ) -> Backbone:
     """A backbone by name, .cfg, .onnx or best.pt, tapped where heads want it. Raises ExportError or DownloadError."""
-    backbone = _file_of(backbone)
-    if backbone.endswith(".pt"):
-        return nano_backbone(Path(backbone), wanted)
+    if is_trained(backbone):
+        return trained_backbone(backbone, wanted)
     if is_onnx(backbone):
         return adopted_backbone(backbone, weights, wanted, sources)
     return darknet_backbone(backbone, weights, wanted, size, random_seed, sources)
 
 
-def _file_of(backbone: str) -> str:
-    """Our own detector's name as the checkpoint that comes along; any other backbone as it is."""
-    return str(bundle_folder(NANO) / "detector.pt") if backbone == NANO else backbone
+def is_trained(backbone: str) -> bool:
+    """Whether a backbone is a detector that was trained here: its best.pt, or our own by name."""
+    return backbone.endswith(".pt") or backbone == NANO
 
 
 def is_onnx(backbone: str) -> bool:

@@ -19,7 +19,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import Grid, flow_cells
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
-from edgemap.runtime.manifest import OdometryHead, Parity
+from edgemap.runtime.manifest import InputSpec, OdometryHead, Parity
 from edgemap.runtime.network import Compute, Network, Tensors
 
 STEPS = 8
@@ -31,7 +31,7 @@ RELATIVE_TOLERANCE = 1e-4
 # gate in the wrong place costs more than 1e-1.
 CHAIN_TOLERANCE = 5e-4
 
-# A reference backbone: raw picture (1, 3, H, W) in 0..255 to its outputs by name.
+# A reference backbone: the network's input (1, 3, H, W) to its outputs by name.
 Reference = Callable[[NDArray[np.float32]], Tensors]
 
 
@@ -73,6 +73,12 @@ def random_picture(generator: np.random.Generator, height: int, width: int) -> N
     return np.clip(coarse + noise, 0, 255).astype(np.float32)
 
 
+def network_input(picture: NDArray[np.float32], spec: InputSpec) -> NDArray[np.float32]:
+    """A picture 0..255 as a network takes it: at other values PicoDet's float32 rounds 50 times as coarsely."""
+    mean, std = (np.array(values, dtype=np.float32)[:, None, None] for values in (spec.mean, spec.std))
+    return (picture * np.float32(spec.scale) - mean) / std
+
+
 def prove(
     bundle: Bundle, reference: Reference, heads: dict[str, PaperHead | FlowHead], exact: bool = False
 ) -> dict[str, Parity]:
@@ -82,7 +88,7 @@ def prove(
     with its own features and its own states, every output of every step and the final state compared. exact: the
     backbone's outputs must be equal bit for bit (an adopted file). Raises ExportError.
     """
-    detector = bundle.manifest.detector
+    detector, spec = bundle.manifest.detector, bundle.manifest.detector.input
     backbone = Comparison(detector.file, 0.0 if exact else RELATIVE_TOLERANCE)
     chains = {kind: _Chain(bundle, kind, head) for kind, head in heads.items()}
     for case in range(CASES):
@@ -90,7 +96,7 @@ def prove(
         for chain in chains.values():
             chain.start(generator)
         for step in range(STEPS):
-            picture = random_picture(generator, detector.input.height, detector.input.width)
+            picture = network_input(random_picture(generator, spec.height, spec.width), spec)
             when = f"case {case}, step {step}"
             expected = reference(picture)
             found = bundle.backbone.run({detector.input.name: picture})

@@ -5,17 +5,28 @@ from __future__ import annotations
 import os
 from typing import Any
 
+import torch
 from torch import Tensor, distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
+from edgemap.export.errors import ExportError
+
 
 class Ranks:
-    """The processes of one training. rank: this one's number; count: how many; alone unless `torchrun` started them."""
+    """The processes of one training. rank: this one's number; count: how many; alone unless `torchrun` started them.
 
-    def __init__(self) -> None:
+    device: what it computes on; each process of `cuda` has a GPU of its own. Raises ExportError where there is none.
+    """
+
+    def __init__(self, device: str = "cpu") -> None:
         self.rank, self.count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+        if device == "cuda":
+            if not torch.cuda.is_available():
+                raise ExportError("--device cuda: torch finds no GPU here")
+            torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+        self.device = torch.device(device)
         if self.count > 1 and not distributed.is_initialized():
-            distributed.init_process_group("gloo")
+            distributed.init_process_group("gloo" if device == "cpu" else "nccl")
 
     @property
     def first(self) -> bool:

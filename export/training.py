@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from edgemap.export.ranks import Ranks
 from edgemap.export.torch_files import read_torch, save_whole
 
 SAVE_EVERY_S = 120.0
+LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
 
 
 class Training(ABC):
@@ -25,13 +26,14 @@ class Training(ABC):
 
     resume_format: str
 
-    def __init__(self, folder: Path, validate_minutes: float | None, threads: int) -> None:
+    def __init__(self, folder: Path, validate_minutes: float | None, threads: int, device: str = "cpu") -> None:
         torch.set_num_threads(threads)
-        self.ranks = Ranks()
+        self.ranks = Ranks(device)
+        self.device = self.ranks.device
         self.folder, self._every_s = folder, math.inf if validate_minutes is None else 60.0 * validate_minutes
         self.steps, self.trained_s = 0, 0.0
         self.rows: list[dict[str, Any]] = []
-        self.sums: dict[str, float] = {}
+        self.sums: dict[str, float | Tensor] = {}
         self.count = 0
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -104,31 +106,36 @@ class Training(ABC):
         self.sums, self.count = state["sums"], state["count"]
 
     def save(self) -> None:
-        """Write `last.pt`, in the first process."""
-        if not self.ranks.first:
+        """Write `last.pt`, in the first process, but not once training has diverged."""
+        sums = {name: float(value) for name, value in self.sums.items()}
+        if not self.ranks.first or not all(map(math.isfinite, sums.values())):
             return
-        kept = {name: getattr(self, name) for name in ("steps", "trained_s", "rows", "sums", "count")}
+        kept = {name: getattr(self, name) for name in ("steps", "trained_s", "rows", "count")} | {"sums": sums}
         save_whole({"format": self.resume_format, **self.state(), **kept}, self.folder / "last.pt")
 
-    def add(self, parts: dict[str, float]) -> None:
-        """Count one step's losses."""
-        if not all(map(math.isfinite, parts.values())):
-            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
+    def add(self, parts: Mapping[str, float | Tensor]) -> None:
+        """Count one step's losses; a GPU's are looked at now and then only. Raises ExportError where not finite."""
         for name, value in parts.items():
             self.sums[name] = self.sums.get(name, 0.0) + value
         self.count += 1
         self.steps += 1
+        if self._looks() and not all(map(math.isfinite, self.sums.values())):
+            raise ExportError(f"training diverged at step {self.steps}: the loss is not finite; a lower --rate may do")
 
     def means(self, digits: int = 5) -> dict[str, float]:
         """Mean losses since the last call."""
-        found = {name: round(value / max(1, self.count), digits) for name, value in self.sums.items()}
+        found = {name: round(float(value) / max(1, self.count), digits) for name, value in self.sums.items()}
         self.sums, self.count = {}, 0
         return found
 
+    def _looks(self) -> bool:
+        return self.device.type == "cpu" or self.steps % LOOK_EVERY == 0
+
     def _show(self, bar: Any) -> None:
         bar.n = round(100 * self.progress(), 1)
-        loss = next(iter(self.sums.values()), 0.0) / max(1, self.count)
-        bar.set_postfix_str(f"step {self.steps} loss {loss:.3f}", refresh=False)
+        if self._looks():
+            loss = float(next(iter(self.sums.values()), 0.0)) / max(1, self.count)
+            bar.set_postfix_str(f"step {self.steps} loss {loss:.3f}", refresh=False)
         bar.update(0)
 
 

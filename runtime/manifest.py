@@ -224,11 +224,11 @@ def read_manifest(folder: Path) -> Manifest:
     for name in files:
         if name not in manifest.sha256:
             raise BundleError(f"bundle {path}: {name} has no sha256")
-    _check_shapes(path, manifest)
+    check_shapes(path, manifest)
     return manifest
 
 
-def _check_shapes(path: Path, manifest: Manifest) -> None:
+def check_shapes(path: Path, manifest: Manifest) -> None:
     """Raises BundleError where a tensor cannot hold what the manifest says of it."""
     detector = manifest.detector
     width, height, values = detector.input.width, detector.input.height, 5 + len(detector.classes)

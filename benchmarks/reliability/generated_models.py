@@ -6,7 +6,6 @@ import io
 import pickle
 import struct
 import zipfile
-from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -22,8 +21,7 @@ from edgemap.benchmarks.reliability.drawing import Draw
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.export import adopt, darknet, darknet_weights
 from edgemap.export.detector import checkpoint as detector_checkpoint
-from edgemap.export.detector.blocks import Conv, Refinement
-from edgemap.export.detector.network import Nano
+from edgemap.export.detector.network import load_network
 from edgemap.export.odometry import checkpoint as head_checkpoint
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
@@ -36,7 +34,6 @@ SUBNET = "[net]\nwidth=32\nheight=32\n[convolutional]\nfilters=18\nsize=1\n[yolo
 def cases(scratch: Path) -> list[ReaderCase]:
     """Models in every form that export and the robot read. scratch: unused here."""
     del scratch
-    detector_checkpoint.Nano = _Small
     return [
         ReaderCase("Darknet cfg", _cfg, _use_cfg),
         ReaderCase("Darknet weights", _weights, _use_weights),
@@ -350,31 +347,13 @@ def _head(random: Random) -> bytes:
 
 def _detector(random: Random) -> bytes:
     draw = Draw(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
-    record = d.of_type(draw, detector_checkpoint._Record)
-    if not isinstance(record, dict):
-        return _saved(draw, record)
-    record |= {
-        "format": detector_checkpoint.FORMAT,
-        "names": ["chair", "couch"] if not draw.hurt() else draw.pick((["dragon"], [], ["chair"] * 1000)),
-        "size": 64,
+    graph, manifest = _bundle(random)
+    record = {
+        "format": detector_checkpoint.FORMAT if not draw.hurt() else draw.text(),
+        "manifest": manifest.decode() if not draw.hurt() else draw.text(),
+        "graph": torch.frombuffer(bytearray(graph or b"x"), dtype=torch.uint8) if not draw.hurt() else torch.ones(2, 2),
     }
-    return _saved(draw, record | {"state_dict": _tensors(draw, _nano(bool(record.get("norm"))))})
-
-
-class _Small(Nano):
-    """The detector's network with a part of each kind instead of 300 layers: a file is read the same way, sooner."""
-
-    def __init__(self, classes: int, norm: bool = True) -> None:
-        torch.nn.Module.__init__(self)
-        self.class_count, self.norm = classes, norm
-        self.stem = Conv(3, 16, 6, stride=2, norm=norm)
-        self.refinements = torch.nn.ModuleList([Refinement(16)])
-        self.heads = torch.nn.ModuleList([torch.nn.Conv2d(16, 5 + classes, 1)])
-
-
-@cache
-def _nano(norm: bool) -> dict[str, Any]:
-    return _Small(2, norm).state_dict()
+    return _saved(draw, record)
 
 
 def _tensors(draw: Draw, weights: dict[str, Any]) -> Any:
@@ -460,5 +439,4 @@ def _use_head(folder: Path, data: bytes) -> None:
 def _use_detector(folder: Path, data: bytes) -> None:
     path = folder / "a.pt"
     path.write_bytes(data)
-    checkpoint = detector_checkpoint.load_detector(path)
-    assert checkpoint.names
+    assert load_network(str(path)).names

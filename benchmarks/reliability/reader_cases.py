@@ -285,8 +285,8 @@ def _models(scratch: Path) -> list[ReaderCase]:
     from edgemap.export.adopt import load_onnx
     from edgemap.export.darknet import Darknet
     from edgemap.export.darknet_weights import load_weights, random_weights, save_weights
-    from edgemap.export.detector.checkpoint import load_detector
-    from edgemap.export.detector.network import Nano
+    from edgemap.export.detector.checkpoint import FORMAT
+    from edgemap.export.detector.network import load_network
     from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
     from edgemap.export.odometry.paper import PaperHead
     from edgemap.runtime.bundle import load_bundle
@@ -338,28 +338,18 @@ def _models(scratch: Path) -> list[ReaderCase]:
         torch.save(document, stream)
         return stream.getvalue()
 
-    def detector(path: Path) -> object:
-        return load_detector(path)
+    trained = manifest | {"sha256": {}}
 
-    names = {"names": ["chair", "couch"], "norm": False, "size": 416, "start": "s", "licence": "l", "sources": ["a"]}
-    plain = {"format": "edgemap.detector/1", **names, "measured": {}, "state_dict": {"a": [0.0]}}
-
-    network_of_two = Nano(2, False).state_dict()
-
-    def detector_checkpoint(random: Random) -> bytes:
+    def detector(random: Random) -> bytes:
         from io import BytesIO
 
-        if random.random() < 0.01:
-            changed = {name: tensor for name, tensor in network_of_two.items() if random.random() > 0.003}
-            stream = BytesIO()
-            torch.save(plain | {"state_dict": changed}, stream)
-            return stream.getvalue()
-        document = mutated_tree(random, plain)
-        held = document.get("state_dict") if isinstance(document, dict) else None
+        graph = mutated_bytes(random, model) if random.random() < 0.3 else model
+        held: Any = {"manifest": json_bytes(random, trained).decode(errors="replace"), "format": FORMAT}
+        held = held if random.random() < 0.7 else mutated_tree(random, held)
         if isinstance(held, dict):
-            document["state_dict"] = {name: tensors(value, random) for name, value in held.items()}
+            held["graph"] = torch.frombuffer(bytearray(graph), dtype=torch.uint8)
         stream = BytesIO()
-        torch.save(document, stream)
+        torch.save(held, stream)
         return mutated_bytes(random, stream.getvalue()) if random.random() < 0.2 else stream.getvalue()
 
     return [
@@ -376,5 +366,5 @@ def _models(scratch: Path) -> list[ReaderCase]:
             _file("a.weights", lambda path: load_weights(network, path)),
         ),
         ReaderCase("checkpoint, odometry", checkpoint, _file("a.pt", load_head)),
-        ReaderCase("checkpoint, detector", detector_checkpoint, _file("a.pt", detector)),
+        ReaderCase("checkpoint, detector", detector, _file("a.pt", lambda path: load_network(str(path)))),
     ]  # fmt: skip

@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from torch import Tensor
 
-from edgemap.export.detector.boxes import Cells, overlap
+from edgemap.export.detector.boxes import Rows, overlap
 
-RADIUS = 2.5  # cells between a cell's centre and the box's, per axis: as far as the decode rule reaches
 MOST_CELLS = 10  # of one box
 IGNORED_OVERLAP = 0.5
 FAR = 1e5
+IOU_COST = 6.0  # of the overlap against the class, as in PicoDet
 
 
 @dataclass(frozen=True)
 class Targets:
-    """True boxes of a batch, padded: boxes (B, G, 4) xyxy px, labels (B, G), valid and ignored (B, G) bool."""
+    """True boxes of a batch, padded: boxes (B, G, 4) xyxy px, labels (B, G), valid and ignored (B, G) bool.
+
+    told: (B, C) bool, the classes that a picture's labels tell all of. kept: (B, C) bool, the classes of which training
+    stays with what another network says of the picture.
+    """
 
     boxes: Tensor
     labels: Tensor
     valid: Tensor
     ignored: Tensor
+    told: Tensor
+    kept: Tensor
+
+    def to(self, device: torch.device) -> Targets:
+        """The same on another device."""
+        return Targets(*(getattr(self, field.name).to(device, non_blocking=True) for field in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -36,20 +46,21 @@ class Assignment:
 
 
 @torch.no_grad()
-def assign(rows: Tensor, boxes: Tensor, cells: Cells, targets: Targets) -> Assignment:
+def assign(rows: Rows, targets: Targets) -> Assignment:
     """Give every true box its cheapest cells near its centre, as many as its best overlaps sum up to.
 
-    rows: raw (B, N, 5+C); boxes: decoded (B, N, 4). A cell that two boxes want goes to the cheaper. Cells that are
-    nobody's and overlap an ignored box are exempt from the objectness loss.
+    A cell that two boxes want goes to the cheaper. Cells that are nobody's and overlap an ignored box are exempt from
+    the loss of scores.
     """
-    iou = overlap(targets.boxes, boxes)
+    centres, iou = rows.centres, overlap(targets.boxes, rows.boxes)
     middle = (targets.boxes[..., :2] + targets.boxes[..., 2:]) / 2.0
-    near = ((cells.centres - middle[:, :, None]).abs().amax(-1) < RADIUS * cells.strides) & targets.valid[..., None]
-    low = (cells.centres - targets.boxes[:, :, None, :2]).amin(-1)
-    high = (targets.boxes[:, :, None, 2:] - cells.centres).amin(-1)
+    off = (centres - middle[:, :, None]).abs().amax(-1)
+    near = (off <= rows.reach * rows.strides) & targets.valid[..., None]
+    low = (centres - targets.boxes[:, :, None, :2]).amin(-1)
+    high = (targets.boxes[:, :, None, 2:] - centres).amin(-1)
     inside = torch.minimum(low, high) > 0.0
-    cost = _class_cost(rows, targets.labels) - 3.0 * torch.log(iou + 1e-8) + FAR * ~(near & inside)
-    cost = torch.where(near, cost, torch.inf)
+    cost = _class_cost(rows.scores.sigmoid(), targets.labels, iou) - IOU_COST * torch.log(iou + 1e-8)
+    cost = torch.where(near, cost + FAR * ~(near & inside), torch.inf)
     chosen = _cheapest(cost, torch.where(near, iou, 0.0))
     best = torch.where(chosen, cost, torch.inf).argmin(dim=1)
     positive = chosen.any(dim=1)
@@ -58,13 +69,11 @@ def assign(rows: Tensor, boxes: Tensor, cells: Cells, targets: Targets) -> Assig
     return Assignment(positive, best, matched, hidden & ~positive)
 
 
-def _class_cost(rows: Tensor, labels: Tensor) -> Tensor:
-    """Binary cross entropy of each cell's class scores against each box's label, (B, G, N)."""
-    scores = (torch.sigmoid(rows[..., 5:]) * torch.sigmoid(rows[..., 4:5])).sqrt().clamp(1e-6, 1.0 - 1e-6)
-    no = -torch.log1p(-scores)
-    swap = -torch.log(scores) - no
-    wanted = labels[..., None].expand(-1, -1, rows.shape[1])
-    return swap.transpose(1, 2).gather(1, wanted) + no.sum(-1)[:, None]
+def _class_cost(scores: Tensor, labels: Tensor, iou: Tensor) -> Tensor:
+    """Cross entropy of cells' scores of each box's class towards their overlap, (B, G, N), times their gap squared."""
+    wanted = labels[..., None].expand(-1, -1, scores.shape[1])
+    score = scores.transpose(1, 2).gather(1, wanted).clamp(1e-6, 1.0 - 1e-6)
+    return -(iou * score.log() + (1.0 - iou) * torch.log1p(-score)) * (iou - score).square()
 
 
 def _cheapest(cost: Tensor, iou: Tensor) -> Tensor:
@@ -72,5 +81,5 @@ def _cheapest(cost: Tensor, iou: Tensor) -> Tensor:
     most = min(MOST_CELLS, cost.shape[-1])
     wanted = iou.topk(most, dim=-1).values.sum(-1).int().clamp(min=1)
     values, indices = cost.topk(most, dim=-1, largest=False)
-    taken = (torch.arange(most) < wanted[..., None]) & torch.isfinite(values)
+    taken = (torch.arange(most, device=cost.device) < wanted[..., None]) & torch.isfinite(values)
     return torch.zeros_like(cost, dtype=torch.bool).scatter(-1, indices, taken)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from edgemap.export.detector.store import Example
 
 PAD = 114  # grey of the letterbox, as YOLOX pads
-MOSAIC_SCALES = (0.35, 1.15)  # of the picture's own size
+MOSAIC_SCALES = (0.35, 1.15)  # of the canvas
 SINGLE_SCALES = (0.6, 1.5)
+STRETCH = (-0.1, 1.1)  # from as the picture is (0) to as wide as high (1)
 
 
 def mosaic(examples: Sequence[Example], size: int, generator: Generator) -> Example:
@@ -22,8 +23,8 @@ def mosaic(examples: Sequence[Example], size: int, generator: Generator) -> Exam
     centre = generator.uniform(0.3, 0.7, 2) * size
     parts = []
     for position, example in enumerate(examples):
-        scale = generator.uniform(*MOSAIC_SCALES)
-        width, height = example.image.shape[1] * scale, example.image.shape[0] * scale
+        scale = _scale(example, size * generator.uniform(*MOSAIC_SCALES), generator)
+        width, height = example.image.shape[1::-1] * scale
         corner = centre - [width * (position % 2 == 0), height * (position < 2)]
         x0, x1 = (0.0, centre[0]) if position % 2 == 0 else (centre[0], size)
         y0, y1 = (0.0, centre[1]) if position < 2 else (centre[1], size)
@@ -33,18 +34,20 @@ def mosaic(examples: Sequence[Example], size: int, generator: Generator) -> Exam
 
 def single(example: Example, size: int, generator: Generator) -> Example:
     """One picture at a random scale, where it is larger than the canvas a random part of it."""
-    scale = float(np.exp(generator.uniform(*np.log(SINGLE_SCALES)))) * size / max(example.image.shape[:2])
-    width, height = example.image.shape[1] * scale, example.image.shape[0] * scale
+    scale = _scale(example, size * float(np.exp(generator.uniform(*np.log(SINGLE_SCALES)))), generator)
+    width, height = example.image.shape[1::-1] * scale
     room = np.array([size - width, size - height])
     corner = np.where(room < 0, generator.uniform(0.0, 1.0, 2) * room, generator.uniform(0.0, 1.0, 2) ** 2 * room)
     canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
     return _join(canvas, [_paste(canvas, example, scale, corner, np.array([0.0, 0.0, size, size]))])
 
 
-def plain(example: Example, size: int) -> Example:
-    """As the robot sees it: top left on grey, unchanged."""
+def plain(example: Example, size: int, stretched: bool = True) -> Example:
+    """As the robot sees it, stretched to the square, or top left on grey."""
     canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
-    return _join(canvas, [_paste(canvas, example, 1.0, np.zeros(2), np.array([0.0, 0.0, size, size]))])
+    sides = np.array(example.image.shape[1::-1], dtype=np.float64)
+    scale = size / (sides if stretched else np.full(2, sides.max()))
+    return _join(canvas, [_paste(canvas, example, scale, np.zeros(2), np.array([0.0, 0.0, size, size]))])
 
 
 def flip(example: Example) -> Example:
@@ -83,10 +86,16 @@ def recolour(image: NDArray[np.uint8], generator: Generator) -> NDArray[np.uint8
 _Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32]]
 
 
-def _paste(canvas: NDArray[np.uint8], example: Example, scale: float, corner: NDArray, window: NDArray) -> _Part:
+def _scale(example: Example, longer: float, generator: Generator) -> NDArray[np.float64]:
+    """Of x and y: the longer side gets that many px, the other one anything up to being as long."""
+    sides = np.array(example.image.shape[1::-1], dtype=np.float64)
+    return longer / sides.max() * (sides.max() / sides) ** generator.uniform(*STRETCH)
+
+
+def _paste(canvas: NDArray[np.uint8], example: Example, scale: NDArray, corner: NDArray, window: NDArray) -> _Part:
     """Draw a scaled picture at `corner` inside `window` (xyxy); its boxes there, and what share of each is seen."""
     left, top, right, bottom = (int(v) for v in np.rint(window))
-    matrix = np.array([[scale, 0.0, corner[0]], [0.0, scale, corner[1]]])
+    matrix = np.array([[scale[0], 0.0, corner[0]], [0.0, scale[1], corner[1]]])
     # From outer edges of pixels to their centres, which OpenCV counts in.
     matrix[:, 2] += (scale - 1.0) / 2.0
     x0, y0 = (int(max(low, np.floor(at))) for low, at in zip((left, top), corner, strict=True))
@@ -97,7 +106,7 @@ def _paste(canvas: NDArray[np.uint8], example: Example, scale: float, corner: ND
         canvas[y0:y1, x0:x1] = cv2.warpAffine(
             example.image, matrix, (x1 - x0, y1 - y0), borderMode=cv2.BORDER_CONSTANT, borderValue=(PAD, PAD, PAD)
         )
-    moved = example.boxes * scale + np.tile(corner, 2)
+    moved = example.boxes * np.tile(scale, 2) + np.tile(corner, 2)
     clipped = np.clip(moved, [left, top, left, top], [right, bottom, right, bottom])
     before, after = ((b[:, 2:] - b[:, :2]).prod(axis=1) for b in (moved, clipped))
     share = after / np.maximum(before, 1e-6)

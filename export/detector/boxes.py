@@ -1,4 +1,4 @@
-"""Raw heads to boxes inside torch, with gradients; overlap of boxes."""
+"""Raw heads of every decode rule to scores and boxes inside torch, with gradients; overlap of boxes."""
 
 from __future__ import annotations
 
@@ -8,40 +8,96 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from edgemap.export.detector.network import ANCHORS, SCALE_XY, STRIDES
+from edgemap.runtime.decode import DFL_BINS
+from edgemap.runtime.manifest import Detector, HeadSpec
+
+RADIUS = 2.5  # cells between a cell's centre and that of a box it may answer for, per axis
 
 
 @dataclass(frozen=True)
-class Cells:
-    """All cells of all strides in one row, finest first: centre (N, 2) and stride (N,), px."""
+class Rows:
+    """What all cells of all heads say, one row for each (N of them; a cell with three anchors has three).
 
+    scores: (B, N, C) logits of the score by which the runtime ranks: objectness times class probability where there is
+    an objectness. boxes: (B, N, 4) xyxy, px of the input. bins: (B, N, 4, 8) logits of the sides, of `dfl` heads alone.
+    centres (N, 2) and strides (N,) of the cells, px; reach (N,): how far off its centre a cell can answer, cells.
+    """
+
+    scores: Tensor
+    boxes: Tensor
+    bins: Tensor | None
     centres: Tensor
     strides: Tensor
+    reach: Tensor
 
 
-def cells_of(heads: Sequence[Tensor]) -> Cells:
-    """The cells that raw heads (B, 5+C, H, W) are about."""
-    centres, strides = [], []
-    for head, stride in zip(heads, STRIDES, strict=True):
-        rows, columns = torch.meshgrid(*(torch.arange(n, dtype=torch.float32) for n in head.shape[2:]), indexing="ij")
-        centres.append((torch.stack([columns, rows], dim=-1).reshape(-1, 2) + 0.5) * stride)
-        strides.append(torch.full((head.shape[2] * head.shape[3],), float(stride)))
-    return Cells(torch.cat(centres), torch.cat(strides))
+def read_heads(outputs: Sequence[Tensor], detector: Detector, size: tuple[int, int]) -> Rows:
+    """Outputs of a batch by the contract's decode rule. size: (height, width) of its pictures, px."""
+    read = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
+    parts = [read(output.float(), head, size) for output, head in zip(outputs, detector.heads, strict=True)]
+    scores, boxes = (torch.cat([getattr(part, name) for part in parts], dim=1) for name in ("scores", "boxes"))
+    bins = (
+        torch.cat([part.bins for part in parts if part.bins is not None], dim=1) if parts[0].bins is not None else None
+    )
+    return Rows(
+        scores, boxes, bins, *(torch.cat([getattr(part, n) for part in parts]) for n in ("centres", "strides", "reach"))
+    )
 
 
-def flatten(heads: Sequence[Tensor]) -> Tensor:
-    """Raw heads to rows (B, N, 5+C)."""
-    return torch.cat([head.flatten(2) for head in heads], dim=2).transpose(1, 2)
+def _yolov3(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
+    """Logits (B, A*(5+C), H, W): x, y, w, h, objectness, classes of each anchor."""
+    anchors = torch.tensor(head.anchors, device=output.device)
+    centres, strides = _grid(output.shape[2:], size, output.device)
+    rows = output.unflatten(1, (len(anchors), -1)).flatten(3).transpose(2, 3).flatten(1, 2)
+    centres, strides = centres.repeat(len(anchors), 1), strides.repeat(len(anchors))
+    sides = torch.exp(rows[..., 2:4].clamp(max=6.0)) * anchors.repeat_interleave(len(centres) // len(anchors), dim=0)
+    middle = centres + (torch.sigmoid(rows[..., :2]) - 0.5) * head.scale_xy * strides[:, None]
+    reach = torch.full_like(strides, min(RADIUS, head.scale_xy / 2.0))
+    return Rows(_joint(rows[..., 4:5], rows[..., 5:]), _boxes(middle, sides), None, centres, strides, reach)
 
 
-def decode(rows: Tensor, cells: Cells) -> Tensor:
-    """Boxes (B, N, 4) xyxy in input px from raw rows (B, N, 5+C): the rule `yolov3` of the runtime."""
-    counts = [int((cells.strides == stride).sum()) for stride in STRIDES]
-    anchors = torch.cat([torch.tensor(a).expand(n, 2) for a, n in zip(ANCHORS, counts, strict=True)])
-    offset = (torch.sigmoid(rows[..., :2]) - 0.5) * SCALE_XY
-    centres = cells.centres + offset * cells.strides[:, None]
-    halves = torch.exp(rows[..., 2:4].clamp(max=6.0)) * anchors / 2.0
-    return torch.cat([centres - halves, centres + halves], dim=-1)
+def _yolox(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
+    """Rows (B, N, 5+C), stride by stride; objectness and classes are probabilities already."""
+    grids = [_grid((size[0] // s, size[1] // s), size, output.device) for s in head.strides]
+    centres, strides = (torch.cat(column) for column in zip(*grids, strict=True))
+    logits = torch.logit(output[..., 4:], eps=1e-6)
+    # YOLOX counts from a cell's corner.
+    middle = centres + (output[..., :2] - 0.5) * strides[:, None]
+    sides = torch.exp(output[..., 2:4].clamp(max=6.0)) * strides[:, None]
+    reach = torch.full_like(strides, RADIUS)
+    return Rows(_joint(logits[..., :1], logits[..., 1:]), _boxes(middle, sides), None, centres, strides, reach)
+
+
+def _dfl(output: Tensor, head: HeadSpec, size: tuple[int, int]) -> Rows:
+    """Logits (B, C+32, H, W): classes, then eight bins of each of left, top, right, bottom."""
+    del size  # 416 px are 7 cells of stride 64
+    centres, strides = _cells(output.shape[2:], float(head.strides[0]), float(head.strides[0]), output.device)
+    rows = output.flatten(2).transpose(1, 2)
+    classes = rows.shape[-1] - 4 * DFL_BINS
+    bins = rows[..., classes:].unflatten(-1, (4, DFL_BINS))
+    far = (bins.softmax(-1) @ torch.arange(DFL_BINS, dtype=bins.dtype, device=bins.device)) * strides[:, None]
+    boxes = torch.cat([centres - far[..., :2], centres + far[..., 2:]], dim=-1)
+    return Rows(rows[..., :classes], boxes, bins, centres, strides, torch.full_like(strides, RADIUS))
+
+
+def _grid(cells: Sequence[int], size: tuple[int, int], device: torch.device) -> tuple[Tensor, Tensor]:
+    return _cells(cells, size[0] / cells[0], size[1] / cells[1], device)
+
+
+def _cells(cells: Sequence[int], high: float, wide: float, device: torch.device) -> tuple[Tensor, Tensor]:
+    """Centres (H*W, 2) of cells of that height and width, px, row by row, and their stride (H*W,)."""
+    rows, columns = (torch.arange(count, dtype=torch.float32, device=device) + 0.5 for count in cells)
+    grid = torch.stack(torch.meshgrid(columns * wide, rows * high, indexing="xy"), dim=-1).reshape(-1, 2)
+    return grid, torch.full((len(grid),), wide, device=device)
+
+
+def _joint(objectness: Tensor, classes: Tensor) -> Tensor:
+    """The logit of sigmoid(o) * sigmoid(c): 1/p - 1 = exp(-o) + exp(-c) + exp(-o - c)."""
+    return -torch.logaddexp(-objectness - classes, torch.logaddexp(-objectness, -classes))
+
+
+def _boxes(middle: Tensor, sides: Tensor) -> Tensor:
+    return torch.cat([middle - sides / 2.0, middle + sides / 2.0], dim=-1)
 
 
 def overlap(a: Tensor, b: Tensor) -> Tensor:
@@ -53,10 +109,11 @@ def overlap(a: Tensor, b: Tensor) -> Tensor:
 
 
 def generalised_iou(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """IoU and GIoU (Rezatofighi et al. 2019) of boxes paired row by row, (N, 4) each."""
-    common = (torch.minimum(a[:, 2:], b[:, 2:]) - torch.maximum(a[:, :2], b[:, :2])).clamp(min=0.0).prod(-1)
+    """IoU and GIoU (Rezatofighi et al. 2019) of boxes paired one by one, (..., 4) each."""
+    low, high = torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:])
+    common = (high - low).clamp(min=0.0).prod(-1)
     union = (_area(a) + _area(b) - common).clamp(min=1e-6)
-    hull = (torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])).prod(-1).clamp(min=1e-6)
+    hull = (torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])).prod(-1).clamp(min=1e-6)
     iou = common / union
     return iou, iou - (hull - union) / hull
 

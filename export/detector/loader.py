@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from multiprocessing.queues import Queue
 from queue import Empty
@@ -20,8 +21,7 @@ from edgemap.export.detector.augment import flip, mosaic, plain, recolour, singl
 from edgemap.export.detector.store import Example
 from edgemap.export.errors import ExportError
 
-# Two processes, though there are two cores: in a thread, Python's lock makes the network wait for pictures.
-WORKERS = 2
+GRID = 32  # px that a size is a multiple of
 AHEAD = 3  # batches of each process
 COMMON_SHARE = 0.3  # of pictures: a class seen in fewer is shown more often
 
@@ -29,31 +29,36 @@ COMMON_SHARE = 0.3  # of pictures: a class seen in fewer is shown more often
 class Batches:
     """Batches of one epoch in an order drawn from (seed, epoch): the same again after a resume, from any batch on.
 
-    mosaic_share: of pictures made of four. size: side of the square input, px. mix: share of pictures of each source,
-    whatever it holds; empty for every picture once. rank, ranks: this process shows every ranks-th batch of the same
-    epoch, from `rank` on.
+    mosaic_share: of pictures made of four. size: side of the square input, px; a batch is of that size or down to three
+    quarters of it, for variety and a fifth less work. mix: share of pictures of each source, whatever it holds; empty
+    for every picture once. rank, ranks: this process shows every ranks-th batch of the same
+    epoch, from `rank` on. workers: processes that make pictures; in a thread, Python's lock makes the network wait.
     """
 
     def __init__(
         self, examples: Sequence[Example], size: int, batch: int, seed: int, mosaic_share: float,
-        mix: Sequence[float] = (), rank: int = 0, ranks: int = 1,
+        mix: Sequence[float] = (), rank: int = 0, ranks: int = 1, workers: int = 2,
     ) -> None:  # fmt: skip
         self._examples, self._size, self._batch = examples, size, batch
         self._seed, self._mosaic, self._mix = seed, mosaic_share, tuple(mix)
-        self._rank, self._ranks = rank, ranks
-        self._chances = np.cumsum(rarity(examples))
+        self._rank, self._ranks, self._workers = rank, ranks, workers
+        sources = np.array([example.source for example in examples])
+        often = rarity(examples)
+        # A mosaic's pictures are of one source: what their labels tell must be told of all four.
+        self._parts = {source: np.flatnonzero(sources == source) for source in set(sources.tolist())}
+        self._chances = {source: np.cumsum(often[rows]) for source, rows in self._parts.items()}
 
     def __len__(self) -> int:
         """Whole batches of one epoch, of each process."""
         return max(1, len(self._examples) // (self._batch * self._ranks))
 
     def epoch(self, number: int, first: int = 0) -> Iterator[tuple[Tensor, Targets]]:
-        """Batches `first` to the last: pictures (B, 3, size, size) float32 BGR 0..255, and their truth.
+        """Batches `first` to the last: pictures (B, 3, size, size) uint8 BGR, and their truth.
 
         The processes are forked, so that they share the pictures in memory. Raises ExportError where one dies.
         """
         context = multiprocessing.get_context("fork")
-        queues = [context.Queue(AHEAD) for _ in range(WORKERS)]
+        queues = [context.Queue(AHEAD) for _ in range(self._workers)]
         workers = [
             context.Process(target=self._fill, args=(queue, number, first + at), daemon=True)
             for at, queue in enumerate(queues)
@@ -62,7 +67,7 @@ class Batches:
             worker.start()
         try:
             for index in range(first, len(self)):
-                at = (index - first) % WORKERS
+                at = (index - first) % self._workers
                 yield collate(_next(queues[at], workers[at]))
         finally:
             for worker in workers:
@@ -76,7 +81,9 @@ class Batches:
     def _pick(self, epoch: int, index: int) -> list[Example]:
         order = self._order(epoch)
         first = (index * self._ranks + self._rank) * self._batch
-        return [self._one(epoch, at, order) for at in range(first, first + self._batch)]
+        steps = np.random.default_rng([self._seed, epoch, index, 1]).integers(self._size // (4 * GRID) + 1)
+        size = self._size - GRID * int(steps)
+        return [self._one(epoch, at, order, size) for at in range(first, first + self._batch)]
 
     def _order(self, epoch: int) -> NDArray[np.int64]:
         generator = np.random.default_rng([self._seed, epoch])
@@ -91,24 +98,25 @@ class Batches:
             parts.append(np.concatenate([own[:0], *rounds])[:wanted])
         return generator.permutation(np.concatenate(parts))
 
-    def _one(self, epoch: int, position: int, order: np.ndarray) -> Example:
+    def _one(self, epoch: int, position: int, order: np.ndarray, size: int) -> Example:
         generator = np.random.default_rng([self._seed, epoch, position])
         example = self._examples[order[position % len(order)]]
         if generator.random() < self._mosaic:
-            others = np.searchsorted(self._chances, generator.random(3) * self._chances[-1], side="right")
-            made = mosaic([example, *(self._examples[at] for at in others)], self._size, generator)
+            rows, chances = self._parts[example.source], self._chances[example.source]
+            others = rows[np.searchsorted(chances, generator.random(3) * chances[-1], side="right")]
+            made = mosaic([example, *(self._examples[at] for at in others)], size, generator)
         elif generator.random() < 0.7:
-            made = single(example, self._size, generator)
+            made = single(example, size, generator)
         else:
-            made = plain(example, self._size)
+            made = plain(example, size, generator.random() < 0.5)
         if generator.random() < 0.5:
             made = flip(made)
-        return Example(recolour(made.image, generator), made.boxes, made.labels, made.visible)
+        return replace(made, image=recolour(made.image, generator), told=example.told, kept=example.kept)
 
     def _fill(self, queue: Queue, epoch: int, first: int) -> None:
-        """What one process does: every WORKERS-th batch."""
+        """What one process does: every so many batches one."""
         cv2.setNumThreads(0)
-        for index in range(first, len(self), WORKERS):
+        for index in range(first, len(self), self._workers):
             queue.put(self._pick(epoch, index))
 
 
@@ -142,6 +150,8 @@ def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
         torch.zeros(shape, dtype=torch.int64),
         torch.zeros(shape, dtype=torch.bool),
         torch.zeros(shape, dtype=torch.bool),
+        torch.from_numpy(np.stack([example.told for example in examples])),
+        torch.from_numpy(np.stack([example.kept for example in examples])),
     )
     for row, example in enumerate(examples):
         count, ignored = len(example.boxes), torch.from_numpy(example.ignored())
@@ -150,4 +160,4 @@ def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
         targets.valid[row, :count] = ~ignored
         targets.ignored[row, :count] = ignored
     # NHWC memory is what oneDNN's convolutions want; the permutation above gives it for free.
-    return images.float(), targets
+    return images, targets

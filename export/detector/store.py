@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -18,6 +18,8 @@ from edgemap.runtime.drives.labelled import LabelledPictures
 from edgemap.runtime.drives.open import READERS, open_drive
 from edgemap.runtime.drives.pictures import read_picture
 
+KEPT_SIZE = 1.15  # longer side of a kept picture, of the network's input: stretched to it, the shorter one is drawn out
+UNTAUGHT = LabelledBoxes(np.zeros((0, 4)), (), np.zeros(0))
 SMALLEST_PX = 10.0  # longer side at the network's input; what is smaller is no object to learn, nor background
 
 
@@ -26,7 +28,8 @@ class Example:
     """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the share of each that is seen (N,).
 
     unasked: boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None once a picture was changed.
-    source: which of the training's sources it is from.
+    source: which of the training's sources it is from. told: (C,) bool, the classes that its labels tell all of.
+    kept: (C,) bool, the classes of which training stays with what another network says of this picture.
     """
 
     image: NDArray[np.uint8]
@@ -35,6 +38,8 @@ class Example:
     visible: NDArray[np.float32]
     unasked: NDArray[np.bool_] | None = None
     source: int = 0
+    told: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    kept: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
     def ignored(self) -> NDArray[np.bool_]:
         """Boxes too small or too hidden to be asked for."""
@@ -47,23 +52,28 @@ def load_examples(
 ) -> list[Example]:
     """All pictures of `KIND:DIR...`, longer side `size` px; boxes of other classes than `names` are left out.
 
-    A plain folder holds pictures without labels: theirs are what `teach` says. limit: at most so many, evenly over each
-    folder. Raises CameraError, or ExportError where there is no box at all or no teacher for a plain folder.
+    Labels tell all of a class where any label of the source names it; the other classes are kept. A plain folder holds
+    pictures without labels: all classes are kept there, and `teach` tells all of them, where there is a teacher. limit:
+    at most so many, evenly over each folder. Raises CameraError, or ExportError where labels hold no box at all.
     """
     number = {name: index for index, name in enumerate(names)}
     examples: list[Example] = []
     for source, spec in enumerate(specs):
-        examples += [replace(example, source=source) for example in _load(spec, number, size, limit, teach)]
-    if not any(len(example.boxes) for example in examples):
+        found, bare = list(_load(spec, number, size, limit, teach)), is_unlabelled(spec)
+        told = np.full(len(names), bare and teach is not None)
+        if not bare:
+            told[[label for example in found for label in example.labels]] = True
+        kept = ~told | bare
+        examples += [replace(example, source=source, told=told, kept=kept) for example in found]
+    labelled = teach is not None or not all(map(is_unlabelled, specs))
+    if labelled and not any(len(example.boxes) for example in examples):
         raise ExportError(f"{', '.join(specs)}: no true box of {', '.join(names)} in {len(examples)} pictures")
     return examples
 
 
 def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[Example]:
     if is_unlabelled(spec):
-        if teach is None:
-            raise ExportError(f"{spec}: pictures without labels need a --teacher")
-        for path, boxes in taught_pictures(Path(spec), teach, limit):
+        for path, boxes in taught_pictures(Path(spec), teach or (lambda _: UNTAUGHT), limit):
             yield _example(read_picture(path), boxes, number, size)
         return
     drive = open_drive(spec)
@@ -84,11 +94,11 @@ def is_unlabelled(spec: str) -> bool:
 
 def _example(image: NDArray[np.uint8], truth: LabelledBoxes, number: dict[str, int], size: int) -> Example:
     height, width = image.shape[:2]
-    scale = size / max(height, width)
-    if scale != 1.0:
+    scale = KEPT_SIZE * size / max(height, width)
+    if scale < 1.0:
         small = max(1, int(width * scale + 1e-9)), max(1, int(height * scale + 1e-9))
-        how = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
-        image = np.asarray(cv2.resize(image, small, interpolation=how), np.uint8)
+        image = np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA), np.uint8)
+    scale = min(1.0, scale)
     rows = [row for row, label in enumerate(truth.labels) if label in number]
     visible = np.ones(len(truth.labels)) if truth.visible is None else truth.visible
     return Example(

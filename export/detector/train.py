@@ -1,8 +1,8 @@
-"""Trains `edgemap-nano`: batches, loss, moving average, validation, and files that a resume goes on from."""
+"""Trains a bundle's detector: batches, loss, moving average, validation, and files that a resume goes on from."""
 
 from __future__ import annotations
 
-import copy
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,10 +13,11 @@ from torch import nn
 from tqdm import tqdm
 
 from edgemap.export.curves import Panel, write_curves
-from edgemap.export.detector.checkpoint import RESUME_FORMAT, DetectorCheckpoint, save_detector
+from edgemap.export.detector.assign import Assignment, Targets
+from edgemap.export.detector.boxes import Rows
 from edgemap.export.detector.loader import Batches
-from edgemap.export.detector.loss import detection_loss
-from edgemap.export.detector.network import Head, Nano
+from edgemap.export.detector.loss import detection_loss, distance_loss
+from edgemap.export.detector.network import Network
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
@@ -26,73 +27,67 @@ from edgemap.export.training import Training, average_into
 AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
 CLIP_NORM = 20.0
 NO_MOSAIC = 0.85  # of the budget after which pictures stay single
-PARTS = ("total", "box", "objectness", "classes", "kept")
+PARTS = ("total", "scores", "box", "bins", "kept")
 PANELS = (
-    Panel("loss per positive cell", {"box": "box (1 - GIoU)", "objectness": "objectness", "classes": "classes"}),
+    Panel("loss", {"scores": "scores", "box": "box (1 - GIoU)", "bins": "sides' bins", "kept": "distance kept"}),
     Panel("validation", {"ap50": "AP50", "ap": "AP 0.50:0.95"}, top=1.0),
 )
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How to train. rate: highest learning rate of the heads' last layers; the trunk learns at `trunk_rate` of it.
+    """How to train. rate: highest learning rate.
 
-    keep: weight of staying near the start's features on the same pictures: what the start knows of real pictures is
-    not in rendered ones. mix: share of pictures of each source; empty for every picture once an epoch. frozen: parts of
-    the network that keep their start values. validate_minutes: between two validations; None: after every epoch.
+    size: side of the square pictures, px; None for the bundle's. keep: weight of staying with what the network that is
+    kept to says where labels say nothing: of classes that they do not name, and of unlabelled pictures. mix: share of
+    pictures of each source; empty for every picture once an epoch.
+    validate_minutes: between two validations; None: after every epoch.
     bfloat16: convolutions in half the width, weights and losses in full: 1.7 times as fast on a processor with
     AVX512-BF16.
     """
 
-    size: int = 416
+    size: int | None = None
     batch: int = 16
     seed: int = 0
     minutes: float | None = None
     epochs: int = 10
-    rate: float = 1e-3
-    trunk_rate: float = 0.5
+    rate: float = 5e-4
     mosaic: float = 0.5
-    keep: float = 0.0
+    keep: float = 1.0
     mix: tuple[float, ...] = ()
-    frozen: tuple[str, ...] = ()
     validate_minutes: float | None = None
     threads: int = 2
     bfloat16: bool = False
+    device: str = "cpu"
 
 
 class Trainer(Training):
     """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
 
-    start: the network that features are kept near, with its origin; train: examples as `load_examples` gives.
-    validation: sets of them by name; the checkpoint with the highest mean of their AP50 is the best. begun: the network
-    to go on from, where that is not the start. Under `torchrun` every process takes its share of each epoch.
+    start: the network to train. known: whom to stay with where labels say nothing, where that is not the start. train:
+    examples as `load_examples` gives. validation: sets of them by name; the network with the highest mean of their
+    AP50 is the best. Under `torchrun` every process takes its share of each epoch.
     """
 
-    resume_format = RESUME_FORMAT
+    resume_format = "edgemap.detector-run/2"
 
     def __init__(
         self,
-        start: DetectorCheckpoint,
+        start: Network,
         train: Sequence[Example],
         validation: Mapping[str, Sequence[Example]],
         folder: Path,
         settings: Settings,
-        begun: Nano | None = None,
+        known: Network | None = None,
     ) -> None:
-        super().__init__(folder, settings.validate_minutes, settings.threads)
-        self.start, self.settings = start, settings
-        self.train, self.validation = train, validation
-        for network in (start.network, begun):
-            if network is not None:
-                network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.network = copy.deepcopy(begun or start.network)
-        for part in settings.frozen:
-            self.network.get_submodule(part).requires_grad_(False)
+        super().__init__(folder, settings.validate_minutes, settings.threads, settings.device)
+        self.settings, self.train, self.validation = settings, train, validation
+        self.network = start.copy().to(self.device)
+        self.known = (known or start).copy().to(self.device).requires_grad_(False)
         self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
-        self.forward = self.ranks.wrap(Forward(self.network))
-        self.teacher = start.network.eval() if settings.keep > 0.0 else None
+        self.forward = self.ranks.wrap(self.network)
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
-        self.optimizer = torch.optim.AdamW(_groups(self.network, settings), weight_decay=0.0)
+        self.optimizer = torch.optim.AdamW(self.learning, lr=settings.rate, weight_decay=0.0)
         self.schedule = Schedule(settings.minutes, settings.epochs)
         self.epoch, self.index = 0, 0
 
@@ -105,8 +100,8 @@ class Trainer(Training):
         while self.progress() < 1.0:
             mosaic = self.settings.mosaic if self.progress() < NO_MOSAIC else 0.0
             loader = Batches(
-                self.train, self.settings.size, self.settings.batch, self.settings.seed, mosaic, self.settings.mix,
-                self.ranks.rank, self.ranks.count,
+                self.train, self.settings.size or self.network.side, self.settings.batch, self.settings.seed, mosaic,
+                self.settings.mix, self.ranks.rank, self.ranks.count, self._workers(),
             )  # fmt: skip
             for images, targets in loader.epoch(self.epoch, self.index):
                 self._step(images, targets)
@@ -126,8 +121,6 @@ class Trainer(Training):
     def state(self) -> dict[str, Any]:
         """Network, average, optimiser, where in which epoch."""
         return {
-            "names": list(self.start.names),
-            "start": self.start.start,
             "settings": asdict(self.settings),
             "network": self.network.state_dict(),
             "average": self.average,
@@ -138,13 +131,12 @@ class Trainer(Training):
         }
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
-        """Raises ExportError where it started from something else, or for other classes."""
-        if tuple(state["names"]) != self.start.names or state["start"] != self.start.start:
-            raise ExportError(
-                f"{path}: started from {state['start']} for {len(state['names'])} classes, not this run's"
-            )
+        """Raises ExportError where it is of another network."""
+        ours, theirs = self.network.state_dict(), state["network"]
+        if ours.keys() != theirs.keys() or any(ours[name].shape != theirs[name].shape for name in ours):
+            raise ExportError(f"{path}: holds {len(theirs)} weights of another network than this run's {len(ours)}")
         self.network.load_state_dict(state["network"])
-        self.average = state["average"]
+        self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
         self.optimizer.load_state_dict(state["optimizer"])
         self.epoch, self.index = state["epoch"], state["index"]
         torch.set_rng_state(state["random"])
@@ -152,43 +144,44 @@ class Trainer(Training):
     def _batches(self) -> int:
         return max(1, len(self.train) // (self.settings.batch * self.ranks.count))
 
-    def _step(self, images: torch.Tensor, targets: Any) -> None:
+    def _step(self, images: torch.Tensor, targets: Targets) -> None:
         factor = self.schedule.rate(self.progress())
         for group in self.optimizer.param_groups:
-            group["lr"] = group["highest"] * factor
-        self.network.train()
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bfloat16):
-            x4, maps, heads = self.forward(images)
-            kept = None if self.teacher is None else self._drift(x4, images, maps)
-        losses = detection_loss([head.float() for head in heads], targets, self.ranks.mean)
-        if kept is not None:
-            losses["kept"] = kept
-            losses["total"] = losses["total"] + self.settings.keep * kept
-        self.add({part: losses[part].item() if part in losses else 0.0 for part in PARTS})
+            group["lr"] = self.settings.rate * factor
+        images, targets = images.to(self.device, non_blocking=True), targets.to(self.device)
+        with self._narrow():
+            rows = self.network.read(self.forward(images), images)
+        losses, found = detection_loss(rows, targets, self.ranks.mean, 1.0 / self.ranks.count)
+        losses["kept"] = self._distance(images, rows, targets, found)
+        losses["total"] = losses["total"] + self.settings.keep * losses["kept"]
+        self.add({part: losses[part].detach() for part in PARTS})
         self.optimizer.zero_grad(set_to_none=True)
         losses["total"].backward()
         nn.utils.clip_grad_norm_(self.learning, CLIP_NORM)
         self.optimizer.step()
         average_into(self.average, self.network, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
 
-    def _drift(self, x4: torch.Tensor, images: torch.Tensor, maps: Sequence[torch.Tensor]) -> torch.Tensor:
-        """Relative squared distance of the trunk's maps from those of the start, summed over the strides."""
-        assert self.teacher is not None
-        with torch.no_grad():
-            theirs = self.teacher.late(
-                x4 if {"stem", "down4"} <= set(self.settings.frozen) else self.teacher.early(images)
-            )
-        distances = [
-            (ours.float() - known.float()).square().mean() / self.ranks.mean(known.float().square().mean())
-            for ours, known in zip(maps, theirs, strict=True)
-        ]
-        return torch.stack(distances).sum()
+    def _distance(self, images: torch.Tensor, rows: Rows, targets: Targets, found: Assignment) -> torch.Tensor:
+        """From what the network that is kept to says where labels say nothing, per cell that sees or gets a box."""
+        if not self.settings.keep:
+            return torch.zeros((), device=self.device)
+        with torch.no_grad(), self._narrow():
+            known = self.known.read(self.known(images), images)
+        distance, seen = distance_loss(rows, known, targets.kept[:, None] & ~found.positive[..., None])
+        return distance / self.ranks.mean(seen + found.positive.sum()).clamp(min=1.0 / self.ranks.count)
 
-    def averaged(self) -> Nano:
+    def _narrow(self) -> torch.autocast:
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16)
+
+    def _workers(self) -> int:
+        """Processes that make pictures: two beside a processor's network; a GPU wants all that there are."""
+        return 2 if self.device.type == "cpu" else max(2, (os.cpu_count() or 2) // self.ranks.count - 1)
+
+    def averaged(self) -> Network:
         """The network with its averaged weights."""
-        network = copy.deepcopy(self.network)
+        network = self.network.copy()
         network.load_state_dict(self.average)
-        return network.eval()
+        return network
 
     def validate(self) -> None:
         """With the averaged weights, on every validation set, in the first process."""
@@ -199,8 +192,7 @@ class Trainer(Training):
 
     def _validated(self, means: dict[str, float]) -> dict[str, Any]:
         network = self.averaged()
-        names, size = self.start.names, self.settings.size
-        sets = {name: validate(network, examples, names, size) for name, examples in self.validation.items()}
+        sets = {name: validate(network, examples) for name, examples in self.validation.items()}
         apart = {f"ap50_{name}": figures["ap50"] for name, figures in sets.items()} if len(sets) > 1 else {}
         row = {
             "minutes": round(self.trained_s / 60.0, 2),
@@ -214,53 +206,7 @@ class Trainer(Training):
         self.rows.append(row)
         tqdm.write("  ".join(f"{key} {value}" for key, value in row.items()))
         if self.best() is row:
-            measured = {
-                "training": {"pictures": len(self.train), "settings": asdict(self.settings), **row},
-                "validation": sets if apart else next(iter(sets.values())),
-            }
-            save_detector(
-                DetectorCheckpoint(
-                    network,
-                    self.start.names,
-                    self.settings.size,
-                    self.start.start,
-                    self.start.licence,
-                    self.start.sources,
-                    measured,
-                ),
-                self.folder / "best.pt",
-            )
+            training = {"pictures": len(self.train), "settings": asdict(self.settings), **row}
+            network.save(self.folder / "best.pt", {"training": training, "validation": sets})
         write_curves(self.rows, self.folder, ("minutes", "minutes of training"), PANELS)
         return row
-
-
-class Forward(nn.Module):
-    """One pass, as `DistributedDataParallel` wants it: the first layers' map, the trunk's maps, raw heads."""
-
-    def __init__(self, network: Nano) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, images: torch.Tensor) -> tuple[torch.Tensor, tuple[torch.Tensor, ...], tuple[torch.Tensor, ...]]:
-        """Pictures (B, 3, H, W)."""
-        x4 = self.network.early(images)
-        maps = self.network.late(x4)
-        return x4, maps, self.network.look(maps)
-
-
-def _groups(network: Nano, settings: Settings) -> list[dict[str, Any]]:
-    """Two groups: the trunk with the heads' branches, and the heads' last layers."""
-    final = [
-        parameter
-        for head in network.heads
-        if isinstance(head, Head)
-        for layer in (head.classes, head.boxes, head.objectness)
-        for parameter in layer.parameters()
-    ]
-    last = {id(parameter) for parameter in final}
-    trunk = [p for p in network.parameters() if p.requires_grad and id(p) not in last]
-    rate = settings.rate
-    return [
-        {"params": trunk, "lr": rate, "highest": rate * settings.trunk_rate},
-        {"params": final, "lr": rate, "highest": rate},
-    ]

@@ -18,14 +18,24 @@ from edgemap.runtime.number_rows import Column, NumberTable, columns
 from edgemap.runtime.reading import read_bytes
 
 LABEL_BYTES = 4 << 20
-LABELS = NumberTable((Column("COCO class", 0.0, len(COCO_NAMES) - 1.0), *columns("cx cy w h", 0.0, 1.0)))
+CLASS_LIMIT = 10_000
+
+
+def label_table(names: Sequence[str]) -> NumberTable:
+    """A label file's lines: the number of one of these classes, centre and sides."""
+    return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns("cx cy w h", 0.0, 1.0)))
+
+
+LABELS = label_table(COCO_NAMES)
 
 
 def read_yolo(folder: Path) -> Drive:
-    """Read labelled pictures; class numbers are COCO's 80. A picture without a label file shows no object.
+    """Read labelled pictures; class numbers count lines of `classes.txt`, or are COCO's 80 where there is none.
 
-    A `boxes.json` beside them, one entry per picture in order of names, goes before the labels: it also knows what is
-    hidden. There is no way between the pictures, so no truth. Raises CameraError.
+    `classes.txt`, a name per line, lies beside `images/` or in `labels/`, where labelling tools write it. A picture
+    without a label file shows no object. A `boxes.json` beside them, one entry per picture in order of names, goes
+    before the labels: it also knows what is hidden. There is no way between the pictures, so no truth. Raises
+    CameraError.
     """
     images = list_pictures(folder / "images")
     if (folder / "boxes.json").is_file():
@@ -38,7 +48,9 @@ def read_yolo(folder: Path) -> Drive:
     paths = [labels / f"{image.stem}.txt" for image in images]
     if not any(path.is_file() for path in paths):
         raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
-    return _drive(folder, images, tuple(_read_labels(path, image) for path, image in zip(paths, images, strict=True)))
+    names = _class_names((folder / "classes.txt", labels / "classes.txt"))
+    pairs = zip(paths, images, strict=True)
+    return _drive(folder, images, tuple(_read_labels(path, image, names) for path, image in pairs))
 
 
 def _drive(folder: Path, images: tuple[Path, ...], boxes: tuple[LabelledBoxes, ...]) -> Drive:
@@ -56,15 +68,27 @@ def write_yolo_labels(path: Path, boxes: Sequence[tuple[int, Sequence[float]]], 
     path.write_text("".join(lines))
 
 
-def _read_labels(path: Path, image: Path) -> LabelledBoxes:
+def _class_names(paths: Sequence[Path]) -> tuple[str, ...]:
+    """The names in the first of these files that is there, or COCO's. Raises CameraError."""
+    path = next((path for path in paths if path.is_file()), None)
+    if path is None:
+        return COCO_NAMES
+    lines = read_bytes(path, LABEL_BYTES, CameraError).decode("utf-8", "replace").splitlines()
+    names = tuple(line.strip() for line in lines if line.strip())
+    if not 1 <= len(names) <= CLASS_LIMIT:
+        raise CameraError(f"{path}: {len(names)} class names, expected 1 to {CLASS_LIMIT}")
+    return names
+
+
+def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBoxes:
     data = read_bytes(path, LABEL_BYTES, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
-    numbers, rows = LABELS.parse(data, str(path), CameraError)
+    numbers, rows = label_table(names).parse(data, str(path), CameraError)
     classes = rows[:, 0].astype(np.int64)
     if len(odd := np.flatnonzero(classes != rows[:, 0])):
         raise CameraError(f"{path}:{numbers[odd[0]]}: class {rows[odd[0], 0]:g} is not a whole number")
     height, width = read_picture(image).shape[:2]
     centres, halves = rows[:, 1:3], rows[:, 3:] / 2
     corners = np.hstack([centres - halves, centres + halves]) * [width, height, width, height]
-    return LabelledBoxes(corners, tuple(COCO_NAMES[number] for number in classes))
+    return LabelledBoxes(corners, tuple(names[number] for number in classes))

@@ -1,12 +1,17 @@
 """From labelled pictures to a bundle's figures, as a user types it; mistakes are one line."""
 
 import json
+import shlex
+import shutil
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 pytest.importorskip("torch")
+
+ROOT = Path(__file__).parents[2]
 
 
 def one_line(result):
@@ -35,15 +40,28 @@ def squares(tmp_path_factory):
 
 def test_train_export_and_eval(edgemap, squares, tmp_path):
     data = f"yolo:{squares}"
-    small = ("--data", data, "--validation", data, "--start", "none", "--input", "64", "--batch", "5", "-o", tmp_path)
+    small = (
+        "--data",
+        data,
+        "--validation",
+        data,
+        "--start",
+        "edgemap-nano",
+        "--batch",
+        "5",
+        "--input",
+        "128",
+        "-o",
+        tmp_path,
+    )
     result = edgemap("train", "detector", *small, "--epochs", "1")
     assert result.returncode == 0, result.stderr
     assert "10 pictures with 10 boxes to train on, 10 to validate on" in result.stdout
-    assert {path.name for path in tmp_path.iterdir()} >= {"best.pt", "last.pt", "curves.csv"}
+    assert {path.name for path in tmp_path.iterdir()} >= {"best.pt", "blended.pt", "last.pt", "curves.csv"}
     assert len((tmp_path / "curves.csv").read_text().splitlines()) >= 2
     result = edgemap("export", tmp_path / "best.pt", "-o", tmp_path / "bundle")
     assert result.returncode == 0, result.stderr
-    assert "bundle edgemap-nano" in result.stdout
+    assert "bundle bundle in" in result.stdout
     flags = ("--bundle", tmp_path / "bundle", "--json")
     figures = json.loads(edgemap("eval", "detection", "--data", data, *flags).stdout)
     assert (figures["pictures"], figures["boxes_true"], figures["boxes_ignored"]) == (10, 9, 1)
@@ -55,14 +73,40 @@ def test_train_export_and_eval(edgemap, squares, tmp_path):
     )
 
 
+@pytest.mark.slow
+def test_the_page_s_fifty_pictures_as_they_stand(edgemap, squares, tmp_path):
+    """docs/own-model.md, on three sets of four squares with the labels and classes.txt of a labelling tool."""
+    page = (ROOT / "docs/own-model.md").read_text().split("## Your own flat")[1]
+    commands = page.split("```sh\n")[1].split("```")[0].splitlines()
+    for part in ("mine", "choose", "other"):
+        shutil.copytree(squares / "images", tmp_path / "flat" / part / "images")
+        (tmp_path / "flat" / part / "labels").mkdir()
+        (tmp_path / "flat" / part / "labels/classes.txt").write_text("couch\nchair\n")
+        for number, ((box,),) in enumerate(
+            zip(json.loads((squares / "boxes.json").read_text())["frames"], strict=True)
+        ):
+            centre = [(box["box"][axis] + 20) / 96 for axis in (0, 1)]
+            line = f"1 {centre[0]} {centre[1]} {40 / 96} {40 / 96}\n"
+            (tmp_path / "flat" / part / f"labels/{number}.txt").write_text(line)
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    ran = [shlex.split(line.split(" #")[0])[1:] for line in commands if "realsense" not in line]
+    assert [words[0] for words in ran] == ["eval", "train", "export", "eval"]
+    told = [edgemap(*words, cwd=tmp_path) for words in ran]
+    assert [result.returncode for result in told] == [0] * 4, told[-1].stderr
+    assert (tmp_path / "my-flat/odometry.flow.onnx").is_file()
+
+
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (("--input", "100"), "--input 100: must be a multiple of 32"),
         (("--minutes", "0"), "--minutes 0.0: must be above 0"),
-        (("--start", "resnet"), "--start resnet: expected yolox-nano"),
-        (("--start", "none", "--resume"), "last.pt: no such checkpoint"),
-        (("--start", "none", "--weights", "none.pt"), "none.pt: no such checkpoint"),
+        (("--input", "100"), "--input 100: must be a multiple of 32"),
+        (("--bundle", "resnet"), "no such folder"),
+        (("--start", "none.pt"), "none.pt: no such checkpoint"),
+        (("--weights", "none.pt"), "none.pt: no such checkpoint"),
+        (("--keep", "edgemap-nano"), "edgemap-nano: knows 18 other classes than yolox-nano with 80"),
+        (("--resume",), "last.pt: no such checkpoint"),
+        (("--mix", "1", "2"), "expected 1 shares"),
     ],
 )
 def test_mistakes_are_one_line(edgemap_here, squares, tmp_path, flags, message):

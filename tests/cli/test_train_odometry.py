@@ -1,16 +1,17 @@
 """From drives with true poses to a bundle whose odometry runs, as a user types it; mistakes are one line."""
 
 import json
+from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
 pytest.importorskip("torch")
 
-from edgemap.export.detector.checkpoint import DetectorCheckpoint, save_detector
-from edgemap.export.detector.classes import NAMES
-from edgemap.export.detector.network import Nano
+from edgemap import models
+from edgemap.export.detector.checkpoint import load_detector, save_detector
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -44,9 +45,26 @@ def floor_drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def backbone(tmp_path_factory):
-    """A detector's best.pt with random weights and a small input."""
+    """A detector's best.pt with a small input."""
     path = tmp_path_factory.mktemp("backbone") / "best.pt"
-    save_detector(DetectorCheckpoint(Nano(len(NAMES), norm=False).eval(), NAMES, 96, "none", "none", ()), path)
+    model, manifest = load_detector(str(Path(models.__file__).parent / "edgemap-nano"))
+    whole = manifest.detector
+
+    def smaller(spec):
+        return msgspec.structs.replace(spec, shape=(*spec.shape[:2], *(side * 96 // 416 for side in spec.shape[2:])))
+
+    detector = msgspec.structs.replace(
+        whole,
+        input=msgspec.structs.replace(whole.input, width=96, height=96),
+        heads=tuple(map(smaller, whole.heads)),
+        features=tuple(map(smaller, whole.features)),
+    )
+    shapes = {spec.name: spec.shape for spec in (*detector.heads, *detector.features)} | {"image": (1, 3, 96, 96)}
+    del model.graph.value_info[:]
+    for value in (*model.graph.input, *model.graph.output):
+        for axis, size in zip(value.type.tensor_type.shape.dim, shapes[value.name], strict=True):
+            axis.dim_value = size
+    save_detector(model, msgspec.structs.replace(manifest, detector=detector), path)
     return path
 
 
@@ -96,7 +114,7 @@ def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone
         (("--steps", "-1"), "--steps -1"),
         (("--length", "1"), "--length 1"),
         (("--rate", "-1"), "--rate -1.0"),
-        (("--feature", "nose"), "has no feature 'nose'"),
+        (("--feature", "nose"), "no tensor 'nose'"),
         (("--length", "40"), "16 frames, clips need 40"),
         (("--frames", "1"), "16 pictures, wanted are those from 0 to 1"),
     ],

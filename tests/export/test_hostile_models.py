@@ -6,7 +6,7 @@ import torch
 from edgemap.export.adopt import load_onnx
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_weights import read_header
-from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.detector.network import load_network
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head
 from edgemap.export.odometry.paper import PaperHead
@@ -81,7 +81,7 @@ def test_a_pickle_with_code_in_it_runs_nothing(tmp_path):
             return (open, (str(tmp_path / "ran"), "w"))
 
     torch.save({"format": "edgemap.head/1", "state_dict": Evil()}, tmp_path / "a.pt")
-    for read in (load_head, load_detector):
+    for read in (load_head, lambda path: load_network(str(path))):
         assert "not a torch checkpoint" in refusal(read, tmp_path / "a.pt")
     (tmp_path / "a.pt").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
     assert "not a torch checkpoint" in refusal(load_head, tmp_path / "a.pt")

@@ -10,7 +10,6 @@ pytest.importorskip("torch")
 from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.store import Example, load_examples
 from edgemap.export.detector.teach import averaged
-from edgemap.export.errors import ExportError
 from edgemap.runtime.drives.drive import LabelledBoxes
 
 NAMES = ("chair", "couch")
@@ -49,12 +48,16 @@ def test_pictures_without_labels_take_the_teachers(tmp_path):
     def teach(_image):
         return LabelledBoxes(np.array([[10.0, 10, 30, 40], [50, 0, 90, 50]]), NAMES, np.array([1.0, 0.0]))
 
-    examples = load_examples([str(tmp_path)], NAMES, 200, limit=2, teach=teach)
+    examples = load_examples([str(tmp_path)], NAMES, 40, limit=2, teach=teach)
     assert [int(one.image[0, 0, 0]) for one in examples] == [0, 2]
-    np.testing.assert_allclose(examples[0].boxes[0], [20, 20, 60, 80])  # twice as large
+    np.testing.assert_allclose(examples[0].boxes[0], [4.6, 4.6, 13.8, 18.4], atol=1e-5)  # 46 px of 100
     assert examples[0].ignored().tolist() == [False, True]  # what teachers doubt is not asked for
-    with pytest.raises(ExportError, match="need a --teacher"):
-        load_examples([str(tmp_path)], NAMES, 200)
+    assert examples[0].told.all()
+    assert examples[0].kept.all()
+    (bare, *_) = load_examples([str(tmp_path)], NAMES, 40)
+    assert len(bare.boxes) == 0
+    assert bare.kept.all()
+    assert not bare.told.any()
 
 
 def test_a_mix_shows_each_source_by_its_share():

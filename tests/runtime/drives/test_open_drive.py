@@ -216,7 +216,20 @@ def test_yolo_labels_become_pixels(tmp_path):
     assert drive.boxes[1].boxes.shape == (0, 4)
     assert drive.truth is None
     (tmp_path / "labels" / "0.txt").write_text("80 0.5 0.5 0.25 0.5\n")
-    assert "0.txt:1: COCO class is 80, must be 0 to 79" in refusal(f"yolo:{tmp_path}")
+    assert "0.txt:1: class is 80, must be 0 to 79" in refusal(f"yolo:{tmp_path}")
+
+
+@pytest.mark.parametrize("place", ["classes.txt", "labels/classes.txt"])
+def test_class_numbers_count_the_lines_of_classes_txt(tmp_path, place):
+    write_pictures(tmp_path / "images", 1)
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels" / "0.txt").write_text("1 0.5 0.5 0.25 0.5\n")
+    (tmp_path / place).write_text("couch\npotted plant\n")
+    assert open_drive(f"yolo:{tmp_path}").boxes[0].labels == ("potted plant",)
+    (tmp_path / place).write_text("couch\n")
+    assert "0.txt:1: class is 1, must be 0 to 0" in refusal(f"yolo:{tmp_path}")
+    (tmp_path / place).write_text("\n")
+    assert "0 class names, expected 1" in refusal(f"yolo:{tmp_path}")
 
 
 def test_boxes_json_beside_yolo_labels_tells_what_is_hidden(tmp_path):

@@ -1,0 +1,207 @@
+"""The ONNX network that torch trains: what it computes, what it leaves alone, and its way back to a bundle."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from edgemap import models  # noqa: E402
+from edgemap.export.detector.boxes import read_heads  # noqa: E402
+from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
+from edgemap.export.detector.graph import Graph  # noqa: E402
+from edgemap.export.detector.network import Network, load_network  # noqa: E402
+from edgemap.export.errors import ExportError  # noqa: E402
+from edgemap.export.exporter import export_backbone  # noqa: E402
+from edgemap.runtime.bundle import load_bundle  # noqa: E402
+from edgemap.runtime.decode import Decoder  # noqa: E402
+from edgemap.runtime.manifest import HeadSpec, read_manifest  # noqa: E402
+from edgemap.runtime.preprocess import Preprocessor, place  # noqa: E402
+
+SHIPPED = ("picodet-s", "edgemap-nano", "yolox-nano")
+MODELS = Path(models.__file__).parent
+HEADS = {"picodet-s": "picodet-s", "edgemap-nano": "yolox-nano", "yolox-nano": "yolox-nano"}
+
+
+def changed(name):
+    """A network of which every weight that may learn has changed, as a training leaves it."""
+    network = load_network(str(MODELS / name))
+    generator = torch.Generator().manual_seed(3)
+    with torch.no_grad():
+        for parameter in network.parameters():
+            if parameter.requires_grad:
+                parameter.mul_(1.0 + 0.02 * torch.randn(parameter.shape, generator=generator))
+    return network
+
+
+def outputs(model: onnx.ModelProto, tensor: np.ndarray) -> dict[str, np.ndarray]:
+    session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    names = [value.name for value in model.graph.output]
+    fed = {session.get_inputs()[0].name: tensor}
+    return {name: np.asarray(value) for name, value in zip(names, session.run(names, fed), strict=True)}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_torch_computes_what_onnxruntime_does(name):
+    model, _ = load_detector(str(MODELS / name))
+    picture = np.random.default_rng(0).uniform(0, 255, (1, 3, 416, 416)).astype(np.float32)
+    graph = Graph(model)
+    with torch.no_grad():
+        ours = dict(zip(graph.outputs, graph(torch.from_numpy(picture)), strict=True))
+    for output, value in outputs(model, picture).items():
+        np.testing.assert_allclose(ours[output].numpy(), value, atol=1e-4 * np.abs(value).max(), err_msg=output)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_scores_and_boxes_are_the_runtime_s(name):
+    """All boxes of a picture, best first, nothing suppressed, as the runtime decodes them."""
+    _, manifest = load_detector(str(MODELS / name))
+    check_decode(manifest.detector, tuple(random_output(head.shape) for head in manifest.detector.heads))
+
+
+def test_heads_of_three_anchors_are_read_as_the_runtime_does():
+    """YOLOv3's own: three anchors of other sides than high, a cell's box never leaves it."""
+    _, manifest = load_detector("edgemap-nano")
+    anchors = ((10.0, 13.0), (33.0, 23.0), (62.0, 119.0))
+    head = HeadSpec(name="h", shape=(1, 3 * 23, 13, 13), strides=(32,), anchors=anchors, scale_xy=1.0)
+    detector = msgspec.structs.replace(manifest.detector, heads=(head,))
+    rows = check_decode(detector, (random_output(head.shape),))
+    assert rows.reach.unique().tolist() == [0.5]
+
+
+def random_output(shape):
+    value = np.random.default_rng(5).standard_normal(shape).astype(np.float32)
+    return 1.0 / (1.0 + np.exp(-value)) if len(shape) == 3 else value  # YOLOX's scores are probabilities
+
+
+def check_decode(detector, found):
+    size = (detector.input.height, detector.input.width)
+    named = {head.name: value for head, value in zip(detector.heads, found, strict=True)}
+    truth = Decoder(detector, 0.02, 1.0)(named, place(detector.input, size[1], size[0]))
+    rows = read_heads(tuple(map(torch.from_numpy, found)), detector, size)
+    scores, labels = (value.numpy() for value in rows.scores[0].sigmoid().max(1))
+    boxes = np.clip(rows.boxes[0].numpy(), 0.0, size[0])
+    assert len(truth) > 50
+    for box, score, label in zip(truth.boxes, truth.scores, truth.class_ids, strict=True):
+        same = (np.abs(scores - score) < 1e-4) & (labels == label)
+        assert np.abs(boxes[same] - box).max(1, initial=0.0).min(initial=9.0) < 0.05
+    return rows
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_pictures_go_in_as_on_the_robot(small, name):
+    """The preprocessor's tensor: colour order, mean and deviation."""
+    start = small(name)
+    image = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    tensor, _ = Preprocessor(start.detector.input)(image)
+    with torch.no_grad():
+        direct = dict(zip(start.graph.outputs, start.graph(torch.from_numpy(tensor)), strict=True))
+        ours = start(torch.from_numpy(image).permute(2, 0, 1)[None])
+    assert len(ours) == len(start.detector.heads)
+    for head, one in zip(start.detector.heads, ours, strict=True):
+        torch.testing.assert_close(one, direct[head.name], atol=1e-4, rtol=1e-4)
+
+
+def test_a_copy_is_another_network(start):
+    image = torch.rand(1, 3, 64, 64) * 255.0
+    before = start(image)[0].detach()
+    other = start.copy()
+    with torch.no_grad():
+        for parameter in other.parameters():
+            parameter.mul_(1.1)
+    assert torch.equal(start(image)[0], before)
+    assert not torch.allclose(other(image)[0], before, atol=0.01)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_what_is_learnt_is_what_the_robot_runs(name, tmp_path):
+    """best.pt, its bundle with the flow head of the start, and the runtime's outputs: the torch network's."""
+    network, shipped = changed(name), read_manifest(MODELS / name)
+    network.save(tmp_path / "best.pt", {"validation": {"ap50": 0.5}})
+    head = MODELS / f"heads/{HEADS[name]}.flow.pt"
+    folder = export_backbone(str(tmp_path / "best.pt"), tmp_path / "mine", heads=[head])
+    manifest = read_manifest(folder)
+    assert (manifest.name, list(manifest.odometry), manifest.measured["validation"]) == (
+        "mine",
+        ["flow"],
+        {"ap50": 0.5},
+    )
+    for field in ("licence", "sources", "confidence", "sure_confidence", "detector"):
+        assert getattr(manifest, field) == getattr(shipped, field), field
+    image = np.random.default_rng(2).integers(0, 256, (416, 416, 3)).astype(np.uint8)
+    tensor, _ = Preprocessor(manifest.detector.input)(image)
+    found = load_bundle(folder).backbone.run({manifest.detector.input.name: tensor})
+    with torch.no_grad():
+        heads = changed(name)(torch.from_numpy(image).permute(2, 0, 1)[None])
+    for spec, head in zip(manifest.detector.heads, heads, strict=True):
+        np.testing.assert_allclose(found[spec.name], head.numpy(), atol=1e-3 * float(head.abs().max()))
+    # What lies before the flow head's feature did not learn: the head that was trained on it fits.
+    (feature,) = manifest.detector.features
+    before = load_bundle(MODELS / name).backbone.run({manifest.detector.input.name: tensor})
+    np.testing.assert_allclose(
+        found[feature.name], before[feature.name], atol=1e-5 * np.abs(before[feature.name]).max()
+    )
+    again = load_network(str(folder))
+    for key, value in network.state_dict().items():
+        assert torch.equal(again.state_dict()[key], value), key
+
+
+def test_a_head_reads_the_feature_it_names(tmp_path):
+    """The paper's raw coarse map, or the widest one of its stride."""
+    changed("edgemap-nano").save(tmp_path / "best.pt", {})
+    for word, name, shape in (("head", "head_stride32", (1, 23, 13, 13)), ("stride32", None, (1, 256, 13, 13))):
+        manifest = read_manifest(export_backbone(str(tmp_path / "best.pt"), tmp_path / word, feature=word))
+        (feature,) = manifest.detector.features
+        assert manifest.odometry["paper"].feature == feature.name == (name or feature.name)
+        assert (feature.stride, feature.shape[2:]) == (32, shape[2:])
+    assert read_manifest(export_backbone(str(tmp_path / "best.pt"), tmp_path / "none")).odometry == {}
+    with pytest.raises(ExportError, match="no tensor 'neck'"):
+        export_backbone(str(tmp_path / "best.pt"), tmp_path / "x", feature="neck")
+    with pytest.raises(ExportError, match="this file is fixed"):
+        export_backbone(str(tmp_path / "best.pt"), tmp_path / "x", size=(320, 320))
+
+
+def test_all_layers_learn_only_when_asked():
+    """Else all but those before the feature of stride 4."""
+    some, whole = load_network("edgemap-nano"), load_network("edgemap-nano", all_layers=True)
+    still = {name for name, parameter in some.graph.named_parameters() if not parameter.requires_grad}
+    assert still == set(some.graph.before("feature_stride4"))
+    assert 0 < len(still) < 30
+    assert all(parameter.requires_grad for parameter in whole.parameters())
+    with pytest.raises(ExportError, match="'nose' is no value"):
+        some.graph.before("nose")
+
+
+def test_graphs_that_cannot_be_trained_are_refused(start):
+    model = start.graph.model()
+    odd = onnx.ModelProto()
+    odd.CopyFrom(model)
+    next(node for node in odd.graph.node if node.op_type == "HardSwish").op_type = "Elu"
+    with pytest.raises(ExportError, match=r"operator Elu .*cannot be trained"):
+        Network(odd, start.manifest)
+    odd.CopyFrom(model)
+    del odd.graph.initializer[:]
+    with pytest.raises(ExportError, match="weights are not stored"):
+        Network(odd, start.manifest)
+
+
+def test_damaged_checkpoints_are_refused_by_name(tmp_path):
+    path, start = tmp_path / "best.pt", load_network(str(MODELS / "picodet-s"))
+    start.save(path, {})
+    document = torch.load(path, weights_only=True)
+    bad = start.graph.model()
+    bad.graph.initializer[0].raw_data = b"\xff" * len(bad.graph.initializer[0].raw_data)
+    for change, message in (
+        ({"format": "edgemap.detector/1"}, "no detector that this version trained"),
+        ({"manifest": "{}"}, "missing required field"),
+        ({"manifest": document["manifest"].replace('"strides":[8]', '"strides":[4]')}, "head .* has shape"),
+        ({"graph": document["graph"][:1000]}, "does not read"),
+        ({"graph": torch.frombuffer(bytearray(bad.SerializeToString()), dtype=torch.uint8)}, "not finite"),
+    ):
+        torch.save(document | change, tmp_path / "bad.pt")
+        with pytest.raises(ExportError, match=message):
+            load_network(str(tmp_path / "bad.pt"))
