@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -91,14 +91,32 @@ def map_drive(
     imu: bool = True,
     progress: Callable[[], object] = lambda: None,
 ) -> dict[str, list[MapObject]]:
-    """The map that each variant makes of the drive's first frames, as `run` would.
+    """The map that each variant makes of the drive's first frames, as `run` would. Raises what `observed_by` raises."""
+    config = config or Config()
+    mappers = {name: variant.mapper(config) for name, variant in variants.items()}
+    for observed in observed_by(drive, bundle, variants, frames, confidence, config, imu):
+        for name, mapper in mappers.items():
+            mapper.step(observed[name])
+        progress()
+    return {name: mapper.objects() for name, mapper in mappers.items()}
+
+
+def observed_by(
+    drive: Drive,
+    bundle: Bundle,
+    variants: Mapping[str, Variant],
+    frames: int | None = None,
+    confidence: float | None = None,
+    config: Config | None = None,
+    imu: bool = True,
+) -> Iterator[dict[str, FrameObservations]]:
+    """What the front end makes of each of the drive's first frames, for each variant.
 
     Poses that are given bring their attitudes; other variants see the floor by the IMU's, where `imu` and the drive
     allow it, or the mount's.
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
     """
     config = config or Config()
-    mappers = {name: variant.mapper(config) for name, variant in variants.items()}
     with drive_camera(drive, str(drive.folder)) as camera:
         if camera.intrinsics is None or camera.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
@@ -124,13 +142,14 @@ def map_drive(
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
             true = seen_from(observed, floor.at(given.step(frame)), pipeline.rule, frame.depth)
-            for name, variant in variants.items():
-                seen, motion = observed, odometry.motions[variant.odometry, variant.wheels]
-                if variant.odometry == "truth" and camera.attitudes is not None:
-                    seen = true
-                mappers[name].step(replace(seen, motion=motion))
-            progress()
-    return {name: mapper.objects() for name, mapper in mappers.items()}
+            motions, attitudes = odometry.motions, camera.attitudes
+            yield {
+                name: replace(
+                    true if variant.odometry == "truth" and attitudes is not None else observed,
+                    motion=motions[variant.odometry, variant.wheels],
+                )
+                for name, variant in variants.items()
+            }
 
 
 def seen_from(

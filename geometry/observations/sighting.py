@@ -14,7 +14,6 @@ from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
-from edgemap.geometry.paper.equations import size_m
 from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
@@ -187,8 +186,9 @@ def sightings_of(
         if not np.isfinite(own[at]).all():  # half a pixel from the horizon
             continue
         x0, y0, x1, y1 = boxes[at]
-        width_m = size_m(float(depths_m[at]), x1 - x0, camera.intrinsics.fx)
-        height_m = size_m(float(depths_m[at]), y1 - y0, camera.intrinsics.fy)
+        depth_m = float(depths_m[at])  # sizes: the paper's eq. 4
+        width_m = depth_m * (x1 - x0) / camera.intrinsics.fx
+        height_m = depth_m * (y1 - y0) / camera.intrinsics.fy
         bearing = near[at] - lens
         reach_m = float(np.linalg.norm(bearing))
         sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[at] + shared[at])[-1]))

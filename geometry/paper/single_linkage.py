@@ -77,11 +77,6 @@ class SingleLinkage:
             for root, (x, y, count) in self._totals.items()
         }
 
-    @property
-    def kept_points(self) -> int:
-        """How many points are held in memory."""
-        return sum(len(cell.kept) for cell in self._cells.values())
-
     def _join_neighbours(self, key: tuple[int, int], x_m: float, y_m: float) -> None:
         reach2 = self.threshold_m**2
         for i in range(key[0] - 2, key[0] + 3):
