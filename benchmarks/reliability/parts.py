@@ -11,6 +11,7 @@ PARTS: dict[str, str] = {
     "cameras": "random camera faults in runs of the demo",
     "kills": "kill -9 in the middle of a run",
     "day": "a day of driving, compressed",
+    "hour": "an hour of driving through a rendered home",
     "readers": "hostile files: every reader on mutated documents",
     "generated": "hostile files and requests drawn from the formats' grammars",
 }
