@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
 CONVERGED_M = 1e-4  # a step that moves nothing by more ends the iteration
-CHUNK = 60  # keyframes whose covariance is recovered in one unit of work
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,11 +70,13 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """All factors of a drive. kernel: squared residual at which an observation or a link weighs half (Cauchy)."""
+    """All factors of a drive. stated: the odometry with the covariances by which those of the poses are told. kernel:
+    squared residual at which an observation or a link weighs half (Cauchy)."""
 
     odometry: OdometryFactors
     observations: ObservationFactors
     landmarks: LandmarkFactors
+    stated: OdometryFactors
     kernel: float = 9.0
 
 
@@ -99,8 +100,11 @@ def solve(
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
     corner = cho_solve(system.schur, np.eye(size + 1))
     blocks = np.zeros((count, 3, 3))
-    for start in range(0, count if covariances else 0, CHUNK):
-        blocks[start : start + CHUNK] = system.pose_covariances(corner, start, min(start + CHUNK, count))
+    if covariances:
+        stated = _System(replace(problem, odometry=problem.stated), poses, landmarks, bias)
+        stated.step()
+        yield
+        blocks = stated.pose_covariances()
         yield
     return Solution(poses, landmarks, bias, corner[:size, :size], blocks, system.chi2, system.link_chi2)
 
@@ -131,15 +135,20 @@ class _System:
         steps = cho_solve(self.schur, self.rhs_corner - across @ own)
         return own - self._tied @ steps, steps
 
-    def pose_covariances(self, corner: Array, start: int, end: int) -> Array:
-        """Marginal covariances of poses from row `start` up to `end`, (N, 3, 3); corner: (2 L + 1, 2 L + 1)."""
-        rows = slice(3 * start, 3 * end)
-        unit = np.zeros((3 * self._count, 3 * (end - start)))
-        unit[rows] = np.eye(3 * (end - start))
-        own = cho_solve_banded((self._factor, False), unit, check_finite=False)[rows]
-        each = np.arange(end - start)
-        tied = self._tied[rows].reshape(end - start, 3, -1)
-        return own.reshape(end - start, 3, end - start, 3)[each, :, each] + tied @ corner @ tied.transpose(0, 2, 1)
+    def pose_covariances(self) -> Array:
+        """Marginal covariances of all poses, (K, 3, 3), after `step`: selected inverse of the band, which is block
+        bidiagonal once factorised (Takahashi), and what the corner adds."""
+        k, (i, j) = 3 * np.arange(self._count)[:, None, None], np.indices((3, 3))
+        diagonal = np.where(j >= i, self._factor[np.minimum(BAND + i - j, BAND), k + j], 0.0)
+        after = self._factor[BAND + i - j - 3, k[:-1] + 3 + j]
+        own = inverse(diagonal)
+        gain = own[:-1] @ after
+        own = own @ own.transpose(0, 2, 1)
+        for row in range(self._count - 2, -1, -1):
+            own[row] += gain[row] @ own[row + 1] @ gain[row].T
+        corner = cho_solve(self.schur, np.eye(self._size))
+        tied = self._tied.reshape(self._count, 3, -1)
+        return own + (self._tied @ corner).reshape(tied.shape) @ tied.transpose(0, 2, 1)
 
     def _add_blocks(self, row: Rows, column: Rows, blocks: Array) -> None:
         """Blocks (N, 3, 3) of the poses' part, at pose rows and columns, column >= row; upper triangle kept."""

@@ -300,7 +300,7 @@ class PoseGraph:
             np.array([item.information for _, item in seen]).reshape(-1, 2, 2),
             np.array([item.bias_m for _, item in seen]).reshape(-1, 2),
         )
-        problem = Problem(self.trajectory.factors(), observations, factors)
+        problem = Problem(self.trajectory.factors(), observations, factors, self.trajectory.factors(stated=True))
         solution = yield from solve(problem, self.trajectory.vectors(), landmarks, self._bias, iterations, covariances)
         residual = np.bincount(observations.landmark, solution.chi2, len(tracks))
         residual /= np.maximum(np.bincount(observations.landmark, minlength=len(tracks)), 1)

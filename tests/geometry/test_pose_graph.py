@@ -13,9 +13,9 @@ NO_ROWS = np.zeros(0, dtype=np.intp)
 NOTHING = LandmarkFactors(np.zeros((3, 2)), np.zeros((3, 2, 2)), NO_ROWS, NO_ROWS, np.zeros(0))
 
 
-def solve(poses, landmarks, chain, looks, known, kernel=9.0, rounds=6):
+def solve(poses, landmarks, chain, looks, known, kernel=9.0, rounds=6, stated=None):
     """The solution, whatever the units of work."""
-    work = graph.solve(Problem(chain, looks, known, kernel), poses, landmarks, 0.0, rounds)
+    work = graph.solve(Problem(chain, looks, known, stated or chain, kernel), poses, landmarks, 0.0, rounds)
     try:
         while True:
             next(work)
@@ -80,6 +80,16 @@ def test_the_least_squares_are_scipys(seed):
     for pose in range(count):
         own = slice(3 * pose, 3 * pose + 3)
         np.testing.assert_allclose(ours.pose_covariances[pose], covariance[own, own], rtol=0.03, atol=1e-5)
+
+
+def test_poses_are_solved_by_one_covariance_of_the_odometry_and_told_by_another():
+    start, landmarks, chain, looks = drive(0)
+    surer = OdometryFactors(chain.motions, 16.0 * chain.information, chain.first, chain.first_information)
+    plain, told = (solve(start, landmarks, chain, looks, NOTHING, 1e12, 30, stated) for stated in (chain, surer))
+    np.testing.assert_array_equal(told.poses, plain.poses)
+    by_it = solve(plain.poses, plain.landmarks, surer, looks, NOTHING, 1e12, 1)
+    np.testing.assert_allclose(told.pose_covariances, by_it.pose_covariances, rtol=0.05, atol=2e-5)
+    assert np.trace(told.pose_covariances[-1]) < 0.7 * np.trace(plain.pose_covariances[-1])
 
 
 def test_one_look_at_a_known_landmark_is_a_kalman_update():
