@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from edgemap.benchmarks.bench import OpenDrive, drive_chunks
 
 REST_S = 0.02  # after each call, so that nobody's waiting threads slow the next; what they burn in it counts as theirs
-WARM_UP, LEAST_ROUNDS = 2, 5
+WARM_UP, MINIMUM_ROUNDS = 2, 5
 
 Boxes = Callable[[NDArray[np.uint8]], object]
 
@@ -52,7 +52,7 @@ def compare(contest: Contest, open_drive: OpenDrive, seconds: float) -> dict[str
             if rounds >= WARM_UP:
                 wall[names[turn]].append(1e3 * took)
                 cpu[names[turn]].append(1e3 * (time.process_time() - spent))
-        if time.perf_counter() - start >= seconds and rounds + 1 >= LEAST_ROUNDS:
+        if time.perf_counter() - start >= seconds and rounds + 1 >= MINIMUM_ROUNDS:
             break
     ms = {name: float(np.median(values)) for name, values in wall.items()}
     cpu_ms = {name: float(np.median(values)) for name, values in cpu.items()}

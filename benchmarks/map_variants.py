@@ -156,7 +156,7 @@ def seen_from(
     observed: FrameObservations, camera: FloorCamera, rule: FloorRule, depth: NDArray[np.float32] | None = None
 ) -> FrameObservations:
     """The same boxes on the floor as another attitude has it; none where the picture was not searched."""
-    if not observed.looked:
+    if not observed.searched:
         return replace(observed, camera=camera)
     sightings = sightings_of(observed.detections, camera, rule, observed.index, observed.stamp_s, depth)
     return replace(observed, sightings=sightings, camera=camera)

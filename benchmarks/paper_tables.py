@@ -44,7 +44,7 @@ ODOMETRIES = {
 
 
 @dataclass(frozen=True)
-class Options:
+class TableOptions:
     """seeds: A:B, homes from A up to, not including, B. data: drives that exist, instead. frames: first N of each."""
 
     seeds: str | None = None
@@ -55,7 +55,7 @@ class Options:
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/paper-tables")
 
 
-def main(options: Options) -> None:
+def main(options: TableOptions) -> None:
     """Render where needed, measure, and write page and figures."""
     try:
         bundle = load_bundle(bundle_folder(options.bundle), options.threads, pace="files")
@@ -159,7 +159,7 @@ def _ways(scored: dict[str, dict[str, ScoredDrive]], folder: Path) -> dict[str, 
     return drawn
 
 
-def _rendered(options: Options) -> list[str]:
+def _rendered(options: TableOptions) -> list[str]:
     """The seeds' homes, rendered where they are not there yet. Ends the program where that fails."""
     try:
         first, end = (int(part) for part in (options.seeds or "").split(":"))
@@ -176,4 +176,4 @@ def _rendered(options: Options) -> list[str]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options, description=__doc__))
+    main(tyro.cli(TableOptions, description=__doc__))

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from edgemap.runtime.errors import MissingExtraError
 from edgemap.runtime.extras import install_hint
-from edgemap.runtime.manifest import Detector
+from edgemap.runtime.manifest import DetectorSpec
 
 Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]
 PAD, NMS_IOU = 114, 0.45
 
 
-def openvino_network(path: Path, detector: Detector, threads: int) -> tuple[Infer, str]:
+def openvino_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[Infer, str]:
     """The backbone compiled by OpenVINO with the LATENCY hint: the better of float32 and its default precision.
 
     Raises MissingExtraError without the extra `openvino`.
@@ -46,7 +46,7 @@ def openvino_network(path: Path, detector: Detector, threads: int) -> tuple[Infe
     return best, precision
 
 
-def opencv_network(path: Path, detector: Detector, threads: int) -> tuple[Infer, str]:
+def opencv_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[Infer, str]:
     """The backbone run by cv2.dnn on the CPU, float32."""
     cv2.setNumThreads(threads)
     network = cv2.dnn.readNetFromONNX(str(path))
@@ -59,7 +59,7 @@ def opencv_network(path: Path, detector: Detector, threads: int) -> tuple[Infer,
     return infer, "f32"
 
 
-def picture_to_boxes(detector: Detector, infer: Infer, confidence: float) -> Callable[[NDArray[np.uint8]], object]:
+def picture_to_boxes(detector: DetectorSpec, infer: Infer, confidence: float) -> Callable[[NDArray[np.uint8]], object]:
     """Their loop as their demos write it: letterbox, network, boxes of all cells, suppression.
 
     Gives boxes xywh in picture px, scores and class ids.
@@ -89,7 +89,7 @@ def picture_to_boxes(detector: Detector, infer: Infer, confidence: float) -> Cal
     return run
 
 
-def _yolov3(outputs: Sequence[NDArray[np.float32]], detector: Detector, confidence: float) -> tuple:
+def _yolov3(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confidence: float) -> tuple:
     parts = []
     for output, head in zip(outputs, detector.heads, strict=True):
         count, (rows, columns) = len(head.anchors), output.shape[2:]
@@ -104,7 +104,7 @@ def _yolov3(outputs: Sequence[NDArray[np.float32]], detector: Detector, confiden
     return _strong(boxes, scores, confidence)
 
 
-def _yolox(outputs: Sequence[NDArray[np.float32]], detector: Detector, confidence: float) -> tuple:
+def _yolox(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confidence: float) -> tuple:
     rows, spec = outputs[0][0], detector.input
     grids, strides = [], []
     for stride in detector.heads[0].strides:

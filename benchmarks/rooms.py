@@ -39,7 +39,7 @@ SUMS = Path(__file__).with_name("frozen.json")
 
 
 @dataclass(frozen=True)
-class Options:
+class RoomsOptions:
     """data: drive folders that exist, or folders of them; then nothing is rendered. seeds: A:B, homes from A up to, not
     including, B. light: as of `simulate`, else drawn. out: where rendered drives go. only: names of variants, all by
     default."""
@@ -56,7 +56,7 @@ class Options:
     json: bool = False
 
 
-def main(options: Options) -> None:
+def main(options: RoomsOptions) -> None:
     """Render where needed, map, score, and print one table."""
     from edgemap.benchmarks.map_variants import Variant
     from edgemap.runtime.bundle import load_bundle
@@ -165,7 +165,7 @@ def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) ->
     return {**facts, "maps": {name: score_map(objects, truth) for name, objects in maps.items()}}
 
 
-def _rendered(options: Options) -> Iterator[Path]:
+def _rendered(options: RoomsOptions) -> Iterator[Path]:
     """Drives through the homes of the seeds, rendered one by one where they are not there yet."""
     first, end = (int(part) for part in options.seeds.split(":"))
     for seed in range(first, end):
@@ -194,4 +194,4 @@ def _edgemap(*arguments: str) -> str:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options, description=__doc__))
+    main(tyro.cli(RoomsOptions, description=__doc__))

@@ -169,20 +169,20 @@ def _tell(document: dict[str, Any]) -> None:
         print(f"  NOT QUIET: other programs or the host took {document['other_cpu_percent']:.0f} % of a core meanwhile")
     print(f"  {document['fps']:.1f} frames/s over {document['frames']} frames, every frame detected")
     print(f"  {'stage':<14} {'p50':>8} {'p95':>8} {'p99':>8}  ms")
-    for name, values in [*document["stages_ms"].items(), ("whole step", document["latency_ms"])]:
+    for name, values in [*document["stages_ms"].items(), ("full step", document["latency_ms"])]:
         print(f"  {name:<14} {values['p50']:8.2f} {values['p95']:8.2f} {values['p99']:8.2f}")
     for name, leg in document["paced"].items():
-        told = name if name == "unpaced" else f"at {name} Hz"
+        title = name if name == "unpaced" else f"at {name} Hz"
         print(
-            f"  {told}: {leg['cpu_ms_per_frame']:.1f} ms of processor time a frame, {leg['cpu_percent']:.0f} % of one "
-            f"core, step p50 {leg['latency_ms']['p50']:.1f} ms, p99 {leg['latency_ms']['p99']:.1f} ms"
+            f"  {title}: {leg['cpu_ms_per_frame']:.1f} ms of processor time a frame, {leg['cpu_percent']:.0f} % of "
+            f"one core, step p50 {leg['latency_ms']['p50']:.1f} ms, p99 {leg['latency_ms']['p99']:.1f} ms"
         )
     print(f"  decoding a picture {document['decode_ms']:.2f} ms (not in the step)")
     print(f"  cold start {document['cold_start_s']:.2f} s, peak memory {document['peak_rss_mb']:.0f} MB")
     for name, ratios in document.get("against", {}).items():
         print(
             f"  ours / {name} ({ratios['precision']}): network {ratios['network_ratio']:.2f}, picture to boxes "
-            f"{ratios['end_to_end_ratio']:.2f} (processor time {ratios['cpu_ratio']:.2f}), our whole step "
+            f"{ratios['end_to_end_ratio']:.2f} (processor time {ratios['cpu_ratio']:.2f}), our full step "
             f"{ratios['full_ratio']:.2f}"
         )
     if rest := document.get("at_rest"):

@@ -17,8 +17,8 @@ def command(
 ) -> None:
     """Measure focal lengths, principal point and distortion with a printed chessboard.
 
-    Show the whole board in 10 to 40 pictures: near and far, in all corners of the picture, leaning to all sides, sharp.
-    Refuses where the boards do not tell the lens well enough. A --camera-file keeps its mount.
+    Show the complete board in 10 to 40 sharp pictures: near and far, in all corners of the picture, tilted to all
+    sides. Refuses where the boards do not determine the lens well enough. A --camera-file keeps its mount.
     """
     from edgemap.runtime.calibration.lens import fit_lens
     from edgemap.runtime.cameras import open_camera
@@ -34,8 +34,10 @@ def command(
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
     for name in fit.dropped:
         print(f"left out, it fits badly: {name}")
-    for name, value, spread in zip(("fx", "fy", "cx", "cy"), (lens.fx, lens.fy, lens.cx, lens.cy), sigma, strict=True):
-        print(f"  {name} {value:8.2f} +- {spread:.2f} px")
+    for name, value, sigma_px in zip(
+        ("fx", "fy", "cx", "cy"), (lens.fx, lens.fy, lens.cx, lens.cy), sigma, strict=True
+    ):
+        print(f"  {name} {value:8.2f} +- {sigma_px:.2f} px")
     k1, k2, p1, p2, _ = lens.distortion.coefficients
     print(f"  k1 {k1:.5f}  k2 {k2:.5f}  p1 {p1:.5f}  p2 {p2:.5f}  (k3 held at 0)")
     write_yaml(out, camera_file, lens, mount, "intrinsics", fit.record())

@@ -100,7 +100,7 @@ def _by_room(
 
         fit = fit_floor_depth(islice(depth[1], frames or PICTURES), depth[0], up)
         print(
-            f"{fit.pictures} of {fit.looked_at} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
+            f"{fit.pictures} of {fit.examined} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
             f"on it, {1000 * fit.rms_m:.1f} mm off (root mean square)"
         )
         _tell(fit.mount, *fit.sigma)

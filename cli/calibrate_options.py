@@ -13,7 +13,7 @@ from edgemap.cli.options import read_intrinsics
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.calibration.board import Board, View
+    from edgemap.runtime.calibration.board import Board, BoardView
     from edgemap.runtime.cameras.protocol import Camera
 
 BoardText = Annotated[
@@ -36,12 +36,12 @@ def read_board(text: str, square_m: float = 1.0) -> Board:
     return Board(int(found[1]), int(found[2]), square_m)
 
 
-def views_of(source: Camera, board: Board, pictures: int | None) -> list[View]:
+def views_of(source: Camera, board: Board, pictures: int | None) -> list[BoardView]:
     """Different views of the board, said one by one; Ctrl-C ends the search with what there is."""
     from edgemap.runtime.calibration.board import board_views
     from edgemap.runtime.loop import stop_on_signals
 
-    views: list[View] = []
+    views: list[BoardView] = []
     with stop_on_signals() as stop:
         for view in board_views(source, board, pictures, stop.is_set):
             views.append(view)

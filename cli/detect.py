@@ -20,7 +20,7 @@ from edgemap.cli.options import (
     PrecisionName,
     Threads,
     find_bundle,
-    least_score,
+    minimum_score,
     read_intrinsics,
     read_mount,
 )
@@ -70,7 +70,7 @@ def command(
         raise OptionError("no pictures given: edgemap detect PICTURE... or a folder of them")
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
     loaded = find_bundle(bundle, threads, precision, str(images[0]), engine=engine)
-    confidence = least_score(confidence, loaded)
+    confidence = minimum_score(confidence, loaded)
     detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, one_name=True))
     documents = []
     try:
@@ -137,13 +137,13 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.runtime.drives.camera_yaml import read_camera_yaml
 
-    lens, seat = None, None
+    lens, camera_mount = None, None
     if camera_file is not None:
         described = read_camera_yaml(camera_file)
-        lens, seat = described.intrinsics, described.mount
-    seat = read_mount(mount, seat)
+        lens, camera_mount = described.intrinsics, described.mount
+    camera_mount = read_mount(mount, camera_mount)
     lens = read_intrinsics(intrinsics, width, height) or lens
-    if seat is None:
+    if camera_mount is None:
         return None, False
     guessed = lens is None
     if lens is None:
@@ -153,7 +153,7 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
         from edgemap.cli.errors import OptionError
 
         raise OptionError(f"the picture is {width}x{height} px, the camera file says {lens.width}x{lens.height}")
-    return FloorCamera(lens, seat), guessed
+    return FloorCamera(lens, camera_mount), guessed
 
 
 def _tell(document: dict) -> None:

@@ -237,13 +237,13 @@ def _camera(
     except EdgemapError as error:
         yield Finding("camera", "broken", str(error))
         return
-    seat, row = floor.mount, floor.horizon_row()
+    placed, row = floor.mount, floor.horizon_row()
     nearest = floor.floor_points([(floor.intrinsics.cx, floor.intrinsics.height - 1.0)])[0, 0]
     yield Finding(
         "mount",
         "ok",
-        f"lens {seat.height_m:.3f} m above the floor, {degrees(seat.pitch_rad):.1f} deg down; horizon at row {row:.0f} "
-        f"of {floor.intrinsics.height}, nearest floor {nearest:.2f} m ahead",
+        f"lens {placed.height_m:.3f} m above the floor, {degrees(placed.pitch_rad):.1f} deg down; horizon at row "
+        f"{row:.0f} of {floor.intrinsics.height}, nearest floor {nearest:.2f} m ahead",
         "" if plot else "edgemap doctor --plot mount.png  draws the metre grid: check it against the floor by eye",
     )
     if plot:

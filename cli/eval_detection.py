@@ -22,7 +22,7 @@ def command(
     bundle: BundleName = None,
     frames: Annotated[int | None, arg(metavar="N", help="Only the first N pictures.")] = None,
     confidence: Annotated[
-        float, arg(metavar="0..1", help="Least score of a box; low, so that the whole curve counts.")
+        float, arg(metavar="0..1", help="Minimum score of a box; low, so that the whole curve counts.")
     ] = 0.001,
     nms: Annotated[float, arg(metavar="0..1", help="Overlap (IoU) above which the weaker box goes.")] = 0.6,
     classes: Annotated[
@@ -75,9 +75,9 @@ def command(
             unknown += sum(label not in number for label in truth.labels)
             size, ignored = (image.shape[1], image.shape[0]), truth.ignorable()
             outputs = detector.raw(image)
-            found, told = every(*outputs), as_run(*outputs)
-            pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, found, number))
-            shown.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, told, number))
+            detections, thresholded = every(*outputs), as_run(*outputs)
+            pictures.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, detections, number))
+            shown.append(ScoredPicture.compare(size, truth.boxes, truth.labels, ignored, thresholded, number))
             if mistakes:
                 mistakes.add(image, shown[-1])
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}
@@ -97,8 +97,8 @@ def command(
         return
     print(f"{document['bundle']} on {data}: {document['pictures']} pictures, {document['boxes_true']} true boxes")
     print(f"  AP {document['ap']:.3f}   AP50 {document['ap50']:.3f}")
-    told = f"precision {_share(document['precision'])}   recall {_share(document['recall'])}"
-    print(f"  at the bundle's threshold, {document['threshold']:g}: {told}")
+    text = f"precision {_share(document['precision'])}   recall {_share(document['recall'])}"
+    print(f"  at the bundle's threshold, {document['threshold']:g}: {text}")
     for name, figures in sorted(document["per_class"].items(), key=lambda item: -item[1]["ap50"]):
         line = f"AP {figures['ap']:.3f}   AP50 {figures['ap50']:.3f}"
         print(f"  {name:<16} {line}   precision {_share(figures['precision'])}   recall {_share(figures['recall'])}")

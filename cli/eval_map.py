@@ -85,8 +85,8 @@ def command(
         truth = true_objects(drive, frames)
         wanted = scored(truth)
         count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
-        way = drive.truth.poses[:count]
-        path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(way))
+        poses = drive.truth.poses[:count]
+        path_m = sum(abs(complex(b.x_m - a.x_m, b.y_m - a.y_m)) for a, b in pairwise(poses))
         document: dict[str, Any] = {
             "data": data,
             "bundle": loaded.manifest.name,
@@ -103,17 +103,17 @@ def command(
             "objects_true": len(wanted),
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
-        ways = {"true": Variant("truth", clustering=clustering)}
-        ways["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
+        variants = {"true": Variant("truth", clustering=clustering)}
+        variants["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
         if odometry == "hybrid" and document["wheels"]:
-            ways["without_wheels"] = replace(ways["estimated"], wheels=False)
-        for name, objects in map_drive(drive, loaded, ways, count, confidence, tuned, not without_imu).items():
+            variants["without_wheels"] = replace(variants["estimated"], wheels=False)
+        for name, objects in map_drive(drive, loaded, variants, count, confidence, tuned, not without_imu).items():
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map
 
                 places = [(item.label, item.x_m, item.y_m) for item in wanted]
-                plot_map(plot / f"{name}.png", objects, way=drive.truth, truth=places)
+                plot_map(plot / f"{name}.png", objects, trajectory=drive.truth, truth=places)
     if json:
         import json as json_module
 
@@ -121,7 +121,7 @@ def command(
         return
     room = f"{count} frames, {path_m:.1f} m, {document['objects_true']} objects on the floor"
     print(f"{document['bundle']} on {data}: {room}")
-    for name in ways:
+    for name in variants:
         figures = document[name]
         poses = {"true": "true poses", "estimated": f"{odometry} poses"}.get(name, "without wheels")
         print(f"  {poses:<14} {_line(figures)}")

@@ -140,16 +140,16 @@ def _file_name(name: str) -> str:
 
 def _print(own: dict[str, Any]) -> None:
     for key, unit, title in (("t_rel_percent", " %", "t_rel"), ("r_rel_deg_per_m", " deg/m", "r_rel")):
-        told = [
+        figures = [
             f"{length} m {value:.{3 if value < 1 else 2}f}{unit}"
             for length, value in own[key].items()
             if value is not None
         ]
         missing = [length for length, value in own[key].items() if value is None]
         if missing and key == "t_rel_percent":
-            told.append(f"no segment of {', '.join(missing)} m fits")
-        if told:
-            print(f"  {title}     {'   '.join(told)}")
+            figures.append(f"no segment of {', '.join(missing)} m fits")
+        if figures:
+            print(f"  {title}     {'   '.join(figures)}")
     print(f"  ATE       {own['ate_m']:.3f} m   eq. 9 {own['paper_rmse']:.3f} m, {own['paper_rmse_yaw_rad']:.4f} rad")
     nees = "–" if own["nees"] is None else f"{own['nees']:.2f}, median {own['nees_median']:.2f}"
     print(

@@ -61,23 +61,23 @@ def command(
         try:
             print(f"map of {name}: {folder}/map.json", flush=True)
             print(f"robots:  edgemap run --fleet {name}@{router if through_router else own} --robot NAME", flush=True)
-            told: dict[str, str] = {}
+            printed: dict[str, str] = {}
             while not stop.is_set():
                 try:
                     keeper.update()
                 except DiskError:
                     raise
                 except MapError as error:
-                    told = _tell(told, told | {"": str(error)})
+                    printed = _print_changes(printed, printed | {"": str(error)})
                 else:
-                    told = _tell(told, lines(keeper.document()["fleet"]["robots"]))
+                    printed = _print_changes(printed, lines(keeper.document()["fleet"]["robots"]))
                 stop.wait(every)
             keeper.update()
         finally:
             keeper.close()
 
 
-def _tell(before: dict[str, str], now: dict[str, str]) -> dict[str, str]:
+def _print_changes(before: dict[str, str], now: dict[str, str]) -> dict[str, str]:
     for name, line in now.items():
         if before.get(name) != line:
             print(line, flush=True)
@@ -90,11 +90,11 @@ def lines(robots: dict) -> dict[str, str]:
     for name, robot in robots.items():
         here = "" if robot["here"] else ", away"
         if "apart" in robot:
-            said = f"apart: {robot['apart']}"
+            state = f"apart: {robot['apart']}"
         else:
             x_m, y_m, yaw_rad = robot["pose_place_map"]
             matched = f"{robot['pairs']} of {robot['shared']} matched" if robot["pairs"] else "first"
-            said = f"{matched}, its frame at x {x_m:.2f} m, y {y_m:.2f} m, yaw {degrees(yaw_rad):.0f} deg"
+            state = f"{matched}, its frame at x {x_m:.2f} m, y {y_m:.2f} m, yaw {degrees(yaw_rad):.0f} deg"
         refused = f"; refused: {robot['refused']}" if "refused" in robot else ""
-        found[name] = f"{name:<16} {robot['objects']:4d} objects{here}; {said}{refused}"
+        found[name] = f"{name:<16} {robot['objects']:4d} objects{here}; {state}{refused}"
     return found

@@ -109,7 +109,7 @@ def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str,
     from edgemap.geometry.objects.map_object import CHI2_95
     from edgemap.runtime.colours import SHAPES, label_mark
 
-    lens, seat = floor.intrinsics, floor.mount
+    lens, mount = floor.intrinsics, floor.mount
     return {
         "camera": source.name,
         "live": source.live,
@@ -120,7 +120,7 @@ def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str,
         "folder": str(folder),
         "picture_px": [lens.width, lens.height],
         "view_rad": 2.0 * math.atan2(lens.width / 2.0, lens.fx),
-        "lens_m": [seat.forward_m, seat.left_m],
+        "lens_m": [mount.forward_m, mount.left_m],
         "marks": {name: asdict(label_mark(name)) for name in bundle.names},
         "shapes": SHAPES,
         "chi2_95": CHI2_95,

@@ -51,30 +51,30 @@ def command(
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
             raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
-    (objects, annotations), way = load_annotated_map(map), trajectory_of(map)
+    (objects, annotations), trajectory = load_annotated_map(map), trajectory_of(map)
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":
         from edgemap.runtime.mapfiles.grid import GridRule, grid_of
         from edgemap.runtime.mapfiles.nav2 import write_nav2
 
-        grid = grid_of(objects, way, GridRule(resolution, robot_width))
+        grid = grid_of(objects, trajectory, GridRule(resolution, robot_width))
         written = list(write_nav2(path, grid))
     elif format in ("png", "svg"):
         from edgemap.plots.floor_map import plot_map
 
-        plot_map(path, objects, way=way, zones=annotations.zones)
+        plot_map(path, objects, trajectory=trajectory, zones=annotations.zones)
     else:
         from edgemap.runtime.mapfiles.geojson import geojson_text
         from edgemap.runtime.mapfiles.nav2_vector import vector_text
         from edgemap.runtime.mapfiles.table import csv_text
 
         if format == "geojson":
-            text = geojson_text(objects, way, map_id, annotations.zones)
+            text = geojson_text(objects, trajectory, map_id, annotations.zones)
         else:
             text = csv_text(objects) if format == "csv" else vector_text(objects, map_id, resolution)
         write_atomically(path, text)
-    known = "" if way else "; no trajectory.tum beside it" if format == "nav2" else ""
+    known = "" if trajectory else "; no trajectory.tum beside it" if format == "nav2" else ""
     print(f"{len(objects)} objects written to {' and '.join(str(path) for path in written)}{known}")
 
 

@@ -45,7 +45,7 @@ def command(
             raise AlignmentError(f"{other} does not fit onto {maps[0]}: {error}") from None
         merged, _ = merge_maps(merged, objects, alignment)
         annotations = annotations.with_zones(more.zones, alignment)
-        print(f"{other}: {len(objects)} objects, {told(alignment)}")
+        print(f"{other}: {len(objects)} objects, {alignment_text(alignment)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -54,7 +54,7 @@ def command(
     print(f"map of {len(merged)} objects saved in {path}")
 
 
-def told(alignment: Alignment) -> str:
+def alignment_text(alignment: Alignment) -> str:
     """An alignment in one line."""
     from math import degrees
 

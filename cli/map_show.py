@@ -152,31 +152,31 @@ def _draw(
     folder = path if path.is_dir() else path.parent
     stem = folder / ("map" if path.is_dir() else path.stem)
     is_run = (folder / "sightings.jsonl").is_file()
-    way = _way(folder) if is_run else None
+    trajectory = _trajectory(folder) if is_run else None
     if find_spec("matplotlib") is None and (out is None or out.suffix.lower() == ".svg"):
         from edgemap.runtime.map_file import write_atomically
         from edgemap.runtime.notebook import map_svg
 
         drawing = out or stem.with_suffix(".svg")
-        write_atomically(drawing, map_svg(objects, way.poses if way else (), zones))
+        write_atomically(drawing, map_svg(objects, trajectory.poses if trajectory else (), zones))
         return drawing
     from edgemap.plots.floor_map import plot_map
 
     seen = _read_sightings(folder) if is_run and with_sightings else []
-    return plot_map(out or stem.with_suffix(".png"), objects, seen, way, zones=zones)
+    return plot_map(out or stem.with_suffix(".png"), objects, seen, trajectory, zones=zones)
 
 
-def _way(folder: Path) -> Trajectory | None:
+def _trajectory(folder: Path) -> Trajectory | None:
     """The run's trajectory; None where it is missing, empty or damaged, which is said."""
     from edgemap.geometry.errors import MapError
     from edgemap.runtime.errors import OdometryError
     from edgemap.runtime.reading import tell
-    from edgemap.runtime.sightings_file import whole_lines
+    from edgemap.runtime.sightings_file import complete_lines
     from edgemap.runtime.trajectory import parse_tum
 
     path = folder / "trajectory.tum"
     try:
-        return parse_tum(b"".join(whole_lines(path)), str(path))
+        return parse_tum(b"".join(complete_lines(path)), str(path))
     except (MapError, OdometryError) as error:
         tell(f"(the trajectory is not drawn: {error})")
         return None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.precision import Precision
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
-MOST_THREADS = 64
+MAXIMUM_THREADS = 64
 
 CameraSpec = Annotated[
     str,
@@ -81,7 +81,9 @@ CameraFile = Annotated[
 ]
 Confidence = Annotated[
     float | None,
-    arg(metavar="0..1", help="Least score of a box (objectness times class probability); by default the bundle's own."),
+    arg(
+        metavar="0..1", help="Minimum score of a box (objectness times class probability); by default the bundle's own."
+    ),
 ]
 Threads = Annotated[
     int | None,
@@ -134,11 +136,11 @@ def numbers(text: str, option: str, names: str) -> list[float]:
     return values
 
 
-def at_least(least: int, **values: int | None) -> None:
-    """Refuse whole numbers below `least`; keywords are option names, None passes. Raises OptionError."""
+def at_least(minimum: int, **values: int | None) -> None:
+    """Refuse whole numbers below `minimum`; keywords are option names, None passes. Raises OptionError."""
     for name, value in values.items():
-        if value is not None and value < least:
-            raise OptionError(f"--{name} {value}: must be {least} or more")
+        if value is not None and value < minimum:
+            raise OptionError(f"--{name} {value}: must be {minimum} or more")
 
 
 def in_unit(**values: float | None) -> None:
@@ -148,7 +150,7 @@ def in_unit(**values: float | None) -> None:
             raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
 
 
-def least_score(confidence: float | None, bundle: Bundle) -> float:
+def minimum_score(confidence: float | None, bundle: Bundle) -> float:
     """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
     in_unit(confidence=confidence)
     return bundle.manifest.confidence if confidence is None else confidence
@@ -195,8 +197,8 @@ def find_bundle(
     recorded: engine and precision of the run that made a recording, taken where none is asked for.
     """
     at_least(1, threads=threads)
-    if threads is not None and threads > MOST_THREADS:
-        raise OptionError(f"--threads {threads}: at most {MOST_THREADS}")
+    if threads is not None and threads > MAXIMUM_THREADS:
+        raise OptionError(f"--threads {threads}: at most {MAXIMUM_THREADS}")
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.default_bundle import default_bundle
     from edgemap.runtime.reading import tell
@@ -297,16 +299,16 @@ def open_described(
     if camera_file is None:
         return open_camera(spec, realtime=realtime, recovery=recovery, topics=topics, depth=depth)
     described = read_camera_yaml(camera_file)
-    lens, seat = described.intrinsics, described.mount
+    lens, camera_mount = described.intrinsics, described.mount
     return open_camera(
-        spec, realtime=realtime, intrinsics=lens, mount=seat, recovery=recovery, topics=topics, depth=depth
+        spec, realtime=realtime, intrinsics=lens, mount=camera_mount, recovery=recovery, topics=topics, depth=depth
     )
 
 
 def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
     """What the run goes by: flags before what camera file and source say. Raises OptionError."""
     lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
-    seat = read_mount(mount, camera.mount)
+    camera_mount = read_mount(mount, camera.mount)
     if lens is None:
         raise OptionError(
             f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
@@ -314,9 +316,9 @@ def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) ->
     if (lens.width, lens.height) != tuple(camera.size):
         size = f"{camera.size[0]}x{camera.size[1]}"
         raise OptionError(f"{camera.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
-    if seat is None:
+    if camera_mount is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
-    return lens, seat
+    return lens, camera_mount
 
 
 # Not inputs of the step, or with another name on the command line than in the code.

@@ -28,8 +28,8 @@ from edgemap.cli.options import (
     at_least,
     choose_classes,
     find_bundle,
-    least_score,
     lens_and_mount,
+    minimum_score,
     open_described,
     typed_options,
 )
@@ -170,19 +170,19 @@ def command(
     with open_described(camera, camera_file, paced, frames, tuned.camera, topics, not without_depth) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"
         loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine, recorded=source.decisions)
-        least = least_score(confidence, loaded)
+        threshold = minimum_score(confidence, loaded)
         mapped = choose_classes(classes, loaded)
-        lens, seat = lens_and_mount(source, intrinsics, mount)
-        floor = FloorCamera(lens, seat)
+        lens, camera_mount = lens_and_mount(source, intrinsics, mount)
+        floor = FloorCamera(lens, camera_mount)
         loaded = loaded.for_pictures(lens.width, lens.height)  # and the network for whole inputs may go
         chosen = SlamOptions(
             odometry, not without_wheels, not without_imu, clustering, loop_closure, forgets(forget, saved, clustering),
-            allow_untrained, mapped, least,
+            allow_untrained, mapped, threshold,
         )  # fmt: skip
         slam = build_slam(source, loaded, floor, chosen, tuned)
         enter_saved_map(slam.mapper, saved, start, clustering)
         folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        record = _record(source, loaded, floor, odometry, clustering, least, sorted(mapped))
+        record = _record(source, loaded, floor, odometry, clustering, threshold, sorted(mapped))
         record |= {"loop_closure": slam.mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
         record |= {"map": str(saved), "start": start} if saved else {}
         decided = Decisions(loaded.engine, loaded.precision)
@@ -278,18 +278,18 @@ def _record(
 
     from edgemap import __version__
 
-    seat = floor.mount
+    camera_mount = floor.mount
     return {
         "format": "edgemap.run/1",
         "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "camera": source.name,
         "intrinsics": asdict(floor.intrinsics),
         "mount": {
-            "height_m": seat.height_m,
-            "pitch_deg": round(math.degrees(seat.pitch_rad), 6),
-            "roll_deg": round(math.degrees(seat.roll_rad), 6),
-            "forward_m": seat.forward_m,
-            "left_m": seat.left_m,
+            "height_m": camera_mount.height_m,
+            "pitch_deg": round(math.degrees(camera_mount.pitch_rad), 6),
+            "roll_deg": round(math.degrees(camera_mount.roll_rad), 6),
+            "forward_m": camera_mount.forward_m,
+            "left_m": camera_mount.left_m,
         },
         "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
         "odometry": odometry,

@@ -41,7 +41,7 @@ EditsFile = Annotated[
 Forget = Annotated[
     Literal["auto", "on", "off"],
     arg(
-        help="Whether an object that is in plain view and not detected, look after look, leaves the map; auto: on with "
+        help="Whether an object that is in plain view and not detected, repeatedly, leaves the map; auto: on with "
         "--map, where furniture may have been moved since."
     ),
 ]

@@ -133,8 +133,8 @@ def _choices(
 
     choices = replace(PLAIN if plain else Choices(), moved=moved, rate_hz=rate_hz, nodding=nodding, imu=imu)
     if mount is not None:
-        seat = read_mount(mount, CameraSetup().mount)
-        choices = replace(choices, mount=seat)
+        camera_mount = read_mount(mount, CameraSetup().mount)
+        choices = replace(choices, mount=camera_mount)
     if light is not None:
         choices = replace(choices, light=light)
     return choices if people is None else replace(choices, people=people)

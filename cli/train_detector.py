@@ -132,9 +132,9 @@ def command(
     from edgemap.export.detector.network import load_network
     from edgemap.export.detector.store import load_examples
     from edgemap.export.detector.teach import teacher_of
-    from edgemap.export.detector.train import Settings, Trainer
+    from edgemap.export.detector.train import DetectorSettings, Trainer
 
-    settings = Settings(
+    settings = DetectorSettings(
         size=input,
         batch=batch,
         seed=seed,

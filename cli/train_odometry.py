@@ -93,7 +93,7 @@ def command(
     from edgemap.export.odometry.data import FeatureStore
     from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
-    from edgemap.export.odometry.train import HeadTraining, Settings
+    from edgemap.export.odometry.train import HeadTraining, OdometrySettings
     from edgemap.runtime.store import cache_folder
 
     feature = feature or {"flow": "stride4", "paper": "head"}[head]
@@ -115,10 +115,10 @@ def command(
     recipe = (
         flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     )
-    settings = Settings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16)
+    settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)
     if resume:
         trainer.resume()
     best = trainer.run()
-    told = f"validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
-    print(f"{output / 'best.pt'}: {told}")
+    summary = f"validation score {best['score']:.3g} after {best['steps']} steps, {best['minutes']:g} min"
+    print(f"{output / 'best.pt'}: {summary}")

@@ -54,10 +54,10 @@ def object_lines(objects: Sequence[MapObject], evaluation_rows: Sequence[Evaluat
     for item in objects:
         x_m, y_m = item.position_m
         row = verdict_of.get(item.id)
-        told = f"  {row.state}" if row else ""
-        told += f", {row.error_m:.2f} m off" if row and row.error_m is not None else ""
+        state = f"  {row.state}" if row else ""
+        state += f", {row.error_m:.2f} m off" if row and row.error_m is not None else ""
         seen = f"seen {item.count:4d} times  conf {item.confidence:.2f}"
-        lines.append(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  {seen}{told}")
+        lines.append(f"  {item.id:<20} x {x_m:6.2f} m  y {y_m:6.2f} m  {seen}{state}")
     for row in evaluation_rows:
         if row.state == "missed" and row.true_m:
             lines.append(f"  {row.label:<20} x {row.true_m[0]:6.2f} m  y {row.true_m[1]:6.2f} m  {'':<26}missed")

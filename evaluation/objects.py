@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 
-LEAST_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
+MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away tells nothing of its covariance
 
 
@@ -31,15 +31,18 @@ class TrueObject:
     footprint_m: tuple[tuple[float, float], ...] = ()
 
 
-def scored(truth: Sequence[TrueObject], least_frames: int = LEAST_FRAMES) -> list[TrueObject]:
+def scored(truth: Sequence[TrueObject], minimum_frames: int = MINIMUM_FRAMES) -> list[TrueObject]:
     """Those that a map must hold: on the floor, and seen often enough."""
-    return [item for item in truth if item.on_floor and item.frames >= least_frames]
+    return [item for item in truth if item.on_floor and item.frames >= minimum_frames]
 
 
 def score_map(
-    objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float = 0.5, least_frames: int = LEAST_FRAMES
+    objects: Sequence[MapObject],
+    truth: Sequence[TrueObject],
+    radius_m: float = 0.5,
+    minimum_frames: int = MINIMUM_FRAMES,
 ) -> dict[str, Any]:
-    """Match by class, one to one, within the radius, no alignment: the most pairs, then the least distance.
+    """Match by class, one to one, within the radius, no alignment; most pairs first, then smallest distance.
 
     True objects seen in fewer frames are ignored: neither hit nor miss. A mapped object that is not on the floor is a
     false positive. Gives precision, recall, f1, median_error_m, p90_error_m, covered95 (share of true positions inside
@@ -48,7 +51,7 @@ def score_map(
     class on the floor within 1.5 m, the nearest, matched or not and however seldom seen.
     """
     labels = sorted({item.label for item in objects} | {item.label for item in truth})
-    matches = {label: _match(label, objects, truth, radius_m, least_frames) for label in labels}
+    matches = {label: _match(label, objects, truth, radius_m, minimum_frames) for label in labels}
     figures = _figures(list(matches.values()))
     figures["per_class"] = {label: _figures([match]) for label, match in matches.items() if match.counts}
     return figures
@@ -72,14 +75,14 @@ class _Match:
 
 
 def _match(
-    label: str, objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float, least_frames: int
+    label: str, objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float, minimum_frames: int
 ) -> _Match:
     mapped = [item for item in objects if item.label == label]
     standing = [item for item in truth if item.label == label and item.on_floor]
-    wanted = scored(standing, least_frames)
+    wanted = scored(standing, minimum_frames)
     pairs = pairs_within(mapped, wanted, radius_m)
     left = [item for row, item in enumerate(mapped) if row not in {row for row, _ in pairs}]
-    ignored = pairs_within(left, [item for item in standing if item.frames < least_frames], radius_m)
+    ignored = pairs_within(left, [item for item in standing if item.frames < minimum_frames], radius_m)
     errors = [float(np.linalg.norm(_offset_m(mapped[row], wanted[column]))) for row, column in pairs]
     covered = [_mahalanobis2(mapped[row], wanted[column]) <= CHI2_95 for row, column in pairs]
     near = [(item, real) for item in mapped if (real := _nearest(item, standing)) is not None]
@@ -104,7 +107,7 @@ def _nearest(item: MapObject, standing: list[TrueObject]) -> TrueObject | None:
 
 
 def pairs_within(mapped: list[MapObject], true: list[TrueObject], radius_m: float) -> list[tuple[int, int]]:
-    """Indices (mapped, true) of the one-to-one pairs within a radius: the most pairs, then the least distance."""
+    """Indices (mapped, true) of the one-to-one pairs within a radius: most pairs first, then smallest distance."""
     if not mapped or not true:
         return []
     places = np.array([[item.x_m, item.y_m] for item in true])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from edgemap.evaluation.objects import LEAST_FRAMES, TrueObject, pairs_within, scored
+from edgemap.evaluation.objects import MINIMUM_FRAMES, TrueObject, pairs_within, scored
 from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 
@@ -18,7 +18,7 @@ def evaluation_rows(
     truth: Sequence[TrueObject],
     found_m: float = FOUND_M,
     misplaced_m: float = MISPLACED_M,
-    least_frames: int = LEAST_FRAMES,
+    minimum_frames: int = MINIMUM_FRAMES,
 ) -> list[EvaluationRow]:
     """A row for each mapped object and for each true one that counts; ordered by state, then label.
 
@@ -29,8 +29,8 @@ def evaluation_rows(
     for label in sorted({item.label for item in objects} | {item.label for item in truth}):
         mapped = [item for item in objects if item.label == label]
         standing = [item for item in truth if item.label == label and item.on_floor]
-        wanted = scored(standing, least_frames)
-        seldom = [item for item in standing if item.frames < least_frames]
+        wanted = scored(standing, minimum_frames)
+        seldom = [item for item in standing if item.frames < minimum_frames]
         mapped, wanted = _take(rows, "found", mapped, wanted, found_m)
         mapped, _ = _take(rows, "unscored", mapped, seldom, found_m)
         mapped, wanted = _take(rows, "misplaced", mapped, wanted, misplaced_m)

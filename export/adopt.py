@@ -16,7 +16,7 @@ from edgemap.export.coco import class_entries
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
-from edgemap.runtime.manifest import OPSETS, Detector, FeatureSpec, HeadSpec, InputSpec
+from edgemap.runtime.manifest import OPSETS, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 from edgemap.runtime.reading import one_line, read_bytes
 
 MODEL_BYTES = 1 << 30
@@ -90,7 +90,7 @@ def find_tap(tensors: list[Tensor4], stride: int, width: int, height: int) -> Te
     return [tensor for tensor in found if tensor.channels == widest][-1]
 
 
-def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]:
+def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, DetectorSpec]:
     """Recognise a detector and tap its feature tensor as one more output.
 
     feature: a tensor's name, or `stride8`, `stride16`, `stride32`; None taps nothing. Known are YOLOX's output, (1,
@@ -108,7 +108,7 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]
     features: tuple[FeatureSpec, ...] = ()
     if feature is not None:
         features = (_tap(model, path, feature, spec),)
-    detector = Detector(
+    detector = DetectorSpec(
         file="backbone.onnx",
         input=spec,
         decode=decode,
@@ -119,7 +119,7 @@ def adopt(path: Path, feature: str | None = None) -> tuple[ModelProto, Detector]
     return model, detector
 
 
-def tapped(model: ModelProto, detector: Detector, path: Path, feature: str | None) -> Detector:
+def tapped(model: ModelProto, detector: DetectorSpec, path: Path, feature: str | None) -> DetectorSpec:
     """The contract of a network of ours with that feature alone, and the model's outputs accordingly.
 
     feature: as for `adopt`, or `head` for the raw coarsest map. Raises ExportError.

@@ -22,7 +22,7 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN
-from edgemap.runtime.manifest import Detector, FeatureSpec, HeadSpec, InputSpec, sha256_file
+from edgemap.runtime.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec, sha256_file
 from edgemap.runtime.network import Tensors
 
 DARKNET = {"yolov3": architectures.yolov3, "yolov3-tiny": architectures.yolov3_tiny}
@@ -40,7 +40,7 @@ class Backbone:
 
     name: str
     model: ModelProto
-    detector: Detector
+    detector: DetectorSpec
     features: dict[str, str]
     reference: parity.Reference
     exact: bool
@@ -139,7 +139,7 @@ def _darknet_network(backbone: str, size: tuple[int, int] | None) -> tuple[Darkn
     return Darknet.from_cfg(path, size), path.stem
 
 
-def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[Detector, dict[str, str]]:
+def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[DetectorSpec, dict[str, str]]:
     """The contract of a Darknet network; sets the network's outputs to heads, then features."""
     names = {head.layer: f"head_stride{network.stride(head.layer)}" for head in network.heads}
     if len(set(names.values())) != len(names):
@@ -162,7 +162,7 @@ def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[Detector, di
         FeatureSpec(name=names[layer], shape=(1, *network.shapes[layer]), stride=network.stride(layer))
         for layer in dict.fromkeys(layers.values())
     )
-    detector = Detector(
+    detector = DetectorSpec(
         file="backbone.onnx",
         input=InputSpec(
             name="image",

@@ -11,7 +11,7 @@ from edgemap.runtime.drives.drive import LabelledBoxes
 from edgemap.runtime.drives.pictures import first_folder, list_pictures
 from edgemap.runtime.drives.yolo import read_yolo
 
-MOST_SHOWN, MOST_JUDGED = 64, 200  # AP50 changes by 0.002 with another 64; 200 judge a loss of 0.01
+MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # AP50 changes by 0.002 with another 64; 200 judge a loss of 0.01
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ def read_calibration(folder: Path) -> Calibration:
         pictures = list(zip(drive.images, drive.boxes, strict=True))
     else:
         pictures = [(path, None) for path in list_pictures(first_folder(folder, ("images",)))]
-    shown = _spread(len(pictures), min(MOST_SHOWN, (len(pictures) + 1) // 2))
+    shown = _spread(len(pictures), min(MAXIMUM_SHOWN, (len(pictures) + 1) // 2))
     others = [index for index in range(len(pictures)) if index not in set(shown)] or shown
-    judged = [others[index] for index in _spread(len(others), MOST_JUDGED)]
+    judged = [others[index] for index in _spread(len(others), MAXIMUM_JUDGED)]
     return Calibration(folder, tuple(pictures[i][0] for i in shown), tuple(pictures[i] for i in judged))
 
 

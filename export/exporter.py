@@ -20,7 +20,7 @@ from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import head_to_onnx, seal
 from edgemap.geometry.odometry.flow_cells import CHANNELS
 from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.manifest import FORMAT, Detector, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.manifest import FORMAT, DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
 
 NANO = "edgemap-nano"
 
@@ -156,5 +156,5 @@ def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:
     )
 
 
-def _feature_shape(detector: Detector, name: str) -> tuple[int, ...]:
+def _feature_shape(detector: DetectorSpec, name: str) -> tuple[int, ...]:
     return next(spec.shape for spec in detector.features if spec.name == name)

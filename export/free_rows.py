@@ -9,11 +9,11 @@ import onnxruntime as ort
 from onnx import ModelProto
 
 from edgemap.runtime.engines.onnxruntime_cpu import PROVIDERS, ROWS, session_options
-from edgemap.runtime.manifest import Detector
+from edgemap.runtime.manifest import DetectorSpec
 from edgemap.runtime.network import Compute
 
 
-def free_rows(model: ModelProto, detector: Detector) -> ModelProto:
+def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
     """The model with its rows left open, where pictures lie at the top of the input and all outputs are maps.
 
     The same model where they do not, or where something in it is of a fixed size (YOLOX's list of boxes).

@@ -28,7 +28,7 @@ def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -
     for source in (Web(given),) if given is not None else model.sources:
         try:
             if isinstance(source, Web):
-                download(source.url, target, sums=model.sums, most_bytes=model.bytes, progress=progress)
+                download(source.url, target, sums=model.sums, maximum_bytes=model.bytes, progress=progress)
             else:
                 fetch_member(source, target, sums=model.sums, progress=progress)
         except EdgemapError as error:

@@ -17,14 +17,14 @@ from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
-from edgemap.runtime.manifest import METADATA_KEY, OPSETS, Detector, OdometryHead, contract_metadata
+from edgemap.runtime.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
 
 OPSET = 18
 IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18
 PROTOBUF_LIMIT = 2_000_000_000  # bytes
 
 
-def backbone_to_onnx(network: Darknet, detector: Detector) -> ModelProto:
+def backbone_to_onnx(network: Darknet, detector: DetectorSpec) -> ModelProto:
     """A Darknet network for raw 0..255 pictures: batch normalisation and the factor 1/255 go into the weights.
 
     The outputs are named by the detector's heads and features in `network.outputs` order. The network is left as it is.
@@ -55,7 +55,7 @@ def to_onnx(
     example: Sequence[Tensor],
     inputs: list[str],
     outputs: list[str],
-    record: Detector | OdometryHead,
+    record: DetectorSpec | OdometryHead,
 ) -> ModelProto:
     """Trace a module at the example's shapes into a checked model that carries its contract. Raises ExportError."""
     quiet = [logging.getLogger(name) for name in ("torch.onnx", "onnxscript", "onnx_ir")]
@@ -85,7 +85,7 @@ def to_onnx(
     return seal(model, record)
 
 
-def seal(model: ModelProto, record: Detector | OdometryHead) -> ModelProto:
+def seal(model: ModelProto, record: DetectorSpec | OdometryHead) -> ModelProto:
     """Write the contract into the model's metadata and check the model. Raises ExportError."""
     del model.metadata_props[:]
     model.metadata_props.add(key=METADATA_KEY, value=contract_metadata(record))

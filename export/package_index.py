@@ -58,10 +58,10 @@ def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], 
     base = f"{index_url().rstrip('/')}/{source.project}/"
     label = str(source)
     with tempfile.TemporaryDirectory() as folder:
-        page = download(base, Path(folder) / "page", label=label, most_bytes=PAGE_BYTES, progress=False)
+        page = download(base, Path(folder) / "page", label=label, maximum_bytes=PAGE_BYTES, progress=False)
         url, value = archive_link(page.read_text(encoding="utf-8", errors="replace"), base, source)
     archive = target.with_name(f"{source.project}-{source.version}.tar.gz")
-    download(url, archive, sums=(value,), label=label, most_bytes=ARCHIVE_BYTES, progress=progress)
+    download(url, archive, sums=(value,), label=label, maximum_bytes=ARCHIVE_BYTES, progress=progress)
     extract_member(archive, source, target, sums)
     archive.unlink(missing_ok=True)
     return target

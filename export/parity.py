@@ -16,7 +16,7 @@ from edgemap.export.odometry.paper import PaperHead
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.odometry.flow_cells import Grid, flow_cells
+from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
 from edgemap.runtime.manifest import InputSpec, OdometryHead, Parity
@@ -151,7 +151,7 @@ def random_geometry(generator: np.random.Generator, record: OdometryHead) -> Ten
     width, height = columns * spec.stride, rows * spec.stride
     focal = width * generator.uniform(0.5, 0.9)
     lens = Intrinsics(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
-    grid = Grid(rows, columns, spec.stride, (1.0, 1.0), 0, 0, width, height)
+    grid = CellGrid(rows, columns, spec.stride, (1.0, 1.0), 0, 0, width, height)
     cells, seat = flow_cells(FloorCamera(lens, mount), grid)
     return {spec.cells: cells, spec.mount: seat, spec.dt: np.array([[0.1]], dtype=np.float32)}
 

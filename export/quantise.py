@@ -18,12 +18,19 @@ from edgemap.export.int8_report import int8_report
 from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.manifest import Detector, Variant, read_manifest, sha256_file, verified_file, write_manifest
+from edgemap.runtime.manifest import (
+    BundleVariant,
+    DetectorSpec,
+    read_manifest,
+    sha256_file,
+    verified_file,
+    write_manifest,
+)
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Preprocessor
 
 FILE = "backbone.int8.onnx"
-LEAST_OPSET = 13  # scales per channel
+MINIMUM_OPSET = 13  # scales per channel
 
 
 def add_int8(folder: Path, calibration: Calibration) -> None:
@@ -37,21 +44,21 @@ def add_int8(folder: Path, calibration: Calibration) -> None:
     model = quantised(source, detector, _tensors(detector, calibration.shown))
     save_model(seal(model, msgspec.structs.replace(detector, file=FILE)), folder / FILE)
     manifest.sha256[FILE] = sha256_file(folder / FILE)
-    variant = manifest.variants["int8"] = Variant(file=FILE)
+    variant = manifest.variants["int8"] = BundleVariant(file=FILE)
     write_manifest(folder, manifest)
     variant.measured = int8_report(load_bundle(folder, 1), load_bundle(folder, 1, "int8"), calibration)
     write_manifest(folder, manifest)
 
 
-def quantised(source: ModelProto, detector: Detector, tensors: Iterable[Tensors]) -> ModelProto:
+def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tensors]) -> ModelProto:
     """The model with 8-bit convolutions: weights symmetric per channel, activations unsigned.
 
     An activation's range is the mean over the pictures of its least and largest value. Weights have 8 bits: processors
     without VNNI, which add pairs of products in 16 bits, compute something else (`runtime.precision`).
     """
     model = copy.deepcopy(source)  # the quantiser empties what it is given
-    if default_opset(model) < LEAST_OPSET:
-        model = version_converter.convert_version(model, LEAST_OPSET)
+    if default_opset(model) < MINIMUM_OPSET:
+        model = version_converter.convert_version(model, MINIMUM_OPSET)
     for number, node in enumerate(model.graph.node):
         node.name = node.name or f"node_{number}"
     heads = {head.name for head in detector.heads}
@@ -83,7 +90,7 @@ def quantised(source: ModelProto, detector: Detector, tensors: Iterable[Tensors]
     return small
 
 
-def float_nodes(model: ModelProto, detector: Detector) -> list[str]:
+def float_nodes(model: ModelProto, detector: DetectorSpec) -> list[str]:
     """Names of the nodes that stay float32: the first convolution, the last ones of the heads, all that leads to a
     feature.
 
@@ -109,7 +116,7 @@ def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | No
     return found
 
 
-def _tensors(detector: Detector, pictures: Iterable[Path]) -> Iterator[Tensors]:
+def _tensors(detector: DetectorSpec, pictures: Iterable[Path]) -> Iterator[Tensors]:
     preprocess = Preprocessor(detector.input)
     for path in pictures:
         tensor, _ = preprocess(read_picture(path))

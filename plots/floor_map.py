@@ -45,7 +45,7 @@ def plot_map(
     path: Path,
     objects: Sequence[MapObject],
     sightings: Sequence[SeenAt] = (),
-    way: Trajectory | None = None,
+    trajectory: Trajectory | None = None,
     truth: Sequence[tuple[str, float, float]] = (),
     zones: Sequence[Zone] = (),
 ) -> Path:
@@ -56,7 +56,7 @@ def plot_map(
     labels = [item.label for item in objects] + [seen.label for seen in sightings] + [label for label, _, _ in truth]
     colours = label_colours(labels)
     panels = 3 if sightings else 1
-    everything = _everything(objects, sightings, way, truth, zones)
+    everything = _everything(objects, sightings, trajectory, truth, zones)
     width, height = _panel_size(everything)
     figure, grid = plt.subplots(
         1, panels, figsize=(width * panels, height + 1.1), squeeze=False, sharex=True, sharey=True, layout="constrained"
@@ -64,7 +64,7 @@ def plot_map(
     axes = list(grid[0])
     for panel in axes:
         _zones(panel, zones)
-        _way(panel, way)
+        _trajectory(panel, trajectory)
     if sightings:
         _points(axes[0], sightings, colours)
         floor_axes(axes[0], f"(a) all {len(sightings)} sightings", "map")
@@ -78,7 +78,7 @@ def plot_map(
     floor_axes(axes[-1], ("(c) " if sightings else "") + "centres with 95 % ellipses", "map")
     end_where_the_data_ends(axes[-1], everything)
     figure.legend(
-        handles=[*legend_marks(labels), *_legend_lines(objects, sightings, way, truth, zones)],
+        handles=[*legend_marks(labels), *_legend_lines(objects, sightings, trajectory, truth, zones)],
         loc="outside lower center", ncols=max(2, int(width * panels / 1.6)), frameon=False, fontsize=9,
     )  # fmt: skip
     names = [(item.name or item.id, float(item.position_m[0]), float(item.position_m[1])) for item in objects]
@@ -91,7 +91,7 @@ def plot_map(
 def _everything(
     objects: Sequence[MapObject],
     sightings: Sequence[SeenAt],
-    way: Trajectory | None,
+    trajectory: Trajectory | None,
     truth: Sequence[tuple[str, float, float]],
     zones: Sequence[Zone],
 ) -> NDArray[np.float64]:
@@ -100,7 +100,7 @@ def _everything(
     for item in objects:
         points.append(ellipse_ends(item.position_m, item.covariance_m2))
     points.append(np.array([(seen.x_m, seen.y_m) for seen in sightings]).reshape(-1, 2))
-    points.append(np.array([(pose.x_m, pose.y_m) for pose in (way.poses if way else ())]).reshape(-1, 2))
+    points.append(np.array([(pose.x_m, pose.y_m) for pose in (trajectory.poses if trajectory else ())]).reshape(-1, 2))
     points.append(np.array([(x_m, y_m) for _, x_m, y_m in truth]).reshape(-1, 2))
     return np.concatenate(points)
 
@@ -114,7 +114,7 @@ def _panel_size(points: NDArray[np.float64]) -> tuple[float, float]:
 def _legend_lines(
     objects: Sequence[MapObject],
     sightings: Sequence[SeenAt],
-    way: Trajectory | None,
+    trajectory: Trajectory | None,
     truth: Sequence[tuple[str, float, float]],
     zones: Sequence[Zone],
 ) -> list[Line2D | Patch]:
@@ -123,7 +123,7 @@ def _legend_lines(
     hollow = {"linestyle": "", "fillstyle": "none", "markersize": 11}
     if objects:
         found.append(Line2D([], [], marker="o", color=WAY, label="95 % ellipse", **hollow))
-    if way is not None:
+    if trajectory is not None:
         found.append(Line2D([], [], color=WAY, linewidth=1.4, label="trajectory"))
         found.append(Line2D([], [], marker="^", linestyle="", color=INK, markersize=8, label="start"))
         found.append(Line2D([], [], marker="s", linestyle="", color=INK, markersize=6, label="end"))
@@ -142,11 +142,11 @@ def _zones(axes: Axes, zones: Sequence[Zone]) -> None:
         axes.add_patch(Polygon(corners, facecolor=ZONE, edgecolor=INK, linewidth=0.8, zorder=0.5))
 
 
-def _way(axes: Axes, way: Trajectory | None) -> None:
-    if way is None:
+def _trajectory(axes: Axes, trajectory: Trajectory | None) -> None:
+    if trajectory is None:
         return
-    x = [pose.x_m for pose in way.poses]
-    y = [pose.y_m for pose in way.poses]
+    x = [pose.x_m for pose in trajectory.poses]
+    y = [pose.y_m for pose in trajectory.poses]
     axes.plot(y, x, color=WAY, linewidth=1.4, zorder=1)
     axes.plot(y[0], x[0], marker="^", color=INK, markersize=8, zorder=3)
     axes.plot(y[-1], x[-1], marker="s", color=INK, markersize=6, zorder=3)

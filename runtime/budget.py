@@ -121,10 +121,10 @@ class Budget:
         return -math.inf if found is None or self._limit_c is None else found - self._limit_c
 
     def _why(self, share: float, heat_c: float) -> str:
-        told = [f"{100 * share:.0f} % of a core, {100 * self._share:.0f} allowed"] if self._share < math.inf else []
+        reasons = [f"{100 * share:.0f} % of a core, {100 * self._share:.0f} allowed"] if self._share < math.inf else []
         if self._limit_c is not None and heat_c > -math.inf:
-            told.append(f"{self._limit_c + heat_c:.0f} C, {self._limit_c:.0f} allowed")
-        return ", ".join(told)
+            reasons.append(f"{self._limit_c + heat_c:.0f} C, {self._limit_c:.0f} allowed")
+        return ", ".join(reasons)
 
     def _to(self, level: int, why: str) -> tuple[Effort, str] | None:
         if level < len(LADDER):

@@ -11,13 +11,13 @@ import numpy as np
 
 from edgemap.runtime.compute import Pace, one_blas_thread, settle
 from edgemap.runtime.cut_backbone import with_padding
-from edgemap.runtime.engine_choice import EngineChoice, agrees, remembered_engine
+from edgemap.runtime.engine_choice import EngineChoice, agrees, stored_engine
 from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.manifest import (
     METADATA_KEY,
     OPSETS,
-    Detector,
+    DetectorSpec,
     Manifest,
     OdometryHead,
     contract_metadata,
@@ -50,7 +50,7 @@ class Bundle:
         return self.compute.engine
 
     @property
-    def detector(self) -> Detector:
+    def detector(self) -> DetectorSpec:
         """The manifest's, with an input of as many rows as the backbone has."""
         whole = self.manifest.detector
         rows = self.backbone.inputs[whole.input.name][2]
@@ -131,7 +131,7 @@ def load_bundle(
     if engine == "auto":
         manifest = read_manifest(folder)
         key = f"{manifest.sha256[manifest.detector.file]}, {precision}, {pace}, {threads or 'any'} threads"
-        engine = remembered_engine(key, lambda one: load_bundle(folder, threads, precision, pace, one).backbone)
+        engine = stored_engine(key, lambda one: load_bundle(folder, threads, precision, pace, one).backbone)
     if precision == "auto":
         return _load_the_faster(folder, threads, pace, engine)
     manifest = read_manifest(folder)
@@ -160,14 +160,14 @@ def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engi
     return small if ratio <= WORTH_IT else exact
 
 
-def _input_shape(detector: Detector) -> tuple[int, ...]:
+def _input_shape(detector: DetectorSpec) -> tuple[int, ...]:
     return (1, 3, detector.input.height, detector.input.width)
 
 
 def _opener(
     folder: Path,
     manifest: Manifest,
-    record: Detector | OdometryHead,
+    record: DetectorSpec | OdometryHead,
     inputs: Shapes,
     outputs: Shapes,
 ) -> Callable[[Compute, int | None], Network]:
@@ -217,7 +217,7 @@ def _compare(where: str, kind: str, promised: Shapes, found: Shapes) -> None:
             raise BundleError(f"{where}: {kind} {name} has shape {found[name]}, manifest says {shape}")
 
 
-def _check_contract(path: Path, where: str, record: Detector | OdometryHead, folder: Path) -> None:
+def _check_contract(path: Path, where: str, record: DetectorSpec | OdometryHead, folder: Path) -> None:
     facts = onnx_facts(path)
     if facts is None:
         raise BundleError(

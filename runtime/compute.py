@@ -34,22 +34,22 @@ def settle(
     machine is busy with other work: then spinning takes more than it gives.
     """
     spin = pace == "files"
-    most = threads or default_threads()
-    if most == 1 or threads:
-        compute = Compute(most, spin and most > 1, engine)
+    limit = threads or default_threads()
+    if limit == 1 or threads:
+        compute = Compute(limit, spin and limit > 1, engine)
         return open_network(compute), compute
     one = open_network(Compute(1, engine=engine))
-    alone_ms = least_ms(one, clock)
+    alone_ms = minimum_ms(one, clock)
     if not spin and alone_ms <= ONE_THREAD_MS:
         return one, Compute(1, engine=engine)
-    compute = Compute(most, spin, engine)
+    compute = Compute(limit, spin, engine)
     all_threads = open_network(compute)
-    if least_ms(all_threads, clock) <= WORTH_IT[pace] * alone_ms:
+    if minimum_ms(all_threads, clock) <= WORTH_IT[pace] * alone_ms:
         return all_threads, compute
     return one, Compute(1, engine=engine)
 
 
-def least_ms(network: Network, clock: Callable[[], float] = time.perf_counter) -> float:
+def minimum_ms(network: Network, clock: Callable[[], float] = time.perf_counter) -> float:
     """The shortest of a few runs, ms."""
     tensors, times = network.zeros(), []
     for _ in range(WARM_UP + ROUNDS):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.observations.detections import Detections
-from edgemap.runtime.manifest import Detector, HeadSpec
+from edgemap.runtime.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Placement
 
@@ -23,13 +23,13 @@ DFL_BINS = 8  # per side of a box, whole strides 0 to 7
 class Decoder:
     """Turns a backbone's heads into Detections, one label per box.
 
-    confidence: least score (objectness times class probability) of a box. nms_iou: overlap above which the weaker of
+    confidence: minimum score (objectness times class probability) of a box. nms_iou: overlap above which the weaker of
     two boxes of one class goes. These are two different thresholds. one_name: of boxes in one place with different
     labels only that one stays which most cells vote for; average precision wants them all.
     """
 
     def __init__(
-        self, detector: Detector, confidence: float = 0.3, nms_iou: float = NMS_IOU, one_name: bool = False
+        self, detector: DetectorSpec, confidence: float = 0.3, nms_iou: float = NMS_IOU, one_name: bool = False
     ) -> None:
         self._heads = detector.heads
         self._names = tuple(entry.name for entry in detector.classes)

@@ -53,16 +53,16 @@ def download(
     sums: tuple[str, ...] = (),
     label: str | None = None,
     timeout_s: float = TIMEOUT_S,
-    most_bytes: int = LARGEST_BYTES,
+    maximum_bytes: int = LARGEST_BYTES,
     longest_s: float = LONGEST_S,
     progress: bool = True,
 ) -> Path:
     """Fetch `url` into `target`; a broken transfer leaves `target.part` and goes on from there the next time.
 
     sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source
-    (the URL by default). most_bytes, longest_s: limits of size and time; every SLOWEST_BYTES_S bytes that come in
+    (the URL by default). maximum_bytes, longest_s: limits of size and time; every SLOWEST_BYTES_S bytes that come in
     give it one second more. Only http and https are followed, redirects included, and https never to http.
-    Raises DownloadError, one line; `target` appears only when it is whole and right.
+    Raises DownloadError, one line; `target` appears only when it is complete and right.
     """
     label = label or url
     part, notes = _part_of(target), _notes_of(target)
@@ -75,10 +75,12 @@ def download(
             with _open(url, have, validator, timeout_s, clock) as reply:
                 have = have if _continues(reply, have) else 0
                 total = _total(reply, have)
-                if (total or 0) > most_bytes:
-                    raise DownloadError(f"{label}: {total:,} bytes, expected {most_bytes:,} at most")
+                if (total or 0) > maximum_bytes:
+                    raise DownloadError(f"{label}: {total:,} bytes, expected {maximum_bytes:,} at most")
                 notes.write_text(json.dumps({"url": url, "validator": _validator(reply)}), encoding="utf-8")
-                done = _receive(reply, part, have, total, most_bytes, clock, target.name if progress else None, label)
+                done = _receive(
+                    reply, part, have, total, maximum_bytes, clock, target.name if progress else None, label
+                )
         if clock.over:
             raise DownloadError(f"{label}: too slow, {done:,} bytes so far; run again to go on from there")
         if total is not None and done != total:
@@ -256,7 +258,7 @@ def _receive(
     part: Path,
     have: int,
     total: int | None,
-    most_bytes: int,
+    maximum_bytes: int,
     clock: _Clock,
     title: str | None,
     label: str,
@@ -277,8 +279,8 @@ def _receive(
             bar.update(len(piece))
             done += len(piece)
             clock.until_s += len(piece) / SLOWEST_BYTES_S
-            if done > most_bytes:
-                raise DownloadError(f"{label}: more than {most_bytes:,} bytes, stopped")
+            if done > maximum_bytes:
+                raise DownloadError(f"{label}: more than {maximum_bytes:,} bytes, stopped")
 
 
 def _in_words(reason: object, timeout_s: float) -> str:

@@ -14,14 +14,14 @@ from typing import Annotated, Any, get_args
 import msgspec
 from msgspec import Meta
 
-from edgemap.geometry.objects.edits import MOST_CORNERS, Annotations, Edit, EditError, EditKind
+from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Annotations, Edit, EditError, EditKind
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import DiskError
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.reading import HIDDEN, Coordinate, Strict, decode_json, read_text
 from edgemap.runtime.sinks.line_file import LineFile
 
-MOST_WAITING = 100
+MAXIMUM_WAITING = 100
 FILE_BYTES = 16 << 20
 KINDS = get_args(EditKind)
 Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
@@ -37,7 +37,7 @@ class _Line(Strict):
     name: Text = ""
     on: bool = True
     into: Text = ""
-    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=MOST_CORNERS)] = msgspec.field(
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=MAXIMUM_CORNERS)] = msgspec.field(
         default_factory=list
     )
 
@@ -57,8 +57,8 @@ class Edits:
         """Ask for an edit, from any thread; the id of its object or zone once it is done. The future raises EditError
         where the map does not allow it."""
         future: Future[str] = Future()
-        if len(self._waiting) >= MOST_WAITING:
-            future.set_exception(EditError(f"{MOST_WAITING} edits are waiting already"))
+        if len(self._waiting) >= MAXIMUM_WAITING:
+            future.set_exception(EditError(f"{MAXIMUM_WAITING} edits are waiting already"))
         else:
             self._waiting.append((edit, future))
         return future
@@ -100,7 +100,7 @@ class Edits:
 
     def _note(self, edit: Edit, frames: int) -> None:
         """Record it; a disk that is full gets it with the next one, and the run folder tells of it."""
-        line = json.dumps({"frames": frames} | _told(edit))
+        line = json.dumps({"frames": frames} | _changed_fields(edit))
         for record in self.recorders:
             record(line)
         if self._log is not None:
@@ -127,7 +127,7 @@ def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
     return found
 
 
-def _told(edit: Edit) -> dict[str, Any]:
+def _changed_fields(edit: Edit) -> dict[str, Any]:
     """An edit's fields, without those that say nothing."""
-    told = {item.name: getattr(edit, item.name) for item in fields(Edit)}
-    return {"do": edit.do} | {name: value for name, value in told.items() if value != getattr(Edit(edit.do), name)}
+    values = {item.name: getattr(edit, item.name) for item in fields(Edit)}
+    return {"do": edit.do} | {name: value for name, value in values.items() if value != getattr(Edit(edit.do), name)}

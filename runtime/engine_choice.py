@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Literal, cast, get_args
 
-from edgemap.runtime.compute import least_ms
+from edgemap.runtime.compute import minimum_ms
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.network import Engine, Network
 from edgemap.runtime.processor import computes_bf16, processor_name
@@ -21,7 +21,7 @@ INT8_TOLERANCE = 0.1  # YOLOv3-tiny's is 0.04, at the same AP50
 TOLERANCE: dict[Engine, float] = {"onnxruntime": 0.0, "openvino": 1e-3, "openvino-bf16": 0.15}  # of `Network.error`
 
 
-def remembered_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
+def stored_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
     """The engine that a trial found best for this key on this processor; tried now where none was.
 
     load: a bundle's backbone in an engine.
@@ -45,10 +45,10 @@ def remembered_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
 
 def best_engine(engines: Sequence[Engine], load: Callable[[Engine], Network]) -> Engine:
     """The fastest of the engines, the first one unless another is clearly faster; one that disagrees is left out."""
-    best, best_ms = engines[0], FASTER * least_ms(load(engines[0]))
+    best, best_ms = engines[0], FASTER * minimum_ms(load(engines[0]))
     for engine in engines[1:]:
         try:
-            ms = least_ms(load(engine))
+            ms = minimum_ms(load(engine))
         except BundleError:
             continue
         if ms < best_ms:

@@ -17,7 +17,7 @@ class FrameObservations:
 
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
-    frame, None for the level robot's. looked: whether the picture was searched, so that what is missing in it is gone.
+    frame, None for the level robot's. searched: whether objects were detected in it, so that what is missing is gone.
     at_rest: the robot stands still and nothing changed, so the boxes are those of the last picture that was searched.
     """
 
@@ -29,7 +29,7 @@ class FrameObservations:
     stages_ms: dict[str, float] = field(default_factory=dict)
     health: PictureHealth = field(default_factory=PictureHealth)
     camera: FloorCamera | None = None
-    looked: bool = True
+    searched: bool = True
     at_rest: bool = False
 
     @property

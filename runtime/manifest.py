@@ -97,7 +97,7 @@ class StateSpec(Strict):
     initial: Coordinate = 0.0
 
 
-class Detector(Strict):
+class DetectorSpec(Strict):
     """The backbone file and how to read it. decode: the rule that turns heads into boxes."""
 
     file: FileName
@@ -156,7 +156,7 @@ class Parity(Strict):
     cases: int
 
 
-class Variant(Strict):
+class BundleVariant(Strict):
     """A file that may run in the detector's place: same inputs, outputs and contract, other numbers inside.
 
     measured: what export found beside the float32 file: pictures, differences, AP50 where there was truth, and time.
@@ -172,17 +172,18 @@ class Manifest(Strict):
     variants: by precision, `int8`.
 
     envelope: camera heights, pitches, fields of view, frame rates and speeds that a trained odometry has seen
-    (empty while none is trained). confidence: least score of a box, unless told otherwise; sure_confidence: of one that
-    counts half towards making an object, then. measured: figures with their data. sources: where the weights came from.
+    (empty while none is trained). confidence: minimum score of a box unless --confidence is given;
+    sure_confidence: then of one that counts fully towards making an object. measured: figures with their data.
+    sources: where the weights came from.
     """
 
     format: str
     name: Name
     version: Name
-    detector: Detector
+    detector: DetectorSpec
     sha256: Annotated[dict[FileName, Sha256], Meta(max_length=100)]
     odometry: dict[Name, OdometryHead] = msgspec.field(default_factory=dict)
-    variants: dict[Literal["int8"], Variant] = msgspec.field(default_factory=dict)
+    variants: dict[Literal["int8"], BundleVariant] = msgspec.field(default_factory=dict)
     parity: dict[str, Parity] = msgspec.field(default_factory=dict)
     envelope: dict[Name, Span] = msgspec.field(default_factory=dict)
     confidence: Share = 0.3
@@ -192,7 +193,7 @@ class Manifest(Strict):
     sources: tuple[Text, ...] = ()
 
 
-def contract_metadata(record: Detector | OdometryHead) -> str:
+def contract_metadata(record: DetectorSpec | OdometryHead) -> str:
     """The contract as it stands in an ONNX file's metadata under `METADATA_KEY`: canonical JSON, file name left out."""
     document = msgspec.to_builtins(record)
     document.pop("file")

@@ -16,8 +16,8 @@ from msgspec import Meta
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.edits import (
     LONGEST_NAME,
-    MOST_CORNERS,
-    MOST_ZONES,
+    MAXIMUM_CORNERS,
+    MAXIMUM_ZONES,
     NO_ANNOTATIONS,
     Annotations,
     Zone,
@@ -81,7 +81,7 @@ def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes
     """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
 
     text: or what gives it block by block, each time that it is called. Where the file system can, the new file has no
-    name until it is whole, so a process that is killed leaves none behind. Raises DiskError where the folder does not
+    name until it is complete: a process that is killed leaves none behind. Raises DiskError where the folder does not
     take it.
     """
     whole = text.encode() if isinstance(text, str) else text
@@ -142,7 +142,7 @@ class _Head(msgspec.Struct):
     format: str = ""
 
 
-class _Object(msgspec.Struct, kw_only=True):
+class _ObjectRecord(msgspec.Struct, kw_only=True):
     id: Name
     label: Name
     x_m: Coordinate
@@ -162,13 +162,13 @@ class _Object(msgspec.Struct, kw_only=True):
 class _Zone(msgspec.Struct, kw_only=True):
     id: Name
     name: GivenName
-    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MOST_CORNERS)]
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
 
 
 class _Map(msgspec.Struct, kw_only=True):
-    objects: Annotated[list[_Object], Meta(max_length=100_000)]
-    zones: Annotated[list[_Zone], Meta(max_length=MOST_ZONES)] = msgspec.field(default_factory=list)
-    deleted: Annotated[list[_Object], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
+    objects: Annotated[list[_ObjectRecord], Meta(max_length=100_000)]
+    zones: Annotated[list[_Zone], Meta(max_length=MAXIMUM_ZONES)] = msgspec.field(default_factory=list)
+    deleted: Annotated[list[_ObjectRecord], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
     seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
         default_factory=dict
     )
@@ -210,7 +210,7 @@ def read_map(data: bytes, source: str) -> tuple[list[MapObject], Annotations]:
     return objects, Annotations(zones, tuple(deleted))
 
 
-def _object_of(record: _Object, views: list[tuple[float, float]], where: str) -> MapObject:
+def _object_of(record: _ObjectRecord, views: list[tuple[float, float]], where: str) -> MapObject:
     covariance = np.array(record.covariance_m2)
     (xx, xy), (yx, yy) = covariance.tolist()
     if abs(xy - yx) > ROUNDING_M2 or min(xx, yy, *np.linalg.eigvalsh(covariance)) < -ROUNDING_M2:

@@ -37,7 +37,7 @@ START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person k
 class MapUpdate:
     """What one frame changed in the back end.
 
-    object_ids: one per sighting. merged: ids of the whole run that are no more, to the id that they became part of.
+    object_ids: one per sighting. merged: ids of the complete run that are no more, to the id that they became part of.
     trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
     this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of the
     frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,
@@ -127,7 +127,7 @@ class Mapper:
             for sighting, landmark in zip(observed.sightings, landmarks, strict=True)
         ]
         object_ids = self.map.update(sightings)
-        if observed.looked:
+        if observed.searched:
             self.forgetter.observe(
                 self.map,
                 observed.detections,

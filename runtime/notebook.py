@@ -14,7 +14,7 @@ from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pose_journal import PoseJournal
 
-MOST_POSES = 2000  # of a drawn trajectory
+MAXIMUM_POSES = 2000  # of a drawn trajectory
 
 
 class MapObjects(list[MapObject]):
@@ -37,7 +37,7 @@ def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) ->
     poses: list[SE2] = []
     if trajectory is not None and len(trajectory):
         stamps_s = trajectory.stamps_s
-        rows = trajectory.at(stamps_s[:: max(1, len(stamps_s) // MOST_POSES)])
+        rows = trajectory.at(stamps_s[:: max(1, len(stamps_s) // MAXIMUM_POSES)])
         poses = [SE2(*row) for row in rows.tolist()]
     address = "data:image/svg+xml;base64," + b64encode(map_svg(objects, poses).encode()).decode()
     heads = ("object", "x", "y", "± (95 %)", "seen", "confidence")

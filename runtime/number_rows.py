@@ -25,16 +25,16 @@ class Column:
     """A column's name, unit included, and the closed range that its numbers lie in."""
 
     name: str
-    least: float = -1e6
-    most: float = 1e6
+    minimum: float = -1e6
+    maximum: float = 1e6
 
 
 STAMP = Column("stamp_s", -1e12, 1e12)
 
 
-def columns(names: str, least: float = -1e6, most: float = 1e6) -> tuple[Column, ...]:
+def columns(names: str, minimum: float = -1e6, maximum: float = 1e6) -> tuple[Column, ...]:
     """Columns of one range from their names, separated by spaces."""
-    return tuple(Column(name, least, most) for name in names.split())
+    return tuple(Column(name, minimum, maximum) for name in names.split())
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +94,6 @@ class NumberTable:
             count = len(self.columns)
             raise error(f"{where}: expected {count} finite numbers, {names}, found {one_line(line, SHOWN)!r}")
         for column, value in zip(self.columns, row, strict=True):
-            if not column.least <= value <= column.most:
-                raise error(f"{where}: {column.name} is {value:g}, must be {column.least:g} to {column.most:g}")
+            if not column.minimum <= value <= column.maximum:
+                raise error(f"{where}: {column.name} is {value:g}, must be {column.minimum:g} to {column.maximum:g}")
         return row

@@ -115,7 +115,9 @@ class Pipeline:
     ) -> FrameObservations:
         """A frame that adds no observation to the map."""
         stages_ms = self._watch.stages_ms
-        return FrameObservations(frame.index, frame.stamp_s, boxes, [], motion, stages_ms, health, camera, looked=False)
+        return FrameObservations(
+            frame.index, frame.stamp_s, boxes, [], motion, stages_ms, health, camera, searched=False
+        )
 
     def _move(self, frame: Frame, features: Tensors) -> Motion:
         """The odometry's step, with the backbone's outputs where it ran."""

@@ -13,7 +13,7 @@ from edgemap.runtime.manifest import Manifest
 Numbers = Literal["float32", "int8"]
 Precision = Numbers | Literal["auto"]
 
-MOST_LOSS = 0.01  # of AP50
+MAXIMUM_LOSS = 0.01  # of AP50
 WORTH_IT = 0.9  # time of int8 over that of float32, at most
 ROUNDS, WARM_UP = 9, 2
 REST_S = 0.02  # before each run, so that the other network's spinning threads do not slow it
@@ -23,7 +23,7 @@ def report_allows_int8(manifest: Manifest) -> bool:
     """Whether the bundle has an int8 variant whose measured loss of AP50 is small; one not measured is not trusted."""
     variant = manifest.variants.get("int8")
     ap50 = variant.measured.get("ap50") if variant else None
-    return ap50 is not None and round(ap50["float32"] - ap50["int8"], 6) <= MOST_LOSS
+    return ap50 is not None and round(ap50["float32"] - ap50["int8"], 6) <= MAXIMUM_LOSS
 
 
 def time_ratio(
@@ -34,12 +34,12 @@ def time_ratio(
     rounds: int = ROUNDS,
 ) -> float:
     """Median time of `one` over that of `other`, run in turn on this processor."""
-    laps: list[list[float]] = [[], []]
+    repeats: list[list[float]] = [[], []]
     for turn in range(WARM_UP + rounds):
-        for call, times in zip((one, other), laps, strict=True):
+        for call, times in zip((one, other), repeats, strict=True):
             time.sleep(rest_s)
             before = clock()
             call()
             if turn >= WARM_UP:
                 times.append(clock() - before)
-    return float(np.median(laps[0]) / np.median(laps[1]))
+    return float(np.median(repeats[0]) / np.median(repeats[1]))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.odometry.flow_cells import Grid
+from edgemap.geometry.odometry.flow_cells import CellGrid
 from edgemap.runtime.manifest import InputSpec
 
 
@@ -55,12 +55,12 @@ def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -
     return min(spec.height, -(-filled // stride) * stride)
 
 
-def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> Grid:
+def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> CellGrid:
     """Cells of `stride` input px over the whole input, for a picture of this size."""
     where = place(spec, image_width, image_height)
     scale = where.width / image_width, where.height / image_height
     rows, columns = spec.height // stride, spec.width // stride
-    return Grid(rows, columns, stride, scale, where.left, where.top, where.width, where.height)
+    return CellGrid(rows, columns, stride, scale, where.left, where.top, where.width, where.height)
 
 
 class Preprocessor:

@@ -100,7 +100,7 @@ def decode_json(data: bytes | str, kind: type[T], where: object, error: type[Edg
             tree = msgspec.json.decode(data) if len(data) <= TREE_BYTES else None
         except (msgspec.MsgspecError, RecursionError):
             tree = None
-        raise error(f"{where}: {_told(why, tree)}") from None
+        raise error(f"{where}: {_reason(why, tree)}") from None
     except (msgspec.DecodeError, UnicodeError) as why:
         raise error(f"{where}: not JSON ({one_line(why)})") from None
     except RecursionError:
@@ -112,12 +112,12 @@ def convert(tree: Any, kind: type[T], where: object, error: type[EdgemapError], 
     try:
         return msgspec.convert(tree, kind, strict=strict)
     except (msgspec.ValidationError, OverflowError) as why:
-        raise error(f"{where}: {_told(why, tree)}") from None
+        raise error(f"{where}: {_reason(why, tree)}") from None
     except RecursionError:
         raise error(f"{where}: nested too deeply") from None
 
 
-def _told(why: Exception, tree: Any) -> str:
+def _reason(why: Exception, tree: Any) -> str:
     """msgspec's message with the value that stands at the place it names."""
     place = re.search(r" - at `\$([^`]*)`\Z", str(why))
     for name, number in re.findall(r"\.(\w+)|\[(\d+)\]", place[1]) if place and "..." not in place[1] else ():

@@ -1,4 +1,4 @@
-"""Whether a robot stands still, so that a frame brings nothing new: told by wheels and gyro, and by the picture."""
+"""Detects a robot at rest, so that its frames can be skipped: by wheels and gyro, and by the picture."""
 
 from __future__ import annotations
 

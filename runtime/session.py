@@ -86,15 +86,15 @@ def open_session(
     tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
     source = open_camera(camera, recovery=tuned.camera) if isinstance(camera, str) else camera
     try:
-        lens, seat = source.intrinsics, mount or source.mount
-        if lens is None or seat is None:
+        lens, camera_mount = source.intrinsics, mount or source.mount
+        if lens is None or camera_mount is None:
             lacks = "intrinsics" if lens is None else "mount"
             raise CameraError(
                 f"{source.name} brings no {lacks}: give its camera.yaml, or mount=Mount(height_m, pitch_rad)"
             )
         name = str(bundle) if bundle else default_bundle(camera if isinstance(camera, str) else source.name)[0]
         loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
-        floor = FloorCamera(lens, seat)
+        floor = FloorCamera(lens, camera_mount)
         options = SlamOptions(odometry, clustering=clustering, loop_closure=loop_closure)
         return Session(source, build_slam(source, loaded, floor, options, tuned), sinks, strict)
     except BaseException:

@@ -38,7 +38,7 @@ def read_sightings(folder: Path) -> list[SeenRecord]:
     except MapError:
         merged = {}
     found = []
-    for number, line in enumerate(whole_lines(path), start=1):
+    for number, line in enumerate(complete_lines(path), start=1):
         if number > SIGHTINGS_LIMIT:
             raise MapError(f"{path}: more than {SIGHTINGS_LIMIT:,} sightings")
         record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
@@ -47,8 +47,8 @@ def read_sightings(folder: Path) -> list[SeenRecord]:
     return found
 
 
-def whole_lines(path: Path) -> Iterator[bytes]:
-    """A file's whole lines: what a power cut left of the last one does not count. Raises MapError."""
+def complete_lines(path: Path) -> Iterator[bytes]:
+    """A file's complete lines: what a power cut left of the last one does not count. Raises MapError."""
     data = read_bytes(path, SIGHTINGS_BYTES, MapError)
     begin = 0
     while (end := data.find(b"\n", begin)) >= 0:

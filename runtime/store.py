@@ -70,7 +70,7 @@ def install_url(url: str, progress: bool = True) -> Path:
     base = url.removesuffix(MANIFEST_NAME).rstrip("/")
     with tempfile.TemporaryDirectory() as name:
         page = download(
-            f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, most_bytes=MANIFEST_BYTES, progress=False
+            f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, maximum_bytes=MANIFEST_BYTES, progress=False
         )
         manifest, text = read_manifest(page.parent), page.read_bytes()
     target = _place(manifest.name, url)
@@ -81,7 +81,7 @@ def install_url(url: str, progress: bool = True) -> Path:
                 f"{base}/{quote(name)}",
                 downloads_folder() / expected,
                 sums=(expected,),
-                most_bytes=left,
+                maximum_bytes=left,
                 progress=progress,
             )
             left -= fetched.stat().st_size

@@ -45,7 +45,7 @@ TEST_SEED = 9100
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DrivePart:
     """One drive of the set: its folder's name, the seed of its world, its pictures."""
 
     name: str
@@ -54,16 +54,16 @@ class Part:
     frames: int
 
 
-def parts(seed: int, training_frames: int = 5000, test_frames: int = 2000) -> list[Part]:
+def parts(seed: int, training_frames: int = 5000, test_frames: int = 2000) -> list[DrivePart]:
     """The training drives, each in a home of its own, and the four test drives, in homes with held-out furniture."""
     each = training_frames // TRAINING_DRIVES
     mixed = (SMOOTH, SHARP, SMOOTH, CHANGING, SMOOTH)
     training = [
-        Part(f"training-{number}", seed + number, choices, each) for number, choices in enumerate(mixed, start=1)
+        DrivePart(f"training-{number}", seed + number, choices, each) for number, choices in enumerate(mixed, start=1)
     ]
     tests = (("smooth-1", SMOOTH), ("smooth-2", SMOOTH), ("sharp-turns", SHARP), ("changing-light", CHANGING))
     return training + [
-        Part(f"test-{name}", TEST_SEED + seed % 90 + number, choices, test_frames)
+        DrivePart(f"test-{name}", TEST_SEED + seed % 90 + number, choices, test_frames)
         for number, (name, choices) in enumerate(tests)
     ]
 

@@ -13,7 +13,7 @@ from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Motion
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.router import Router
 
@@ -28,7 +28,7 @@ class Walker:
     """A person: of which model, and where at any time."""
 
     model: Model
-    motion: Motion
+    motion: SampledDrive
 
     def pose_home(self, stamp_s: float) -> SE2:
         """Where the person stands and which way he or she faces."""
@@ -36,7 +36,7 @@ class Walker:
 
 
 def draw_walkers(
-    grid: PlanGrid, models: Sequence[Model], count: int, robot: Motion, seconds: float, seed: tuple[int, ...]
+    grid: PlanGrid, models: Sequence[Model], count: int, robot: SampledDrive, seconds: float, seed: tuple[int, ...]
 ) -> tuple[Walker, ...]:
     """That many people of some of the models for that long; fewer where there is no room for them.
 
@@ -55,7 +55,9 @@ def draw_walkers(
     return tuple(walkers)
 
 
-def _walk(router: Router, limits: Limits, robot: Motion, seconds: float, rng: np.random.Generator) -> Motion:
+def _walk(
+    router: Router, limits: Limits, robot: SampledDrive, seconds: float, rng: np.random.Generator
+) -> SampledDrive:
     starts = router.nodes_m[rng.integers(len(router.nodes_m), size=30)]
     far = np.linalg.norm(starts - robot.samples[0, :2], axis=1)
     pose = np.array([*starts[int(np.argmax(far > min(1.5, far.max() - 1e-9)))], rng.uniform(-math.pi, math.pi)])
@@ -75,7 +77,7 @@ def _walk(router: Router, limits: Limits, robot: Motion, seconds: float, rng: np
         legs.append(leg)
         count += len(leg)
         pose = leg[-1]
-    return Motion(np.concatenate(legs))
+    return SampledDrive(np.concatenate(legs))
 
 
 def _draw_leg(router: Router, limits: Limits, pose: Array, rng: np.random.Generator) -> Array | None:
@@ -93,7 +95,7 @@ def _draw_leg(router: Router, limits: Limits, pose: Array, rng: np.random.Genera
     return np.concatenate([motion.turn(pose, left, limits), motion.along(way, pose[2] + left, limits)])
 
 
-def _apart_m(leg: Array, start: int, robot: Motion) -> float:
+def _apart_m(leg: Array, start: int, robot: SampledDrive) -> float:
     """The least distance to the robot while the leg lasts and two seconds on."""
     last = np.tile(leg[-1], (int(2.0 / SAMPLE_S), 1))
     person = np.concatenate([leg, last])[::5]

@@ -33,7 +33,7 @@ from edgemap.simulation.views import Shown, draw_views
 from edgemap.simulation.world import build_scene
 
 # What a label file asks a detector for; boxes.json has the rest as well.
-LEAST_VISIBLE, LEAST_SIDE_PX = 0.2, 12
+MINIMUM_VISIBLE, MINIMUM_SIDE_PX = 0.2, 12
 FORMAT = "edgemap.pictures/1"
 
 
@@ -112,7 +112,9 @@ def _write(folder: Path, name: str, picture: tuple[bytes, str], boxes: list[dict
     wanted = [
         (COCO_NAMES.index(record["label"]), record["box"])
         for record in boxes
-        if record["label"] in COCO_NAMES and record["visible"] >= LEAST_VISIBLE and _side_px(record) >= LEAST_SIDE_PX
+        if record["label"] in COCO_NAMES
+        and record["visible"] >= MINIMUM_VISIBLE
+        and _side_px(record) >= MINIMUM_SIDE_PX
     ]
     write_yolo_labels(folder / "labels" / f"{name}.txt", wanted, lens.width, lens.height)
 

@@ -17,7 +17,7 @@ from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.robot.plan_grid import PlanGrid
-from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.robot.sight import VisibilityEstimate
 from edgemap.simulation.studio import FIRST_MOVER_ID
 
 # Places tried for one picture; most pictures take the one that shows most of what was shown least.
@@ -56,7 +56,7 @@ def draw_views(apartment: Apartment, seed: int, count: int, envelope: Envelope |
         camera = envelope.draw_camera(rng)
         light = envelope.draw_light(rng)
         effects = replace(envelope.draw_effects(rng, light), jpeg_quality=int(rng.integers(*_JPEG_QUALITY)))
-        sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
+        sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
         pose = _draw_pose(grid, sight, shown, rng)
         velocity = np.array([rng.uniform(0.0, 0.7), 0.0, rng.normal(0.0, 0.4)]) * (rng.random() < 0.7)
         movers, passers = _draw_passers(grid, pose, purpose_of(seed), rng)
@@ -64,7 +64,7 @@ def draw_views(apartment: Apartment, seed: int, count: int, envelope: Envelope |
     return views
 
 
-def _draw_pose(grid: PlanGrid, sight: Sight, shown: dict[int, float], rng: np.random.Generator) -> Array:
+def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float], rng: np.random.Generator) -> Array:
     places = np.zeros((0, 2))
     while len(places) < _PLACES:
         drawn = rng.uniform(0.0, 1.0, (4 * _PLACES, 2)) * grid.size_m

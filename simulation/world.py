@@ -23,10 +23,10 @@ from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
 from edgemap.simulation.robot.explore import Habits, drive
-from edgemap.simulation.robot.motion import Limits, Motion
+from edgemap.simulation.robot.motion import Limits, SampledDrive
 from edgemap.simulation.robot.nodding import Tilts, nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid
-from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.robot.sight import VisibilityEstimate
 
 # What a drive must offer within its first 45 s, told from the plan: a little more than the contract asks, because
 # the plan's estimate of what is seen is one. Judged on every n-th of 450 moments, whatever the camera's rate.
@@ -81,7 +81,7 @@ class World:
     camera: CameraSetup
     effects: Effects
     light: LightScript
-    motion: Motion
+    motion: SampledDrive
     frames: int
     walkers: tuple[Walker, ...] = ()
     changes: Changes | None = None
@@ -180,7 +180,7 @@ def _draw_drive(
     effects = choices.effects or envelope.draw_effects(rng, light)
     limits = choices.limits or envelope.draw_limits(rng)
     drawn = int(rng.choice(len(envelope.people), p=envelope.people))
-    sight = Sight(apartment, grid, camera.intrinsics, camera.mount)
+    sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2, *turn]
     try:
         motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
@@ -197,7 +197,7 @@ def _draw_drive(
     return World(seed, home_seed, apartment, camera, effects, light, motion, frames, walkers)
 
 
-def _fulfils(motion: Motion, sight: Sight) -> bool:
+def _fulfils(motion: SampledDrive, sight: VisibilityEstimate) -> bool:
     poses = motion.at(CONTRACT_STAMPS_S)
     if np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() < _LEAST_WAY_M:
         return False

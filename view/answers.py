@@ -102,13 +102,13 @@ def boxes(result: StepResult) -> list[dict[str, Any]]:
         for item, identity in zip(result.sightings, result.object_ids, strict=True)
     }
     found = result.detections
-    told = []
+    rows = []
     for index, label in enumerate(found.labels):
         distance_m, identity = placed.get(index, (None, ""))
         box = [round(float(v), 1) for v in found.boxes[index]]
         score = round(float(found.scores[index]), 3)
-        told.append({"box": box, "label": label, "score": score, "distance_m": distance_m, "object": identity})
-    return told
+        rows.append({"box": box, "label": label, "score": score, "distance_m": distance_m, "object": identity})
+    return rows
 
 
 def plain(value: Any) -> bytes:

@@ -14,7 +14,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.geometry.objects.edits import MOST_CORNERS, Edit, EditError
+from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Edit, EditError
 from edgemap.runtime.map_file import GivenName
 from edgemap.runtime.reading import Coordinate
 from edgemap.view import answers
@@ -61,7 +61,7 @@ class ZoneWish(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/zones and PUT /api/zones/{id}."""
 
     name: GivenName
-    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MOST_CORNERS)]
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
 
 
 class Nothing(msgspec.Struct, forbid_unknown_fields=True):
@@ -76,7 +76,7 @@ class Api:
 
     def routes(self) -> list[Route]:
         """All addresses under /api."""
-        told: list[tuple[str, str, Answer]] = [
+        routes: list[tuple[str, str, Answer]] = [
             ("GET", "/api/run", self.run),
             ("GET", "/api/health", self.health),
             ("GET", "/api/faults", self.faults),
@@ -99,7 +99,7 @@ class Api:
             ("POST", "/api/save", self.save),
             ("GET", "/api/openapi.yaml", self.openapi),
         ]
-        return [Route(path, _guarded(answer), methods=[method]) for method, path, answer in told]
+        return [Route(path, _guarded(answer), methods=[method]) for method, path, answer in routes]
 
     async def run(self, request: Request) -> Response:  # noqa: ARG002
         """What runs: camera, bundle, odometry, colours and marks of the labels."""

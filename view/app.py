@@ -20,7 +20,7 @@ from edgemap.view.viewer import Bell, Viewer
 
 STATIC = Path(__file__).parent / "static"
 KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
-MOST_VIEWERS = 8
+MAXIMUM_VIEWERS = 8
 TRY_AGAIN_LATER = 1013
 
 
@@ -36,9 +36,9 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
         return Response(content, media_type=kind)
 
     async def socket(websocket: WebSocket) -> None:
-        if len(viewers) >= MOST_VIEWERS:
+        if len(viewers) >= MAXIMUM_VIEWERS:
             await websocket.accept()
-            await websocket.close(TRY_AGAIN_LATER, f"{MOST_VIEWERS} viewers are looking already")
+            await websocket.close(TRY_AGAIN_LATER, f"{MAXIMUM_VIEWERS} viewers are looking already")
             return
         viewer = Viewer(websocket, page, bell, pictures, vitals)
         viewers.add(viewer)

@@ -34,10 +34,10 @@ class PageServer:
         page: LivePage,
         host: str,
         port: int,
-        told: Callable[[str], None] = tell,
+        report: Callable[[str], None] = tell,
     ) -> None:
         self._socket = _bind(host, port)
-        self._told = told
+        self._report = report
         address, self.port = self._socket.getsockname()[:2]
         self.token = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
         shown = reachable(address)
@@ -75,7 +75,7 @@ class PageServer:
         except BaseException as error:  # whatever it is, the map is worth more than the page
             why = f"{type(error).__name__}: {error}"
         if not self._server.should_exit:
-            self._told(f"the live page is gone ({why}); the run goes on")
+            self._report(f"the live page is gone ({why}); the run goes on")
 
 
 def _bind(host: str, port: int) -> socket.socket:

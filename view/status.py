@@ -21,7 +21,7 @@ Level = Literal["ok", "degraded", "fault"]
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class Alert:
     """level: fault (nothing is mapped) or degraded (the map goes on, worse). what: camera, picture, speed, odometry,
     pose or report. text: one sentence for people."""
 
@@ -30,7 +30,7 @@ class Problem:
     text: str
 
 
-def problems(page: LivePage) -> list[Problem]:
+def problems(page: LivePage) -> list[Alert]:
     """What is wrong now, faults first; empty while all is well or the run is held or over."""
     moment = page.newest
     if page.state != "running" or moment is None:
@@ -38,15 +38,15 @@ def problems(page: LivePage) -> list[Problem]:
     age_s, found = time.monotonic() - moment.arrived_s, []
     camera = page.camera_state()
     if camera == "lost":
-        found.append(Problem("fault", "camera", "The camera is lost. The map so far is saved."))
+        found.append(Alert("fault", "camera", "The camera is lost. The map so far is saved."))
     elif camera != "running":
-        found.append(Problem("fault", "camera", f"No picture for {age_s:.0f} s. The camera is being restarted."))
+        found.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s. The camera is being restarted."))
     elif age_s > SILENT_S:
-        found.append(Problem("fault", "camera", f"No picture for {age_s:.0f} s."))
+        found.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s."))
     found += _of_step(page, moment.result)
     last = page.last_fault
     if last is not None and time.monotonic() - last.told_s < NEWS_S:
-        found.append(Problem("degraded", "report", _sentence(last.text)))
+        found.append(Alert("degraded", "report", _sentence(last.text)))
     return sorted(found, key=lambda problem: problem.level != "fault")
 
 
@@ -67,28 +67,28 @@ def pose_sigma(result: StepResult) -> tuple[float, float]:
 
 
 def step_ms(result: StepResult) -> float:
-    """Time of the whole step."""
+    """Time of the complete step."""
     return float(sum(result.stages_ms.values()))
 
 
-def _of_step(page: LivePage, result: StepResult) -> list[Problem]:
+def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
     found = []
     if result.health.blind:
         level: Level = "degraded" if result.health.stale else "fault"
-        found.append(Problem(level, "picture", f"The picture tells nothing new: {result.health.reason}."))
+        found.append(Alert(level, "picture", f"The picture tells nothing new: {result.health.reason}."))
     if result.motion.fault:
-        found.append(Problem("degraded", "odometry", f"Odometry: {result.motion.fault}."))
+        found.append(Alert("degraded", "odometry", f"Odometry: {result.motion.fault}."))
     effort, rate_hz = page.effort(), page.rate_hz()
     if not effort.full:
-        found.append(Problem("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
+        found.append(Alert("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
     wanted_hz = (page.about.get("rate_hz") or 0.0) / effort.take_every
     if rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
         text = f"Overloaded: {rate_hz:.1f} of {wanted_hz:.0f} pictures a second, {step_ms(result):.0f} ms each."
-        found.append(Problem("degraded", "speed", text))
+        found.append(Alert("degraded", "speed", text))
     away_m, turned_rad = pose_sigma(result)
     if away_m > UNSURE_M or turned_rad > UNSURE_RAD:
         text = f"The position is uncertain: ± {away_m:.1f} m, ± {math.degrees(turned_rad):.0f}°."
-        found.append(Problem("degraded", "pose", text))
+        found.append(Alert("degraded", "pose", text))
     return found
 
 

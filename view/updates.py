@@ -20,7 +20,7 @@ from edgemap.view.status import pose_sigma, status
 
 JPEG_QUALITY = 75
 WIDEST_PX = 960
-MOST_ITEMS = 4000  # of a history in one update; the rest follows in the next ones
+MAXIMUM_ITEMS = 4000  # of a history in one update; the rest follows in the next ones
 
 
 class Pictures:
@@ -87,15 +87,15 @@ class Cursor:
         if moved:
             self._trail, self._sightings, self._objects, self._zones = 0, 0, {}, None
         moment = page.newest
-        trail, self._trail = page.trail.since(self._trail, MOST_ITEMS)
-        faults, self._faults = page.faults.since(self._faults, MOST_ITEMS)
+        trail, self._trail = page.trail.since(self._trail, MAXIMUM_ITEMS)
+        faults, self._faults = page.faults.since(self._faults, MAXIMUM_ITEMS)
         document: dict[str, Any] = {
             "number": number, "state": page.state, "camera_state": page.camera_state(), "moved": moved,
             "status": status(page), "trail": trail, "faults": [fault_answer(fault) for fault in faults],
             "vitals": vitals.now(),
         }  # fmt: skip
         if self._with_sightings:
-            document["sightings"], self._sightings = page.sightings.since(self._sightings, MOST_ITEMS)
+            document["sightings"], self._sightings = page.sightings.since(self._sightings, MAXIMUM_ITEMS)
         jpeg = b""
         if moment is not None:
             zones = zones_answer(page)

@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line has it
 
 
 @dataclass(frozen=True)
-class Options:
+class ReliabilityOptions:
     """Which parts run, and how much of each."""
 
     parts: Annotated[
@@ -32,7 +32,7 @@ class Options:
     )
 
 
-def main(options: Options) -> None:
+def main(options: ReliabilityOptions) -> None:
     """Run the parts one by one; exit code 1 where one misses its target."""
     failures = []
     for name in options.parts or PARTS:
@@ -52,4 +52,4 @@ def main(options: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options, description=__doc__))
+    main(tyro.cli(ReliabilityOptions, description=__doc__))

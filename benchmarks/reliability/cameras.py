@@ -15,9 +15,9 @@ from edgemap.benchmarks.reliability.demo_slam import DemoDrive
 from edgemap.benchmarks.reliability.faulty_camera import (
     CaptureDriver,
     FaultyDriver,
+    FaultyWorld,
     PlannedFault,
     PlaybackDriver,
-    World,
     plan,
 )
 from edgemap.benchmarks.reliability.parts import PartReport
@@ -45,7 +45,7 @@ class _Watch:
 
     name = "watch"
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: FaultyWorld) -> None:
         self._world = world
         self.frames_s: list[float] = []
         self.told: Counter[str] = Counter()
@@ -133,7 +133,7 @@ def _one(
 ) -> dict[str, Any]:
     chosen = range(len(demo.images)) if frames is None else frames
     images, stamps_s = [demo.images[i] for i in chosen], [demo.stamps_s[i] for i in chosen]
-    world = World(images, stamps_s, faults, demo.stamps_s[0])
+    world = FaultyWorld(images, stamps_s, faults, demo.stamps_s[0])
     inner = CaptureDriver(world) if recording is None else PlaybackDriver(world, recording)
     slam, watch, failure = demo.slam(), _Watch(world), ""
     try:

@@ -40,7 +40,7 @@ F1_LOSS = 0.1  # likewise
 def run(seed: int, share: float, out: Path) -> PartReport:  # noqa: ARG001
     """The real back end, loop closure included; what the front end gives is drawn from a room of 14 objects."""
     steps = max(PIECES, round(DAY_S * share))
-    rows = drive_through(new_mapper(Config()), Drive(seed), steps, PIECES, 24.0, LIMIT_S * share)
+    rows = drive_through(new_mapper(Config()), RoundTrip(seed), steps, PIECES, 24.0, LIMIT_S * share)
     return _report(rows, steps)
 
 
@@ -102,7 +102,7 @@ def drive_through(
     return rows
 
 
-class Drive:
+class RoundTrip:
     """Round and round: what a front end would give of each step. room: (label, x_m, y_m)."""
 
     def __init__(self, seed: int) -> None:

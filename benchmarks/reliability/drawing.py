@@ -1,7 +1,7 @@
 """Documents drawn from the formats' own types: every value at or near its bounds, now and then one step outside.
 
 Nothing here starts from a valid file. A schema (msgspec's types, the columns of a table) says what may stand where, and
-`Draw` fills it; `hurt` says at each value whether it is to break the rule that the schema gives.
+`ValueSource` fills it; `hurt` says at each value whether it is to break the rule that the schema gives.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Raw(str):
     """JSON text that goes into the document as it is."""
 
 
-class Draw:
+class ValueSource:
     """A seeded source of values. damage: chance of each value to break its rule; 0 for a document that is right."""
 
     def __init__(self, random: Random, damage: float | None = None) -> None:
@@ -92,12 +92,12 @@ class Draw:
         return self.pick(ODD_TEXTS)
 
 
-def of_type(draw: Draw, kind: Any) -> Any:
+def of_type(draw: ValueSource, kind: Any) -> Any:
     """A value of a type that `msgspec.inspect.type_info` understands; wrong ones where `draw` says so."""
     return _value(draw, inspect.type_info(kind), 0)
 
 
-def _value(draw: Draw, info: Any, depth: int) -> Any:
+def _value(draw: ValueSource, info: Any, depth: int) -> Any:
     if draw.hurt():
         return Raw(draw.pick((*ODD_TOKENS, *ODD_NUMBERS)) if draw.chance(0.97) else draw.pick(("[", "{")) * 3000)
     match info:
@@ -145,7 +145,7 @@ def _value(draw: Draw, info: Any, depth: int) -> Any:
     return draw.pick((None, 1, "x", [1, [2]], {"a": {"b": [0.5]}}))  # any value
 
 
-def _record(draw: Draw, info: Any, depth: int) -> dict[str, Any]:
+def _record(draw: ValueSource, info: Any, depth: int) -> dict[str, Any]:
     found = {}
     for field in info.fields:
         if (not field.required and draw.chance(0.4)) or draw.hurt():
@@ -157,7 +157,7 @@ def _record(draw: Draw, info: Any, depth: int) -> dict[str, Any]:
     return found
 
 
-def json_text(draw: Draw, value: Any) -> str:
+def json_text(draw: ValueSource, value: Any) -> str:
     """A value as JSON, spelled in any of the ways that JSON allows; where `draw` hurts, in one that it does not."""
     if isinstance(value, Raw):
         return "".join(value)
@@ -185,7 +185,7 @@ def json_text(draw: Draw, value: Any) -> str:
     return {"inf": "1e999", "-inf": "-1e999", "nan": "NaN"}.get(text, text)
 
 
-def _quoted(draw: Draw, text: str) -> str:
+def _quoted(draw: ValueSource, text: str) -> str:
     letters = []
     for letter in text:
         code = ord(letter)
@@ -196,7 +196,7 @@ def _quoted(draw: Draw, text: str) -> str:
     return '"' + "".join(letters) + ('"' if not draw.hurt() or draw.chance(0.8) else "")
 
 
-def encoded(draw: Draw, text: str) -> bytes:
+def encoded(draw: ValueSource, text: str) -> bytes:
     """A text as a file's bytes; where `draw` hurts, cut, or in no UTF-8."""
     data = text.encode("utf-8", "surrogatepass")
     if draw.damage and draw.chance(0.04):
@@ -208,7 +208,7 @@ def encoded(draw: Draw, text: str) -> bytes:
     return data
 
 
-def json_bytes(draw: Draw, kind: Any, mend: Callable[[Draw, Any], None] | None = None) -> bytes:
+def json_bytes(draw: ValueSource, kind: Any, mend: Callable[[ValueSource, Any], None] | None = None) -> bytes:
     """A document of a type as a JSON file. mend: makes true what a type cannot say (ids that are unlike)."""
     tree = of_type(draw, kind)
     if mend is not None and isinstance(tree, dict):
@@ -216,7 +216,7 @@ def json_bytes(draw: Draw, kind: Any, mend: Callable[[Draw, Any], None] | None =
     return encoded(draw, json_text(draw, tree))
 
 
-def yaml_text(draw: Draw, value: Any, indent: int = 0) -> str:
+def yaml_text(draw: ValueSource, value: Any, indent: int = 0) -> str:
     """A value as YAML, in block or flow style, with what YAML has beyond JSON where `draw` hurts."""
     pad = " " * indent
     if draw.hurt():
@@ -241,7 +241,7 @@ def yaml_text(draw: Draw, value: Any, indent: int = 0) -> str:
     return _flow(draw, value)
 
 
-def _flow(draw: Draw, value: Any) -> str:
+def _flow(draw: ValueSource, value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{_key(draw, name)}: {_flow(draw, item)}" for name, item in value.items()) + "}"
     if isinstance(value, list | tuple):
@@ -253,21 +253,21 @@ def _flow(draw: Draw, value: Any) -> str:
     return json_text(draw, value)
 
 
-def _key(draw: Draw, name: str) -> str:
+def _key(draw: ValueSource, name: str) -> str:
     if draw.hurt():
         return draw.pick(("1", "null", "[a]", "? [b]", "&k k", "true", "2024-01-01", name.upper() or "k", "''"))
     return name if name.replace("_", "").isalnum() and name.isascii() else json_text(draw, name)
 
 
 def table_bytes(
-    draw: Draw,
+    draw: ValueSource,
     table: NumberTable,
     rows: int | None = None,
-    mend: Callable[[Draw, list[list[float]]], None] | None = None,
+    mend: Callable[[ValueSource, list[list[float]]], None] | None = None,
 ) -> bytes:
     """A text table. mend: makes true what columns cannot say (stamps that rise, quaternions of length 1)."""
     count = draw.pick((0, 1, 2, 3, 5, 20)) if rows is None else rows
-    numbers = [[draw.real(column.least, column.most) for column in table.columns] for _ in range(count)]
+    numbers = [[draw.real(column.minimum, column.maximum) for column in table.columns] for _ in range(count)]
     if mend is not None:
         mend(draw, numbers)
     joint = table.separator or draw.pick((" ", "  ", "\t", ",", ", "))
@@ -289,7 +289,7 @@ def table_bytes(
     return encoded(draw, end.join(lines) + draw.pick(("", end)))
 
 
-def rising(draw: Draw, rows: list[list[float]], column: int = 0) -> None:
+def rising(draw: ValueSource, rows: list[list[float]], column: int = 0) -> None:
     """Stamps that rise, mostly in a usual step; now and then one that does not."""
     now = draw.pick((0.0, 0.0, 1.7e9, -5.0, 1e11))
     for row in rows:
@@ -297,7 +297,7 @@ def rising(draw: Draw, rows: list[list[float]], column: int = 0) -> None:
         row[column] = now
 
 
-def unit(draw: Draw, rows: list[list[float]], first: int, count: int = 4) -> None:
+def unit(draw: ValueSource, rows: list[list[float]], first: int, count: int = 4) -> None:
     """Quaternions of length 1 in the columns from `first`; now and then of another."""
     for row in rows:
         values = [draw.random.gauss(0.0, 1.0) for _ in range(count)]

@@ -65,7 +65,7 @@ def plan(random: np.random.Generator, count: int, first_s: float, last_s: float)
 
 
 @dataclass
-class World:
+class FaultyWorld:
     """Pictures at their stamps, a clock, and the faults to come. stop: set when the drive is over."""
 
     images: Sequence[NDArray[np.uint8]]
@@ -106,7 +106,7 @@ class World:
 class FaultyDevice:
     """Spoils what another device delivers, as the world's faults say."""
 
-    def __init__(self, world: World, inner: Device) -> None:
+    def __init__(self, world: FaultyWorld, inner: Device) -> None:
         self.size, self.intrinsics, self.rate_hz = inner.size, inner.intrinsics, inner.rate_hz
         self._world, self._inner = world, inner
         self._last: Picture | None = None
@@ -178,7 +178,7 @@ def _spoilt(fault: PlannedFault, stamp_s: float, image: NDArray[np.uint8]) -> An
 class FaultyDriver:
     """A driver whose devices fail, and which fails to open. resets: whether it has a hardware reset."""
 
-    def __init__(self, world: World, inner: Driver, resets: bool) -> None:
+    def __init__(self, world: FaultyWorld, inner: Driver, resets: bool) -> None:
         self.name = inner.name
         self._world, self._inner, self._resets = world, inner, resets
         self._changed: Callable[[bool], None] = lambda _: None
@@ -216,7 +216,7 @@ class FaultyDriver:
 class _Capture:
     """What `CaptureDevice` uses of `cv2.VideoCapture`, over the world's pictures."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: FaultyWorld) -> None:
         self._world, self._stamp_s = world, 0.0
 
     def read(self) -> tuple[bool, NDArray[np.uint8]]:
@@ -242,7 +242,7 @@ class CaptureDriver:
 
     name = "/dev/video0"
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: FaultyWorld) -> None:
         self._world = world
 
     def open(self) -> CaptureDevice:
@@ -264,7 +264,7 @@ PLAYBACK_POLLS = 25  # of 0.2 s in real time, which is not the world's: a busy m
 class _PlaybackDevice:
     """A RealSense device that plays a recording, at the world's pace."""
 
-    def __init__(self, world: World, inner: RealSenseDevice, ended: Callable[[], bool]) -> None:
+    def __init__(self, world: FaultyWorld, inner: RealSenseDevice, ended: Callable[[], bool]) -> None:
         self.size, self.intrinsics, self.rate_hz = inner.size, inner.intrinsics, inner.rate_hz
         self._world, self._inner, self._ended = world, inner, ended
 
@@ -286,7 +286,7 @@ class _PlaybackDevice:
 class PlaybackDriver(RealSenseDriver):
     """RealSense's own driver class over a recording: what is real of it is librealsense, not the device."""
 
-    def __init__(self, world: World, path: Path) -> None:
+    def __init__(self, world: FaultyWorld, path: Path) -> None:
         super().__init__(f"realsense:{path.name}")
         self._world, self._path = world, path
 

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from edgemap.benchmarks.reliability import drawing as d
-from edgemap.benchmarks.reliability.drawing import Draw
+from edgemap.benchmarks.reliability.drawing import ValueSource
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime import edits, manifest, map_file, sightings_file
@@ -29,6 +29,7 @@ from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.config import Config, config_arguments, config_document, load_config, load_efforts
 from edgemap.runtime.drives import camera_yaml, euroc, open_drive, pose_files, truth_json, yolo
+from edgemap.runtime.drives.coco import COCO_NAMES
 from edgemap.runtime.drives.imu_csv import IMU, read_imu_csv
 from edgemap.runtime.drives.wheel_csv import WHEEL, read_wheel_csv
 from edgemap.runtime.reading import printable
@@ -62,7 +63,7 @@ def cases(scratch: Path) -> list[ReaderCase]:
         ReaderCase("poses.txt, KITTI", _table(pose_files.MATRICES[12], _rigid), _file("poses.txt", lambda path: _finite(pose_files.read_matrices(path, 12)))),
         ReaderCase("poses.txt, c2w", _table(pose_files.MATRICES[16], _rigid), _file("poses.txt", lambda path: _finite(pose_files.read_matrices(path, 16)))),
         ReaderCase("times.txt", _table(pose_files.STAMPS, d.rising), _file("times.txt", pose_files.read_stamps)),
-        ReaderCase("yolo labels", _table(yolo.LABELS, _whole_classes), _read_labels),
+        ReaderCase("yolo labels", _table(yolo.label_table(COCO_NAMES), _whole_classes), _read_labels),
         ReaderCase("folders of drives", _drive, _use_drive),
         ReaderCase("option texts", _option, _use_option),
     ]  # fmt: skip
@@ -76,13 +77,13 @@ def _file(name: str, read: Callable[[Path], Any]) -> Callable[[Path, bytes], Any
     return written
 
 
-def _json(kind: Any, mend: Callable[[Draw, Any], None] | None = None) -> Callable[[Random], bytes]:
-    return lambda random: d.json_bytes(Draw(random), kind, mend)
+def _json(kind: Any, mend: Callable[[ValueSource, Any], None] | None = None) -> Callable[[Random], bytes]:
+    return lambda random: d.json_bytes(ValueSource(random), kind, mend)
 
 
-def _yaml(kind: Any, mend: Callable[[Draw, Any], None] | None = None) -> Callable[[Random], bytes]:
+def _yaml(kind: Any, mend: Callable[[ValueSource, Any], None] | None = None) -> Callable[[Random], bytes]:
     def make(random: Random) -> bytes:
-        draw = Draw(random)
+        draw = ValueSource(random)
         tree = d.of_type(draw, kind)
         if mend is not None and isinstance(tree, dict):
             mend(draw, tree)
@@ -93,8 +94,8 @@ def _yaml(kind: Any, mend: Callable[[Draw, Any], None] | None = None) -> Callabl
     return make
 
 
-def _table(table: Any, mend: Callable[[Draw, list[list[float]]], None]) -> Callable[[Random], bytes]:
-    return lambda random: d.table_bytes(Draw(random), table, mend=mend)
+def _table(table: Any, mend: Callable[[ValueSource, list[list[float]]], None]) -> Callable[[Random], bytes]:
+    return lambda random: d.table_bytes(ValueSource(random), table, mend=mend)
 
 
 def _finite(value: Any) -> Any:
@@ -106,7 +107,7 @@ def _finite(value: Any) -> Any:
 
 
 def _map(random: Random) -> bytes:
-    draw = Draw(random)
+    draw = ValueSource(random)
     tree = d.of_type(draw, map_file._Map)
     if isinstance(tree, dict):
         _mend_ids(draw, tree)
@@ -122,7 +123,7 @@ def _items(tree: dict[str, Any], name: str) -> list[Any]:
     return found if isinstance(found, list) else []
 
 
-def _mend_object(draw: Draw, record: dict[str, Any]) -> None:
+def _mend_object(draw: ValueSource, record: dict[str, Any]) -> None:
     if isinstance(first := record.get("first_seen_s"), float | int) and not draw.hurt():
         record["last_seen_s"] = min(first + draw.pick((0.0, 1.0, 1e6)), 1e12)
     if not draw.hurt():
@@ -132,7 +133,7 @@ def _mend_object(draw: Draw, record: dict[str, Any]) -> None:
         record["covariance_m2"] = [[a * cos * cos + b * sin * sin, xy], [xy, a * sin * sin + b * cos * cos]]
 
 
-def _mend_ids(draw: Draw, tree: dict[str, Any]) -> None:
+def _mend_ids(draw: ValueSource, tree: dict[str, Any]) -> None:
     """Ids that are unlike, as most files have them."""
     for number, record in enumerate((*_items(tree, "objects"), *_items(tree, "deleted"), *_items(tree, "zones"))):
         if isinstance(record, dict) and not draw.hurt():
@@ -171,7 +172,7 @@ def _use_map(folder: Path, data: bytes) -> None:
 
 
 def _sightings(random: Random) -> bytes:
-    draw = Draw(random)
+    draw = ValueSource(random)
     lines = [d.json_text(draw, d.of_type(draw, sightings_file.SeenRecord)) for _ in range(draw.count(9))]
     return (
         d.encoded(draw, "\n".join(lines) + draw.pick(("\n", "\n", "", "\n\n", "\r\n")))
@@ -181,7 +182,7 @@ def _sightings(random: Random) -> bytes:
 
 
 def _edits(random: Random) -> bytes:
-    draw = Draw(random)
+    draw = ValueSource(random)
     lines = []
     for _ in range(draw.count(5)):
         tree = d.of_type(draw, edits._Line)
@@ -201,7 +202,7 @@ def _read_sightings(folder: Path, data: bytes) -> Any:
 # Boxes, bundles, recordings' parts.
 
 
-def _mend_boxes(draw: Draw, tree: dict[str, Any]) -> None:
+def _mend_boxes(draw: ValueSource, tree: dict[str, Any]) -> None:
     for frame in tree.get("frames") or [] if isinstance(tree.get("frames"), list) else []:
         for box in frame if isinstance(frame, list) else []:
             if isinstance(box, dict) and isinstance(corners := box.get("box"), list) and not draw.hurt():
@@ -211,7 +212,7 @@ def _mend_boxes(draw: Draw, tree: dict[str, Any]) -> None:
                     box["box"] = [x[0], y[0], x[1], y[1]]
 
 
-def _mend_manifest(draw: Draw, tree: dict[str, Any]) -> None:
+def _mend_manifest(draw: ValueSource, tree: dict[str, Any]) -> None:
     if not draw.hurt():
         tree["format"] = manifest.FORMAT
     detector = tree.get("detector")
@@ -247,7 +248,7 @@ def _values(tree: Any) -> list[Any]:
 
 
 def _facts(random: Random) -> dict[str, str]:
-    draw = Draw(random)
+    draw = ValueSource(random)
     record = {
         "format": facts.FORMAT, "camera": draw.text(), "rate_hz": d.json_text(draw, d.of_type(draw, facts._RATE)),
         "intrinsics": d.json_text(draw, d.of_type(draw, facts._LENS)), "mount": d.json_text(draw, d.of_type(draw, facts._MOUNT)),
@@ -262,8 +263,8 @@ def _facts(random: Random) -> dict[str, str]:
 
 
 def _attachment(random: Random) -> bytes:
-    draw = Draw(random)
-    rows = [[draw.real(column.least, column.most) for column in WHEEL.columns] for _ in range(draw.count(9))]
+    draw = ValueSource(random)
+    rows = [[draw.real(column.minimum, column.maximum) for column in WHEEL.columns] for _ in range(draw.count(9))]
     d.rising(draw, rows)
     tree: list[Any] = [
         row if not draw.hurt() else draw.pick((row[:3], [*row, 0], [], {}, [[]] * 4, None)) for row in rows
@@ -274,7 +275,7 @@ def _attachment(random: Random) -> bytes:
 # Configuration.
 
 
-def _config_tree(draw: Draw) -> dict[str, Any]:
+def _config_tree(draw: ValueSource) -> dict[str, Any]:
     document: dict[str, Any] = {}
     whole = config_document(Config())
     if not draw.hurt():
@@ -309,7 +310,7 @@ def _config_tree(draw: Draw) -> dict[str, Any]:
     return document
 
 
-def _some(draw: Draw, tree: Any) -> Any:
+def _some(draw: ValueSource, tree: Any) -> Any:
     """Part of the tree with other values."""
     if isinstance(tree, dict):
         found = {name: _some(draw, item) for name, item in tree.items() if draw.chance(0.4)}
@@ -324,12 +325,12 @@ def _some(draw: Draw, tree: Any) -> Any:
 
 
 def _config_json(random: Random) -> bytes:
-    draw = Draw(random)
+    draw = ValueSource(random)
     return d.encoded(draw, d.json_text(draw, _config_tree(draw)))
 
 
 def _config_yaml(random: Random) -> bytes:
-    draw = Draw(random)
+    draw = ValueSource(random)
     return d.encoded(draw, d.yaml_text(draw, _config_tree(draw)))
 
 
@@ -340,7 +341,7 @@ def _use_config(path: Path) -> None:
     assert all(isinstance(word, str) for word in config_arguments(["--config", str(path)]))
 
 
-def _mend_camera(draw: Draw, tree: dict[str, Any]) -> None:
+def _mend_camera(draw: ValueSource, tree: dict[str, Any]) -> None:
     if draw.hurt():
         return
     width, height = draw.pick((64, 640, 65536)), draw.pick((48, 480, 65536))
@@ -358,7 +359,7 @@ def _read_sensor(path: Path) -> None:
 # Tables.
 
 
-def _rolling(draw: Draw, rows: list[list[float]]) -> None:
+def _rolling(draw: ValueSource, rows: list[list[float]]) -> None:
     d.rising(draw, rows)
     x_m = 0.0
     for row in rows:
@@ -366,12 +367,12 @@ def _rolling(draw: Draw, rows: list[list[float]]) -> None:
         row[1:] = [x_m, draw.random.gauss(0.0, 0.1), draw.real(-1e6, 1e6) if draw.chance(0.1) else draw.real(-3.2, 3.2)]
 
 
-def _posed(draw: Draw, rows: list[list[float]]) -> None:
+def _posed(draw: ValueSource, rows: list[list[float]]) -> None:
     d.rising(draw, rows)
     d.unit(draw, rows, 4)
 
 
-def _rigid(draw: Draw, rows: list[list[float]]) -> None:
+def _rigid(draw: ValueSource, rows: list[list[float]]) -> None:
     for row in rows:
         turn = [[0.0] * 4]
         d.unit(draw, turn, 0)
@@ -380,7 +381,7 @@ def _rigid(draw: Draw, rows: list[list[float]]) -> None:
         row[:] = flat if not draw.hurt() else [value * draw.pick((1.0, -1.0, 1.04, 1e5)) for value in flat]
 
 
-def _whole_classes(draw: Draw, rows: list[list[float]]) -> None:
+def _whole_classes(draw: ValueSource, rows: list[list[float]]) -> None:
     for row in rows:
         row[0] = float(round(row[0])) if not draw.hurt() else row[0] + 0.5
 
@@ -394,14 +395,14 @@ def _use_tum(path: Path) -> None:
 def _read_labels(folder: Path, data: bytes) -> Any:
     (folder / "a.png").write_bytes(PIXELS)
     (folder / "a.txt").write_bytes(data)
-    return _finite(yolo._read_labels(folder / "a.txt", folder / "a.png").boxes)
+    return _finite(yolo._read_labels(folder / "a.txt", folder / "a.png", COCO_NAMES).boxes)
 
 
 # Folders: every layout, with files that fit each other or not.
 
 
 def _drive(random: Random) -> tuple[str, dict[str, bytes]]:
-    draw = Draw(random, damage=random.choice((0.0, 0.0, 0.003, 0.01, 0.05)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.0, 0.003, 0.01, 0.05)))
     kind, count = draw.pick(("kitti", "tum", "c2w", "drive", "euroc", "locobot", "yolo")), draw.pick((1, 2, 3, 5))
     lines = count if not draw.hurt() else draw.count(5)
     camera = _lens_yaml(draw)
@@ -466,7 +467,7 @@ def _drive(random: Random) -> tuple[str, dict[str, bytes]]:
             files["poses.tum"] = table(TUM, _level)
     elif kind == "yolo":
         for name in numbers:
-            files[f"labels/{name}.txt"] = d.table_bytes(draw, yolo.LABELS, mend=_whole_classes)
+            files[f"labels/{name}.txt"] = d.table_bytes(draw, yolo.label_table(COCO_NAMES), mend=_whole_classes)
     else:
         files["imu.csv"] = d.table_bytes(draw, euroc.SAMPLES, 5, _in_ns)
         files["truth.txt"] = d.table_bytes(draw, euroc.CAMERA, 9, _posed_in_ns)
@@ -481,7 +482,7 @@ def _drive(random: Random) -> tuple[str, dict[str, bytes]]:
     return kind, files
 
 
-def _lens_yaml(draw: Draw) -> bytes:
+def _lens_yaml(draw: ValueSource) -> bytes:
     tree = {
         "width": 64, "height": 48, "fx": 60.0, "fy": 60.0, "cx": 32.0, "cy": 24.0,
         "fps": draw.pick((10.0, 30.0, 1e-300, 1e5)), "world_up": draw.pick(("x", "y", "z", "-x", "-y", "-z", "z", "z")),
@@ -492,7 +493,7 @@ def _lens_yaml(draw: Draw) -> bytes:
     return d.encoded(draw, d.yaml_text(draw, tree))
 
 
-def _sensor_yaml(draw: Draw) -> bytes:
+def _sensor_yaml(draw: ValueSource) -> bytes:
     turn = [[0.0] * 4]
     d.unit(draw, turn, 0)
     pose = pose_files.poses_of(np.zeros((1, 3)), np.array(turn))[0].ravel().tolist()
@@ -505,12 +506,12 @@ def _sensor_yaml(draw: Draw) -> bytes:
     return d.encoded(draw, "%YAML:1.0\n" + d.yaml_text(draw, tree))
 
 
-def _posed_in_ns(draw: Draw, rows: list[list[float]]) -> None:
+def _posed_in_ns(draw: ValueSource, rows: list[list[float]]) -> None:
     _in_ns(draw, rows)
     d.unit(draw, rows, 4)
 
 
-def _level(draw: Draw, rows: list[list[float]]) -> None:
+def _level(draw: ValueSource, rows: list[list[float]]) -> None:
     _posed(draw, rows)
     if draw.chance(0.7):
         for row in rows:
@@ -518,7 +519,7 @@ def _level(draw: Draw, rows: list[list[float]]) -> None:
             row[1:] = [draw.real(-5.0, 5.0), draw.real(-5.0, 5.0), 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)]
 
 
-def _in_ns(draw: Draw, rows: list[list[float]]) -> None:
+def _in_ns(draw: ValueSource, rows: list[list[float]]) -> None:
     for number, row in enumerate(rows):
         row[0] = 1_400_000_000_000_000_000 + 50_000_000.0 * number if not draw.hurt() else draw.real(0.0, 1e19)
 
@@ -589,7 +590,7 @@ SPEC_PARTS = (
 
 
 def _option(random: Random) -> tuple[str, str]:
-    draw = Draw(random, damage=random.choice((0.0, 0.1, 0.5)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.1, 0.5)))
     option = draw.pick(OPTIONS)
     if option in ("camera", "data", "bundle", "wheel"):
         return option, "".join(draw.pick(SPEC_PARTS) for _ in range(draw.pick((1, 1, 2, 2, 3, 5))))

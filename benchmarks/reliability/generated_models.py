@@ -17,7 +17,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from edgemap.benchmarks.reliability import drawing as d
-from edgemap.benchmarks.reliability.drawing import Draw
+from edgemap.benchmarks.reliability.drawing import ValueSource
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.export import adopt, darknet, darknet_weights
 from edgemap.export.detector import checkpoint as detector_checkpoint
@@ -48,7 +48,7 @@ def cases(scratch: Path) -> list[ReaderCase]:
 
 
 def _bundle(random: Random) -> tuple[bytes, bytes]:
-    draw = Draw(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
     classes = tuple(m.ClassEntry(name=f"c{number}") for number in range(draw.pick((1, 2, 80))))
     side, rule = draw.pick((32, 64)), draw.pick(("yolov3", "yolox", "dfl"))
     cells, values = side // 32, 5 + len(classes)
@@ -57,7 +57,7 @@ def _bundle(random: Random) -> tuple[bytes, bytes]:
         "yolox": (1, cells * cells, values),
         "dfl": (1, values + 27, cells, cells),
     }[rule]
-    detector = m.Detector(
+    detector = m.DetectorSpec(
         file="backbone.onnx",
         input=m.InputSpec(name="image", width=side, height=side, resize="stretch", colour="rgb", scale=1.0),
         decode=rule,  # type: ignore[arg-type]
@@ -93,7 +93,7 @@ def _sum(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _graph(draw: Draw, taken: tuple[int, ...], given: tuple[int, ...]) -> Any:
+def _graph(draw: ValueSource, taken: tuple[int, ...], given: tuple[int, ...]) -> Any:
     """A graph from (1, 3, H, W) to the wanted shape, by way of a few nodes that may be anything."""
     kind = (
         TensorProto.FLOAT
@@ -135,7 +135,7 @@ def _graph(draw: Draw, taken: tuple[int, ...], given: tuple[int, ...]) -> Any:
     )
 
 
-def _tensor(draw: Draw) -> Any:
+def _tensor(draw: ValueSource) -> Any:
     """A constant whose numbers do not fit its shape, or that is kept in another file."""
     tensor = TensorProto(name="extra", data_type=draw.pick((1, 7, 10, 16, 77)), raw_data=draw.random.randbytes(12))
     tensor.dims.extend(draw.pick(([3], [10**6], [2**40], [-1], [2**31, 2**31], [0])))
@@ -152,7 +152,7 @@ def _tensor(draw: Draw) -> Any:
     return tensor
 
 
-def _protobuf(draw: Draw, model: Any) -> bytes:
+def _protobuf(draw: ValueSource, model: Any) -> bytes:
     """The model's bytes, with fields of our own behind them: known ones twice, unknown ones, deep ones, false lengths."""
     data = model.SerializeToString()
     for _ in range(draw.count(2) if draw.hurt() else 0):
@@ -188,7 +188,7 @@ def _use_bundle(folder: Path, drawn: tuple[bytes, bytes]) -> None:
 
 
 def _adopted(random: Random) -> bytes:
-    draw = Draw(random, damage=random.choice((0.0, 0.005, 0.02, 0.1)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.005, 0.02, 0.1)))
     side, classes = draw.pick((32, 64, 416)), draw.pick((1, 80))
     cells = sum((side // stride) ** 2 for stride in (8, 16, 32))
     return _protobuf(draw, _graph(draw, (1, 3, side, side), (1, cells, 5 + classes)))
@@ -206,7 +206,7 @@ def _use_adopted(folder: Path, data: bytes) -> None:
 
 def _cfg(random: Random) -> bytes:
     """Sections in an order that makes a network, with options in and out of range."""
-    draw = Draw(random, damage=random.choice((0.0, 0.02, 0.05, 0.2)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.02, 0.05, 0.2)))
 
     def number(least: int, most: int) -> str:
         return (
@@ -294,7 +294,7 @@ def _use_cfg(folder: Path, data: bytes) -> None:
 
 
 def _weights(random: Random) -> bytes:
-    draw = Draw(random)
+    draw = ValueSource(random)
     network = darknet.Darknet.from_cfg(SUBNET)
     version = (
         (0, draw.pick((1, 2)), 0)
@@ -323,8 +323,8 @@ def _use_weights(folder: Path, data: bytes) -> None:
 
 
 def _head(random: Random) -> bytes:
-    draw = Draw(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
-    record = d.of_type(draw, head_checkpoint._Record)
+    draw = ValueSource(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
+    record = d.of_type(draw, head_checkpoint._OdometryRecord)
     if not isinstance(record, dict):
         return _saved(draw, record)
     kind = draw.pick(("paper", "flow"))
@@ -346,7 +346,7 @@ def _head(random: Random) -> bytes:
 
 
 def _detector(random: Random) -> bytes:
-    draw = Draw(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.01, 0.03, 0.1)))
     graph, manifest = _bundle(random)
     record = {
         "format": detector_checkpoint.FORMAT if not draw.hurt() else draw.text(),
@@ -356,7 +356,7 @@ def _detector(random: Random) -> bytes:
     return _saved(draw, record)
 
 
-def _tensors(draw: Draw, weights: dict[str, Any]) -> Any:
+def _tensors(draw: ValueSource, weights: dict[str, Any]) -> Any:
     """Weights by name: whole, or with some that are none."""
     found: dict[Any, Any] = {
         name: tensor.half() if tensor.is_floating_point() and draw.chance(0.3) else tensor
@@ -383,7 +383,7 @@ class _Evil:
         return (print, ("code of the file ran",))
 
 
-def _saved(draw: Draw, document: Any) -> bytes:
+def _saved(draw: ValueSource, document: Any) -> bytes:
     """A torch file: zip archive with its pickle, or in its parts."""
     document = _plain(document)
     out = io.BytesIO()

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from edgemap.benchmarks.reliability import drawing as d
-from edgemap.benchmarks.reliability.drawing import Draw
+from edgemap.benchmarks.reliability.drawing import ValueSource
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime import store
@@ -38,7 +38,7 @@ PATHS = (
 )  # fmt: skip
 
 
-class _Refused(EdgemapError):
+class _PageRefusal(EdgemapError):
     """An answer of the page that is no success."""
 
 
@@ -79,7 +79,7 @@ def _page(folder: Path) -> tuple[LivePage, Mapper]:
 # Requests, as a server hands them to the application.
 
 
-def _headers(draw: Draw) -> list[tuple[bytes, bytes]]:
+def _headers(draw: ValueSource) -> list[tuple[bytes, bytes]]:
     host = (
         "127.0.0.1:8090"
         if not draw.hurt()
@@ -144,7 +144,7 @@ ODD_PATHS = (
 
 
 def _request(random: Random) -> dict[str, Any]:
-    draw = Draw(random, damage=random.choice((0.0, 0.03, 0.1, 0.3)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.03, 0.1, 0.3)))
     path = draw.pick(PATHS) if not draw.hurt() else draw.pick(ODD_PATHS)
     query = draw.pick((b"", f"token={TOKEN}".encode()))
     if draw.hurt():
@@ -188,7 +188,7 @@ def _use_request(page: LivePage, mapper: Mapper, drawn: dict[str, Any]) -> None:
         brought = b" ".join(value for _, value in drawn["headers"]) + drawn["query"]
         assert TOKEN.encode() in brought, "an answer without the token"
     if status >= 400:
-        raise _Refused(f"{status} {body.decode('utf-8', 'replace').strip()[:60]!a}")
+        raise _PageRefusal(f"{status} {body.decode('utf-8', 'replace').strip()[:60]!a}")
 
 
 async def _served(
@@ -221,7 +221,7 @@ async def _served(
 
 
 def _talk(random: Random) -> dict[str, Any]:
-    draw = Draw(random, damage=random.choice((0.0, 0.05, 0.3)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.05, 0.3)))
     said = []
     for _ in range(draw.count(9)):
         data = d.json_bytes(draw, Ask)
@@ -266,9 +266,9 @@ def _use_talk(page: LivePage, drawn: dict[str, Any]) -> None:
         if message["type"] == "websocket.send" and message.get("text"):
             msgspec.json.decode(message["text"])
     if "websocket.accept" not in kinds:
-        raise _Refused("not let in")
+        raise _PageRefusal("not let in")
     if "websocket.close" in kinds:
-        raise _Refused(f"shown out ({sent[-1].get('code')})")
+        raise _PageRefusal(f"shown out ({sent[-1].get('code')})")
 
 
 # A server that answers as it likes.
@@ -276,13 +276,13 @@ def _use_talk(page: LivePage, drawn: dict[str, Any]) -> None:
 
 def _answers(random: Random) -> list[bytes]:
     """Raw answers to one request after the other: bundle.json, then files; redirects on the way."""
-    draw = Draw(random, damage=random.choice((0.0, 0.03, 0.1, 0.3)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.03, 0.1, 0.3)))
     files = {"backbone.onnx": b"not a network", "a/b.bin": b"x" * 3000}
     import hashlib
 
     from edgemap.runtime import manifest as m
 
-    detector = m.Detector(
+    detector = m.DetectorSpec(
         file="backbone.onnx", input=m.InputSpec(name="i", width=32, height=32, resize="stretch", colour="rgb", scale=1.0), decode="yolox",
         heads=(m.HeadSpec(name="h", shape=(1, 1, 6), strides=(32,)),), features=(), classes=(m.ClassEntry(name="chair"),),
     )  # fmt: skip
@@ -304,7 +304,7 @@ def _answers(random: Random) -> list[bytes]:
     return [_answer(draw, body) for body in bodies]
 
 
-def _answer(draw: Draw, body: bytes) -> bytes:
+def _answer(draw: ValueSource, body: bytes) -> bytes:
     status = (
         "200 OK"
         if not draw.hurt()
@@ -408,7 +408,7 @@ class _Server:
         self._answers = list(answers)
         tries: tuple[Callable[[], object], ...] = (
             lambda: download(
-                f"{base}/a", folder / "one", most_bytes=1 << 20, longest_s=5.0, timeout_s=2.0, progress=False
+                f"{base}/a", folder / "one", maximum_bytes=1 << 20, longest_s=5.0, timeout_s=2.0, progress=False
             ),
             lambda: store.install_url(f"{base}/tiny", progress=False),
         )

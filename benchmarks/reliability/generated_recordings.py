@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from edgemap.benchmarks.reliability import drawing as d
-from edgemap.benchmarks.reliability.drawing import Draw
+from edgemap.benchmarks.reliability.drawing import ValueSource
 from edgemap.benchmarks.reliability.generated_documents import PIXELS, _attachment, _drain, _facts, _finite
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.runtime.cameras.recording import RecordingCamera
@@ -50,7 +50,7 @@ def _shape(image: Any) -> None:
 # Recordings: ROS messages drawn from their definitions, in files whose every record may lie.
 
 
-def _message(draw: Draw, kind: str) -> dict[str, Any]:
+def _message(draw: ValueSource, kind: str) -> dict[str, Any]:
     """A message of a kind, every field drawn."""
     found: dict[str, Any] = {}
     for line in FIELDS[kind].split("\n"):
@@ -64,7 +64,7 @@ def _message(draw: Draw, kind: str) -> dict[str, Any]:
     return found
 
 
-def _field(draw: Draw, base: str) -> Any:
+def _field(draw: ValueSource, base: str) -> Any:
     if base in FIELDS:
         return _message(draw, base)
     match base:
@@ -85,7 +85,7 @@ def _field(draw: Draw, base: str) -> Any:
     return draw.whole(least, most) if draw.hurt() else draw.whole(0, min(most, 1000))
 
 
-def _raw_image(draw: Draw) -> dict[str, Any]:
+def _raw_image(draw: ValueSource) -> dict[str, Any]:
     encoding = draw.pick(tuple(ENCODINGS)) if not draw.hurt() else draw.text().replace("\0", "")
     channels = ENCODINGS.get(encoding, (3, None))[0]
     width, height = draw.pick((64, 64, 2, 3, 1)), draw.pick((48, 48, 1, 3))
@@ -103,14 +103,14 @@ def _raw_image(draw: Draw) -> dict[str, Any]:
     return {"header": _header(draw)} | fields
 
 
-def _header(draw: Draw) -> dict[str, Any]:
+def _header(draw: ValueSource) -> dict[str, Any]:
     stamp = {"sec": draw.pick((0, 1, 1_700_000_000, 2**31 - 1)), "nanosec": draw.whole(0, 10**9)}
     if draw.hurt():
         stamp = {"sec": draw.pick((-1, -(2**31))), "nanosec": 2**32 - 1}
     return {"stamp": stamp, "frame_id": draw.pick(("lens", "lens", "/lens", draw.text().replace("\0", "")))}
 
 
-def _turn(draw: Draw) -> dict[str, float]:
+def _turn(draw: ValueSource) -> dict[str, float]:
     """A rotation: of a camera that looks ahead, straight down, or anywhere."""
     rows = [[0.0] * 4]
     d.unit(draw, rows, 0)
@@ -131,7 +131,7 @@ def _product(a: tuple[float, ...], b: tuple[float, ...]) -> list[float]:
     ]  # fmt: skip
 
 
-def _tf(draw: Draw) -> dict[str, Any]:
+def _tf(draw: ValueSource) -> dict[str, Any]:
     frames = ["base_footprint", "base_link", "middle", "lens"]
     transforms = []
     for parent, child in pairwise(frames):
@@ -151,7 +151,7 @@ def _tf(draw: Draw) -> dict[str, Any]:
     return {"transforms": transforms}
 
 
-def _info(draw: Draw) -> dict[str, Any]:
+def _info(draw: ValueSource) -> dict[str, Any]:
     fields = _message(draw, "sensor_msgs/CameraInfo")
     numbers = [60.0 if not draw.hurt() else draw.pick((0.0, -1.0, math.nan, math.inf, 1e300)) for _ in range(4)]
     fx, cx, fy, cy = numbers
@@ -168,7 +168,7 @@ def _info(draw: Draw) -> dict[str, Any]:
     return fields
 
 
-def _rolled(draw: Draw) -> dict[str, Any]:
+def _rolled(draw: ValueSource) -> dict[str, Any]:
     fields = _message(draw, "nav_msgs/Odometry")
     yaw = draw.real(-3.1, 3.1)
     turn = (
@@ -182,7 +182,7 @@ def _rolled(draw: Draw) -> dict[str, Any]:
     return fields | {"header": _header(draw)}
 
 
-MAKERS: dict[str, Callable[[Draw], dict[str, Any]]] = {
+MAKERS: dict[str, Callable[[ValueSource], dict[str, Any]]] = {
     "sensor_msgs/Image": _raw_image, "sensor_msgs/CameraInfo": _info, "tf2_msgs/TFMessage": _tf, "nav_msgs/Odometry": _rolled,
     "sensor_msgs/CompressedImage": lambda draw: {
         "header": _header(draw), "data": draw.pick((PIXELS, JPEG)) if not draw.hurt() else _picture(draw.random),
@@ -192,7 +192,7 @@ MAKERS: dict[str, Callable[[Draw], dict[str, Any]]] = {
 
 
 def _bag(random: Random, pictures: bool) -> bytes:
-    draw = Draw(random, damage=random.choice((0.0, 0.0, 0.003, 0.01, 0.05)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.0, 0.003, 0.01, 0.05)))
     kinds = [draw.pick(("sensor_msgs/Image", "sensor_msgs/CompressedImage"))] if pictures and not draw.hurt() else []
     kinds += ["nav_msgs/Odometry"] if not pictures and not draw.hurt() else []
     kinds += [draw.pick((*MAKERS, "std_msgs/Float64", "sensor_msgs/Imu")) for _ in range(draw.count(5))]
@@ -230,7 +230,7 @@ def _bag(random: Random, pictures: bool) -> bytes:
     return _file(draw, channels, messages)
 
 
-def _file(draw: Draw, channels: list[Any], messages: list[Any]) -> bytes:
+def _file(draw: ValueSource, channels: list[Any], messages: list[Any]) -> bytes:
     """The records of an MCAP file with its index, or without; sums, lengths and offsets right unless `draw` hurts."""
     out = bytearray(b"\x89MCAP0\r\n")
 
@@ -322,7 +322,7 @@ def _file(draw: Draw, channels: list[Any], messages: list[Any]) -> bytes:
     return bytes(out) if draw.chance(0.9) or not draw.damage else bytes(out[:cut])
 
 
-def _packed(draw: Draw, data: bytes) -> tuple[str, bytes]:
+def _packed(draw: ValueSource, data: bytes) -> tuple[str, bytes]:
     kind = draw.pick(("", "zstd", "lz4")) if not draw.hurt() else draw.pick(("bz2", "zstd", "lz4", "\x1b[2J"))
     if kind == "zstd" and not draw.hurt():
         import zstandard
@@ -357,11 +357,11 @@ def _use_wheels(folder: Path, data: bytes) -> None:
 
 
 def _picture(random: Random) -> bytes:
-    draw = Draw(random, damage=random.choice((0.0, 0.02, 0.1, 0.3)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.02, 0.1, 0.3)))
     return draw.pick((_png, _png, _jpeg, _jpeg, _bmp, _pnm, _tiff, _webp))(draw)
 
 
-def _side(draw: Draw) -> int:
+def _side(draw: ValueSource) -> int:
     return (
         draw.pick((1, 2, 3, 16, 64, 100))
         if not draw.hurt()
@@ -371,7 +371,7 @@ def _side(draw: Draw) -> int:
     )
 
 
-def _png(draw: Draw) -> bytes:
+def _png(draw: ValueSource) -> bytes:
     width, height = _side(draw), _side(draw)
     colour, depth = draw.pick(((0, 8), (2, 8), (6, 8), (3, 8), (4, 8), (0, 1), (0, 16), (2, 16), (6, 16), (3, 4)))
     if draw.hurt():
@@ -412,7 +412,7 @@ def _png(draw: Draw) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts if not draw.hurt() else draw.random.sample(parts, len(parts)))
 
 
-def _jpeg(draw: Draw) -> bytes:
+def _jpeg(draw: ValueSource) -> bytes:
     """The segments of a small JPEG, frame header and tables changed, others added."""
     side = draw.pick((8, 17, 64))
     quality = [cv2.IMWRITE_JPEG_QUALITY, draw.pick((5, 90)), cv2.IMWRITE_JPEG_PROGRESSIVE, draw.pick((0, 1))]
@@ -436,7 +436,7 @@ def _jpeg(draw: Draw) -> bytes:
     return bytes(data) if not draw.hurt() else bytes(data[: draw.random.randrange(len(data))])
 
 
-def _bmp(draw: Draw) -> bytes:
+def _bmp(draw: ValueSource) -> bytes:
     width, height, bits = (
         _side(draw),
         _side(draw) * draw.pick((1, 1, -1)),
@@ -467,7 +467,7 @@ def _bmp(draw: Draw) -> bytes:
     )
 
 
-def _pnm(draw: Draw) -> bytes:
+def _pnm(draw: ValueSource) -> bytes:
     width, height, most = (
         _side(draw),
         _side(draw),
@@ -481,7 +481,7 @@ def _pnm(draw: Draw) -> bytes:
     return kind + b"\n" + str(width).encode() + gap + str(height).encode() + b"\n" + str(most).encode() + b"\n" + body
 
 
-def _tiff(draw: Draw) -> bytes:
+def _tiff(draw: ValueSource) -> bytes:
     order = draw.pick(("<", ">"))
     width, height = _side(draw), _side(draw)
     pixels = draw.random.randbytes(min(width * height * 3, 100_000))
@@ -513,7 +513,7 @@ def _tiff(draw: Draw) -> bytes:
     )
 
 
-def _webp(draw: Draw) -> bytes:
+def _webp(draw: ValueSource) -> bytes:
     picture = np.frombuffer(draw.random.randbytes(16 * 16 * 3), np.uint8).reshape(16, 16, 3)
     data = bytearray(cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, draw.pick((50, 101))])[1].tobytes())
     if draw.chance(0.4):
@@ -546,7 +546,7 @@ def _videos(scratch: Path) -> list[bytes]:
 
 
 def _video(random: Random, videos: list[bytes]) -> bytes:
-    draw = Draw(random, damage=random.choice((0.0, 0.02, 0.1)))
+    draw = ValueSource(random, damage=random.choice((0.0, 0.02, 0.1)))
     if draw.chance(0.1):  # other demuxers: playlists and scripts that name other files
         return draw.pick((
             b"#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n/etc/passwd\n#EXT-X-ENDLIST\n", b"ffconcat version 1.0\nfile '/etc/passwd'\n",

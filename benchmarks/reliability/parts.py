@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-# Module name to one line. Each module has a function `run`, a `Part`.
+# Module name to one line. Each module has a function `run`, a `ReliabilityPart`.
 PARTS: dict[str, str] = {
     "cameras": "random camera faults in runs of the demo",
     "kills": "kill -9 in the middle of a run",
@@ -26,7 +26,7 @@ class PartReport:
     figures: dict[str, Any] = field(default_factory=dict)
 
 
-class Part(Protocol):
+class ReliabilityPart(Protocol):
     """One part. share: of its full size, 1 for the issue's numbers, less for a quick look. out: its own folder."""
 
     def __call__(self, seed: int, share: float, out: Path) -> PartReport:

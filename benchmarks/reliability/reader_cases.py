@@ -118,11 +118,12 @@ def cases(scratch: Path) -> list[ReaderCase]:
 
 def _tables_and_json() -> list[ReaderCase]:
     from edgemap.export.darknet import Darknet
+    from edgemap.runtime.drives.coco import COCO_NAMES
     from edgemap.runtime.drives.imu_csv import read_imu_csv
     from edgemap.runtime.drives.pose_files import read_matrices, read_stamps, read_tum_3d
     from edgemap.runtime.drives.truth_json import read_boxes, read_objects
     from edgemap.runtime.drives.wheel_csv import read_wheel_csv
-    from edgemap.runtime.drives.yolo import LABELS
+    from edgemap.runtime.drives.yolo import label_table
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.map_file import load_map
     from edgemap.runtime.recordings.facts import read_trajectory_file
@@ -158,7 +159,10 @@ def _tables_and_json() -> list[ReaderCase]:
         ),
         _rows("times.txt", "0.0\n0.1\n0.2\n1e0\n", read_stamps, "times.txt"),
         _rows(
-            "yolo labels", "56 0.5 0.5 0.25 0.5\n0 0.1 0.2 0.1 0.1\n", lambda p: LABELS.read(p, CameraError), "0.txt"
+            "yolo labels",
+            "56 0.5 0.5 0.25 0.5\n0 0.1 0.2 0.1 0.1\n",
+            lambda p: label_table(COCO_NAMES).read(p, CameraError),
+            "0.txt",
         ),
         _rows("Darknet cfg", CFG, Darknet.from_cfg, "a.cfg"),
     ]

@@ -10,7 +10,7 @@ from edgemap.runtime.manifest import (
     FORMAT,
     METADATA_KEY,
     ClassEntry,
-    Detector,
+    DetectorSpec,
     FeatureSpec,
     HeadSpec,
     InputSpec,
@@ -27,7 +27,7 @@ def write_tiny(folder: Path) -> Path:
     from onnx import TensorProto, helper, numpy_helper
 
     shape = (1, 7, 2, 2)
-    detector = Detector(
+    detector = DetectorSpec(
         file="backbone.onnx",
         input=InputSpec(name="image", width=64, height=64, resize="stretch", colour="rgb", scale=1 / 255),
         decode="yolov3",

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from edgemap.export.detector.boxes import Rows, overlap
 
-MOST_CELLS = 10  # of one box
+MAXIMUM_CELLS = 10  # of one box
 IGNORED_OVERLAP = 0.5
 FAR = 1e5
 IOU_COST = 6.0  # of the overlap against the class, as in PicoDet
@@ -78,7 +78,7 @@ def _class_cost(scores: Tensor, labels: Tensor, iou: Tensor) -> Tensor:
 
 def _cheapest(cost: Tensor, iou: Tensor) -> Tensor:
     """The k cheapest cells of each box, k = the sum of its ten best overlaps, at least one: (B, G, N) bool."""
-    most = min(MOST_CELLS, cost.shape[-1])
+    most = min(MAXIMUM_CELLS, cost.shape[-1])
     wanted = iou.topk(most, dim=-1).values.sum(-1).int().clamp(min=1)
     values, indices = cost.topk(most, dim=-1, largest=False)
     taken = (torch.arange(most, device=cost.device) < wanted[..., None]) & torch.isfinite(values)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from edgemap.export.detector.network import Network
+from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
@@ -17,7 +17,7 @@ from edgemap.export.errors import ExportError
 SHARES = (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)  # of the trained weights
 
 
-def blend(start: Network, tuned: Network, share: float) -> Network:
+def blend(start: TorchNetwork, tuned: TorchNetwork, share: float) -> TorchNetwork:
     """A network with `share` of the tuned weights and the rest of the start's. Raises ExportError where they differ."""
     ours, theirs = tuned.state_dict(), start.state_dict()
     if ours.keys() != theirs.keys() or any(ours[name].shape != theirs[name].shape for name in ours):
@@ -28,8 +28,8 @@ def blend(start: Network, tuned: Network, share: float) -> Network:
 
 
 def choose_blend(
-    start: Network, tuned: Network, validation: Mapping[str, Sequence[Example]], most_loss: float
-) -> tuple[Network, list[dict[str, Any]]]:
+    start: TorchNetwork, tuned: TorchNetwork, validation: Mapping[str, Sequence[Example]], most_loss: float
+) -> tuple[TorchNetwork, list[dict[str, Any]]]:
     """The blend nearest to the start that loses at most `most_loss` validation AP50, and the figures of each tried.
 
     AP50: the mean of the sets', as in training.

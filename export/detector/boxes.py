@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from edgemap.runtime.decode import DFL_BINS
-from edgemap.runtime.manifest import Detector, HeadSpec
+from edgemap.runtime.manifest import DetectorSpec, HeadSpec
 
 RADIUS = 2.5  # cells between a cell's centre and that of a box it may answer for, per axis
 
@@ -31,7 +31,7 @@ class Rows:
     reach: Tensor
 
 
-def read_heads(outputs: Sequence[Tensor], detector: Detector, size: tuple[int, int]) -> Rows:
+def read_heads(outputs: Sequence[Tensor], detector: DetectorSpec, size: tuple[int, int]) -> Rows:
     """Outputs of a batch by the contract's decode rule. size: (height, width) of its pictures, px."""
     read = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
     parts = [read(output.float(), head, size) for output, head in zip(outputs, detector.heads, strict=True)]

@@ -18,7 +18,7 @@ from edgemap.export.torch_files import finite
 from edgemap.runtime.manifest import Manifest
 
 
-class Network(nn.Module):
+class TorchNetwork(nn.Module):
     """BGR pictures (B, 3, H, W), 0..255, to what a bundle's heads say of them.
 
     Batch normalisation is folded into the convolutions of a bundle's graph: there are no statistics, and a batch of any
@@ -61,13 +61,13 @@ class Network(nn.Module):
         manifest = msgspec.structs.replace(self.manifest, measured=measured)
         save_detector(self.graph.model(), manifest, path)
 
-    def copy(self) -> Network:
+    def copy(self) -> TorchNetwork:
         """Another one with the same weights."""
         return copy.deepcopy(self)
 
 
-def load_network(name: str, all_layers: bool = False) -> Network:
+def load_network(name: str, all_layers: bool = False) -> TorchNetwork:
     """The network of a bundle, by name or folder, or of a `best.pt`. Raises ExportError or BundleError."""
-    network = Network(*load_detector(name), all_layers)
+    network = TorchNetwork(*load_detector(name), all_layers)
     finite(network, Path(name))
     return network

@@ -17,7 +17,7 @@ from edgemap.export.detector.assign import Assignment, Targets
 from edgemap.export.detector.boxes import Rows
 from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.loss import detection_loss, distance_loss
-from edgemap.export.detector.network import Network
+from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
@@ -35,7 +35,7 @@ PANELS = (
 
 
 @dataclass(frozen=True)
-class Settings:
+class DetectorSettings:
     """How to train. rate: highest learning rate.
 
     size: side of the square pictures, px; None for the bundle's. keep: weight of staying with what the network that is
@@ -73,12 +73,12 @@ class Trainer(Training):
 
     def __init__(
         self,
-        start: Network,
+        start: TorchNetwork,
         train: Sequence[Example],
         validation: Mapping[str, Sequence[Example]],
         folder: Path,
-        settings: Settings,
-        known: Network | None = None,
+        settings: DetectorSettings,
+        known: TorchNetwork | None = None,
     ) -> None:
         super().__init__(folder, settings.validate_minutes, settings.threads, settings.device)
         self.settings, self.train, self.validation = settings, train, validation
@@ -177,7 +177,7 @@ class Trainer(Training):
         """Processes that make pictures: two beside a processor's network; a GPU wants all that there are."""
         return 2 if self.device.type == "cpu" else max(2, (os.cpu_count() or 2) // self.ranks.count - 1)
 
-    def averaged(self) -> Network:
+    def averaged(self) -> TorchNetwork:
         """The network with its averaged weights."""
         network = self.network.copy()
         network.load_state_dict(self.average)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from edgemap.evaluation.detection import ScoredPicture, average_precision
-from edgemap.export.detector.network import Network
+from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.preprocess import Preprocessor
@@ -19,7 +19,7 @@ CONFIDENCE, NMS_IOU = 0.005, 0.6
 
 
 @torch.no_grad()
-def validate(network: Network, examples: Sequence[Example]) -> dict[str, Any]:
+def validate(network: TorchNetwork, examples: Sequence[Example]) -> dict[str, Any]:
     """`average_precision` of a network over examples, of the classes that their labels tell."""
     detector, device = network.detector, next(network.parameters()).device
     prepare, decode = Preprocessor(detector.input), Decoder(detector, CONFIDENCE, NMS_IOU)

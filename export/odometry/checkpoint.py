@@ -44,7 +44,7 @@ _FLOW_SIZES = ", ".join(item.name for item in fields(FlowSizes))
 Width = Annotated[int, Meta(ge=1, le=4096)]
 
 
-class _Record(msgspec.Struct):
+class _OdometryRecord(msgspec.Struct):
     backbone: Name
     feature: Name
     kind: Kind
@@ -86,7 +86,7 @@ def load_head(path: Path) -> HeadCheckpoint:
     document = read_torch(path)
     if document.get("format") != FORMAT:
         raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
-    record, weights = read_record(document, _Record, path), read_weights(document, path)
+    record, weights = read_record(document, _OdometryRecord, path), read_weights(document, path)
     head = fill(lambda: _head(record, path), weights, path)
     if isinstance(head, PaperHead) and head.parameters_count > PARAMETER_LIMIT:
         raise ExportError(f"{path}: {head.parameters_count:,} parameters, the paper allows {PARAMETER_LIMIT:,}")
@@ -94,7 +94,7 @@ def load_head(path: Path) -> HeadCheckpoint:
     return HeadCheckpoint(head=head.eval(), **values)
 
 
-def _head(record: _Record, path: Path) -> PaperHead | FlowHead:
+def _head(record: _OdometryRecord, path: Path) -> PaperHead | FlowHead:
     if record.kind == "flow" and record.stride is not None:
         return FlowHead(record.shape, record.stride, _sizes(record, path))
     if record.kind == "paper" and record.hidden is not None and record.dense is not None:
@@ -102,7 +102,7 @@ def _head(record: _Record, path: Path) -> PaperHead | FlowHead:
     raise ExportError(f"{path}: a head of kind {record.kind} lacks its sizes")
 
 
-def _sizes(record: _Record, path: Path) -> FlowSizes:
+def _sizes(record: _OdometryRecord, path: Path) -> FlowSizes:
     """Checkpoints of the first, larger heads name none."""
     try:
         return FlowSizes(**record.sizes)

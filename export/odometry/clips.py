@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.data import FeatureDrive
-from edgemap.export.odometry.flow_loss import Batch
+from edgemap.export.odometry.flow_loss import ClipBatch
 
 LONGEST_DT_S = 0.25
 FASTEST_YAW_RAD, FASTEST_M = 0.30, 0.17  # of one step that skips pictures; what the search can follow
@@ -50,7 +50,7 @@ class Clips:
                 return drive, indices
 
 
-def make_batch(chosen: Sequence[tuple[FeatureDrive, NDArray[np.intp]]]) -> Batch:
+def make_batch(chosen: Sequence[tuple[FeatureDrive, NDArray[np.intp]]]) -> ClipBatch:
     """Clips as one batch."""
     features, dt_s, motions = [], [], []
     for drive, indices in chosen:
@@ -60,7 +60,7 @@ def make_batch(chosen: Sequence[tuple[FeatureDrive, NDArray[np.intp]]]) -> Batch
         steps = np.where(steps > 0.0, steps, frame_s)
         dt_s.append(np.concatenate([[frame_s], steps]))
         motions.append(np.concatenate([np.zeros((1, 3)), drive.motions(indices)]))
-    return Batch(
+    return ClipBatch(
         torch.from_numpy(np.stack(features)),
         torch.from_numpy(np.concatenate([drive.cells for drive, _ in chosen])),
         torch.from_numpy(np.concatenate([drive.mount for drive, _ in chosen])),

@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.correlation import correlate, offsets
-from edgemap.export.odometry.rigid import Cells, Sight, Solution, solve
+from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, ShownCells, solve
 
 GRID_STRIDE = 16  # px of the input per cell in which displacements are told
 COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of stride 16: 112 px to the sides
@@ -50,7 +50,7 @@ class Look:
 
     moved: Tensor
     inverse_depth: Tensor
-    solution: Solution
+    solution: MotionSolution
 
 
 class FilledConv(nn.Conv2d):
@@ -155,7 +155,7 @@ class FlowHead(nn.Module):
         its covariance (1, 3, 3), then the new state.
         """
         fine, coarse = self.describe(feature)
-        last, hidden, cell = self.match(fine, coarse, cells, Cells.of(cells, mount), dt_s, *state)[1:]
+        last, hidden, cell = self.match(fine, coarse, cells, CellGeometry.of(cells, mount), dt_s, *state)[1:]
         solution = last.solution
         return solution.motion, solution.covariance, fine, coarse, hidden, cell, solution.motion / dt_s
 
@@ -164,7 +164,7 @@ class FlowHead(nn.Module):
         fine: Tensor,
         coarse: Tensor,
         cells: Tensor,
-        geometry: Cells,
+        geometry: CellGeometry,
         dt_s: Tensor,
         fine_before: Tensor,
         coarse_before: Tensor,
@@ -184,13 +184,13 @@ class FlowHead(nn.Module):
         memory = functional.interpolate(hidden, size=(self.rows, self.columns), mode="nearest")
         known = torch.cat([cells[:, :2], cells[:, 6:], floor.unflatten(2, shape).log() * 0.3, guess * 0.3], dim=1)
         found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known], dim=1))
-        sight = Sight.of(geometry, prior)
+        sight = ShownCells.of(geometry, prior)
         first = self._read(self.tell(found), guess, floor, geometry, sight, prior, prior, prior_information, 0)
 
         found_first = first.solution.motion
         bounded = torch.maximum(torch.minimum(found_first, self.fastest), -self.fastest)
         start = found_first + (bounded - found_first).detach()  # so that the gradient still says which way is back
-        sight = Sight.of(geometry, start)
+        sight = ShownCells.of(geometry, start)
         predicted = geometry.cells_of(sight.bearings(first.inverse_depth.flatten(2)) - geometry.here).unflatten(
             2, shape
         )
@@ -206,8 +206,8 @@ class FlowHead(nn.Module):
         return first, second, hidden, cell
 
     def _read(
-        self, told: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: Cells, sight: Sight, start: Tensor,
-        prior: Tensor, prior_information: Tensor, stage: int,
+        self, told: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: CellGeometry, sight: ShownCells,
+        start: Tensor, prior: Tensor, prior_information: Tensor, stage: int,
     ) -> Look:  # fmt: skip
         """What the network tells of each cell, and the motion that explains it best."""
         told = told.float()

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from edgemap.export.odometry.flow import FlowHead, Look
-from edgemap.export.odometry.rigid import Cells, Solution
+from edgemap.export.odometry.rigid import CellGeometry, MotionSolution
 
 MOTION_SIGMA = (0.006, 0.004, 0.006)  # m, m, rad: what counts as a small error of one step, at first
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
@@ -19,7 +19,7 @@ COARSE_WEIGHT = 0.3  # of the first look's motion against the second's
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
+class ClipBatch:
     """Clips of equal length T. features: (B, T, C, H, W). cells: (B, 8, h, w), mount (B, 12). dt_s: (B, T), of each
     frame since the one before; of the first it does not count. motions: (B, T, 3), likewise."""
 
@@ -31,7 +31,7 @@ class Batch:
 
 
 def run_clip(
-    head: FlowHead, batch: Batch, state: list[Tensor] | None = None
+    head: FlowHead, batch: ClipBatch, state: list[Tensor] | None = None
 ) -> tuple[list[tuple[Look, Look]], list[Tensor]]:
     """The looks of frames 1 to T - 1, and the state after them: memory and velocity.
 
@@ -39,7 +39,7 @@ def run_clip(
     """
     clips, length = batch.features.shape[:2]
     fine, coarse = (part.unflatten(0, (clips, length)) for part in head.describe(batch.features.flatten(0, 1)))
-    geometry = Cells.of(batch.cells, batch.mount)
+    geometry = CellGeometry.of(batch.cells, batch.mount)
     fresh = [torch.zeros(clips, *head.state_shapes[name][1:]) for name in ("hidden", "cell", "velocity")]
     hidden, cell, velocity = state or fresh
     looks = []
@@ -54,7 +54,7 @@ def run_clip(
     return looks, [hidden, cell, velocity]
 
 
-def flow_loss(head: FlowHead, batch: Batch, progress: float) -> tuple[Tensor, dict[str, float]]:
+def flow_loss(head: FlowHead, batch: ClipBatch, progress: float) -> tuple[Tensor, dict[str, float]]:
     """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1."""
     motion, coarse = [], []
     for index, (first, second) in enumerate(run_clip(head, batch)[0], start=1):
@@ -66,7 +66,7 @@ def flow_loss(head: FlowHead, batch: Batch, progress: float) -> tuple[Tensor, di
     return total, {name: float(value.detach()) for name, value in parts.items()}
 
 
-def _motion_loss(solution: Solution, true: Tensor, progress: float) -> Tensor:
+def _motion_loss(solution: MotionSolution, true: Tensor, progress: float) -> Tensor:
     """Huber's loss of the motion, and the likelihood of its error under the covariance.
 
     The likelihood teaches the covariance alone, not the motion: minimised for both, a network that errs a lot at first

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from edgemap.export.odometry.clips import Clips
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow import FlowHead
-from edgemap.export.odometry.flow_loss import Batch, flow_loss, run_clip
+from edgemap.export.odometry.flow_loss import ClipBatch, flow_loss, run_clip
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.export.odometry.validate import Unroll
 from edgemap.export.schedule import Schedule
@@ -33,7 +33,7 @@ class Recipe:
     highest_rate: float
     optimizer: Callable[[nn.Module], torch.optim.Optimizer]
     rate: Callable[[float, int], float]
-    loss: Callable[[Any, Batch, float], tuple[Tensor, dict[str, float]]]
+    loss: Callable[[Any, ClipBatch, float], tuple[Tensor, dict[str, float]]]
     unroll: Unroll
     window: int = 0
 
@@ -59,7 +59,7 @@ def flow_recipe(rate: float = 1e-3, length: int = 8) -> Recipe:
     def optimizer(head: nn.Module) -> torch.optim.Optimizer:
         return torch.optim.AdamW(head.parameters(), lr=rate, weight_decay=1e-3)
 
-    def unroll(head: FlowHead, batch: Batch, state: list[Tensor] | None) -> Any:
+    def unroll(head: FlowHead, batch: ClipBatch, state: list[Tensor] | None) -> Any:
         looks, new = run_clip(head, batch, state)
         solutions = [second.solution for _, second in looks]
         motions = torch.stack([solution.motion for solution in solutions], dim=1)
@@ -80,11 +80,11 @@ def paper_recipe(length: int = 10, factor: float = 1.0) -> Recipe:
     def rate(_share: float, step: int) -> float:
         return 1.0 if step < 100 else 0.2
 
-    def loss(head: PaperHead, batch: Batch, _share: float) -> tuple[Tensor, dict[str, float]]:
+    def loss(head: PaperHead, batch: ClipBatch, _share: float) -> tuple[Tensor, dict[str, float]]:
         found, _, _ = unroll(head, batch, None)
         return equation_2(found, batch.motions[:, 1:]), {}
 
-    def unroll(head: PaperHead, batch: Batch, state: list[Tensor] | None) -> Any:
+    def unroll(head: PaperHead, batch: ClipBatch, state: list[Tensor] | None) -> Any:
         clips, frames = batch.features.shape[:2]
         now = state or [torch.zeros(clips, *shape[1:]) for shape in head.state_shapes.values()]
         motions = []

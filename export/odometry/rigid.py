@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-LEAST_DEPTH = 0.05  # of a point before the previous camera, relative to its depth now
+MINIMUM_DEPTH = 0.05  # of a point before the previous camera, relative to its depth now
 TILT_SIGMA_RAD = 0.006  # of the camera on its mount from one frame to the next
 
 
 @dataclass(frozen=True, slots=True)
-class Cells:
+class CellGeometry:
     """Constant geometry, as `geometry.flow_cells` gives it, flattened. here: bearings (B, 2, N). right, down: change of
     the bearing per cell, (B, 2, N). floor: inverse depth of the floor, 1/m, (B, 1, N). shown: 0 or 1, (B, 1, N).
     rotation: base from optical, (B, 3, 3). lens: in the base frame, m, (B, 3, 1)."""
@@ -31,12 +31,12 @@ class Cells:
     lens: Tensor
 
     @staticmethod
-    def of(cells: Tensor, mount: Tensor) -> Cells:
+    def of(cells: Tensor, mount: Tensor) -> CellGeometry:
         """cells: (B, 8, H, W). mount: (B, 12)."""
         flat = cells.flatten(2)
         here, right, down, floor, shown = flat.split([2, 2, 2, 1, 1], dim=1)
         rotation, lens = mount[:, :9].reshape(-1, 3, 3), mount[:, 9:].reshape(-1, 3, 1)
-        return Cells(here, right, down, floor, shown, rotation, lens)
+        return CellGeometry(here, right, down, floor, shown, rotation, lens)
 
     def bearings_of(self, cells_moved: Tensor) -> Tensor:
         """Displacements in cells (right, down), (B, 2, N), as displacements of the bearing, to first order."""
@@ -51,7 +51,7 @@ class Cells:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class ShownCells:
     """How the previous picture shows what the cells show now, after one motion of the base. All is linear in rays and
     inverse depths, which one small matrix says: a head's step costs what its operators cost to start, so few and large
     ones are chosen. rays: (B, 3, N), optical. by: (B, 18, 4): x, y and z of the point and of its change by x, y, yaw,
@@ -61,7 +61,7 @@ class Sight:
     by: Tensor
 
     @staticmethod
-    def of(cells: Cells, motion: Tensor) -> Sight:
+    def of(cells: CellGeometry, motion: Tensor) -> ShownCells:
         """motion: (B, 3), of the base from the previous frame to this one: P_previous = R(yaw) P_now + t."""
         yaw = motion[:, 2:]
         turned = torch.cat([torch.cos(yaw), torch.sin(yaw)], dim=1)
@@ -73,18 +73,18 @@ class Sight:
         optical = torch.matmul(cells.rotation.transpose(1, 2), base).reshape(-1, 18, 4)
         by = torch.cat([torch.matmul(optical[:, :, :3], cells.rotation), optical[:, :, 3:]], dim=2)
         rays = torch.cat([cells.here, torch.ones_like(cells.floor)], dim=1)
-        return Sight(rays, by)
+        return ShownCells(rays, by)
 
     def bearings(self, inverse_depth: Tensor) -> Tensor:
         """Bearings in the previous picture (B, 2, N). inverse_depth: along the optical axis now, 1/m, (B, 1, N)."""
         seen = torch.matmul(self.by[:, ::6], torch.cat([self.rays, inverse_depth], dim=1))
-        return seen[:, :2] / seen[:, 2:].clamp_min(LEAST_DEPTH)
+        return seen[:, :2] / seen[:, 2:].clamp_min(MINIMUM_DEPTH)
 
     def slopes(self, inverse_depth: Tensor) -> tuple[Tensor, Tensor]:
         """The bearings (B, 2, N), and their derivatives (B, 2, 5, N): by x, y, yaw, roll, pitch."""
         seen = torch.matmul(self.by, torch.cat([self.rays, inverse_depth], dim=1)).unflatten(1, (3, 6))
         flat, away = seen[:, :2], seen[:, 2:]
-        depth = away[:, :, :1].clamp_min(LEAST_DEPTH)
+        depth = away[:, :, :1].clamp_min(MINIMUM_DEPTH)
         bearing = flat[:, :, :1] / depth
         return bearing[:, :, 0], (flat[:, :, 1:] - bearing * away[:, :, 1:]) / depth
 
@@ -110,7 +110,7 @@ _POINT_AND_CHANGES = _point_and_changes()
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class MotionSolution:
     """motion: (B, 3). information: its inverse covariance, (B, 3, 3). covariance: (B, 3, 3)."""
 
     motion: Tensor
@@ -120,7 +120,7 @@ class Solution:
 
 def solve(
     slopes: Tensor, residuals: Tensor, weights: Tensor, start: Tensor, prior: Tensor, prior_information: Tensor
-) -> Solution:
+) -> MotionSolution:
     """The motion that explains the residuals best; tilt is solved for beside it and marginalised.
 
     slopes: (B, 2, 5, N). residuals: measured less predicted bearings at `start`, (B, 2, N). weights: information of
@@ -139,7 +139,7 @@ def solve(
     information, pull = normal[:, :, :3], normal[:, :, 5:]
     covariance = inverse3(information)
     step, kind = torch.matmul(covariance, pull)[:, :, 0], start.dtype
-    return Solution(start + step.to(kind), information.to(kind), covariance.to(kind))
+    return MotionSolution(start + step.to(kind), information.to(kind), covariance.to(kind))
 
 
 def _without(normal: Tensor, unknown: int) -> Tensor:

@@ -20,7 +20,7 @@ from torch.nn import functional
 
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow import COARSE_COLUMNS, COARSE_ROWS, SLOPE, FlowHead
-from edgemap.export.odometry.rigid import Cells
+from edgemap.export.odometry.rigid import CellGeometry
 
 LAYERS = ("search.0", "search.2", "tell", "narrow", "refine.0", "refine.2", "retell", "remember", "gates")
 SKIPS = (1, 2, 1, 1, 3, 1, 1, 2)  # of pictures, drive by drive: slower cameras are learnt from as well
@@ -39,7 +39,7 @@ class _Step:
     now: int
     dt_s: Tensor
     cells: Tensor
-    geometry: Cells
+    geometry: CellGeometry
     hidden: Tensor
     cell: Tensor
     velocity: Tensor
@@ -80,7 +80,7 @@ def _steps(large: FlowHead, own: FeatureDrive, theirs: FeatureDrive, skip: int, 
 
     hooks = [large.get_submodule(name).register_forward_hook(keep(name)) for name in LAYERS]
     cells, mount = torch.from_numpy(theirs.cells), torch.from_numpy(theirs.mount)
-    geometry, found = Cells.of(cells, mount), []
+    geometry, found = CellGeometry.of(cells, mount), []
     hidden, cell, velocity = (torch.zeros(large.state_shapes[name]) for name in ("hidden", "cell", "velocity"))
     for count, (before, now) in enumerate(pairwise(range(0, len(theirs), skip))):
         fine_before, coarse_before = large.describe(_feature(theirs, before))

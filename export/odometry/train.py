@@ -35,7 +35,7 @@ PANELS = (  # the first is the paper's figure 6
 
 
 @dataclass(frozen=True)
-class Settings:
+class OdometrySettings:
     """How to train. minutes: the budget, or steps where that is None. patience: validations without a better one after
     which training stops early; None never. bfloat16: convolutions and correlations in half the width: 1.6 times as fast
     where the processor has AVX512-BF16; the gradient's direction stays (cosine 0.985)."""
@@ -65,7 +65,7 @@ class HeadTraining(Training):
         train: Sequence[FeatureDrive],
         validation: Sequence[FeatureDrive],
         folder: Path,
-        settings: Settings,
+        settings: OdometrySettings,
     ) -> None:
         super().__init__(folder, settings.validate_minutes, settings.threads)
         self.start, self.recipe, self.settings = start, recipe, settings

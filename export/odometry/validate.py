@@ -13,13 +13,13 @@ from edgemap.evaluation.odometry import errors_of, figures
 from edgemap.evaluation.trajectory import integrated
 from edgemap.export.odometry.clips import make_batch
 from edgemap.export.odometry.data import FeatureDrive
-from edgemap.export.odometry.flow_loss import Batch
+from edgemap.export.odometry.flow_loss import ClipBatch
 from edgemap.geometry.se2 import SE2
 
 CHUNK = 30  # frames at once
 
 # A head over a batch of clips with the state before it: motions (B, T, 3), covariances (B, T, 3, 3) or None, new state.
-Unroll = Callable[[Any, Batch, list[Tensor] | None], tuple[Tensor, Tensor | None, list[Tensor]]]
+Unroll = Callable[[Any, ClipBatch, list[Tensor] | None], tuple[Tensor, Tensor | None, list[Tensor]]]
 
 
 @torch.no_grad()

@@ -16,8 +16,8 @@ STEEPEST_RAD = math.radians(45.0)  # between a plane's normal and where up is ex
 TRIALS = 300
 ROUNDS = 6  # of the refinement
 PLANES = 4  # floor, table, seat, ceiling: the floor is the lowest of the first few
-LEAST_SHARE = 0.05  # of the points, on one plane
-LEAST_POINTS = 100
+MINIMUM_SHARE = 0.05  # of the points, on one plane
+MINIMUM_POINTS = 100
 BELOW_SHARE = 0.02  # of the points, that noise and reflections put below a floor
 NOISE_M, NOISE_PER_M = 0.01, 0.005  # of a point's height over the floor: constant, and with its depth
 BAND = 2.5  # standard deviations about a plane that count as on it
@@ -51,7 +51,7 @@ def follow_floor(points_m: Array, up: Array, height_m: float) -> tuple[FloorPlan
     for constant_m, per_m in FOLLOW_BANDS:
         off = np.abs(points_m @ up + height_m)
         on = off < quiet * BAND * noise + constant_m + per_m * reach_m
-        if on.sum() < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
+        if on.sum() < max(MINIMUM_POINTS, MINIMUM_SHARE * len(points_m)):
             return None
         if constant_m == 0.0:
             quiet = float(np.clip(NORMAL * np.median(off[on] / noise[on]), QUIETEST, 1.0))
@@ -101,7 +101,7 @@ def _plane(
 ) -> tuple[Array, float, float] | None:
     """Normal (3,) of the largest plane, height of the lens over it, and the share of the band that its points need;
     None where it holds too few of `total` points."""
-    if len(points) < LEAST_POINTS:
+    if len(points) < MINIMUM_POINTS:
         return None
     corners = points[rng.integers(0, len(points), (TRIALS, 3))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -118,7 +118,7 @@ def _plane(
     for _ in range(ROUNDS):
         off = np.abs(points @ normal + height_m) / band
         on = off < quiet
-        if on.sum() < max(LEAST_POINTS, LEAST_SHARE * total):
+        if on.sum() < max(MINIMUM_POINTS, MINIMUM_SHARE * total):
             return None
         quiet = float(np.clip(BAND * NORMAL * np.median(off[on]), QUIETEST, 1.0))
         weights = 1.0 / band[on] ** 2

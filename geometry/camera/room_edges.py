@@ -16,8 +16,8 @@ NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane mi
 ANNEALING = (2.0, 1.5, 1.0, 1.0, 1.0)
 SIGMA_RAD = math.radians(0.7)  # of an edge of REFERENCE_RAD; shorter ones are less certain
 REFERENCE_RAD = 0.15
-FEWEST, LEAST_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
-LEAST_SHARE = 0.4  # of all edges' length that the three directions explain
+FEWEST, MINIMUM_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
+MINIMUM_SHARE = 0.4  # of all edges' length that the three directions explain
 
 
 def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array | None:
@@ -43,7 +43,7 @@ def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -
         directions = directions @ rotation_of(np.asarray(step, dtype=np.float64)[None])[0].T
         near = np.abs(miss) < NEAR_RAD
         upright, explained = near & (kind == 0), float(lengths[near].sum() / lengths.sum())
-    enough = upright.sum() >= FEWEST and lengths[upright].sum() > LEAST_LENGTH_RAD and explained > LEAST_SHARE
+    enough = upright.sum() >= FEWEST and lengths[upright].sum() > MINIMUM_LENGTH_RAD and explained > MINIMUM_SHARE
     return directions[0] if enough else None
 
 

@@ -22,8 +22,8 @@ from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 Corners = tuple[tuple[float, float], ...]
 EditKind = Literal["rename", "confirm", "delete", "merge", "restore", "zone", "drop_zone"]
 
-MOST_CORNERS, MOST_ZONES, LONGEST_NAME = 100, 200, 80
-LEAST_ZONE_M2 = 0.01
+MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
+MINIMUM_ZONE_M2 = 0.01
 
 
 class EditError(MapError):
@@ -57,7 +57,7 @@ class Annotations:
             Zone(f"zone-{number}", zone.name, _corners(alignment.pose_a_b.apply(np.array(zone.corners_m))))
             for number, zone in enumerate(zones, last + 1)
         )
-        return replace(self, zones=(*self.zones, *added)[:MOST_ZONES])
+        return replace(self, zones=(*self.zones, *added)[:MAXIMUM_ZONES])
 
 
 NO_ANNOTATIONS = Annotations()
@@ -102,7 +102,7 @@ class MapEdits:
     _seen: tuple[int, list[MapObject]] | None = None
     _shown: list[MapObject] = field(default_factory=list)
     _hidden: tuple[MapObject, ...] = ()
-    _told: Annotations = NO_ANNOTATIONS
+    _annotations: Annotations = NO_ANNOTATIONS
     _made: dict[str, tuple[tuple, MapObject, list[MapObject]]] = field(default_factory=dict)
 
     @classmethod
@@ -176,9 +176,9 @@ class MapEdits:
         """Zones and deleted objects as they stand; the very same as long as they do."""
         if self.deleted:
             self.shown(measured)
-        if (self.zones, self._hidden) != (self._told.zones, self._told.deleted):
-            self._told = Annotations(self.zones, self._hidden)
-        return self._told
+        if (self.zones, self._hidden) != (self._annotations.zones, self._annotations.deleted):
+            self._annotations = Annotations(self.zones, self._hidden)
+        return self._annotations
 
     def kept(self, measured: ObjectMap) -> frozenset[str]:
         """Ids of the measured map that a person has confirmed: they are not forgotten."""
@@ -212,17 +212,17 @@ class MapEdits:
     def _rename(self, identity: str, name: str, measured: ObjectMap) -> None:
         if len(name) > LONGEST_NAME or not (name.isprintable() and name == name.strip()):
             raise EditError(f"a name has at most {LONGEST_NAME} printable characters and no space at its ends")
-        self.names = {one: told for one, told in self.names.items() if self._root(one, measured) != identity}
+        self.names = {one: name_of for one, name_of in self.names.items() if self._root(one, measured) != identity}
         if name:
             self.names[identity] = name
 
     def _put_zone(self, edit: Edit, anchors: Callable[[Corners], np.ndarray]) -> str:
         if edit.id and edit.id not in self._zones:
             raise EditError(f"no zone {edit.id!r}")
-        if not edit.id and len(self._zones) >= MOST_ZONES:
-            raise EditError(f"{MOST_ZONES} zones are drawn already")
-        if not 3 <= len(edit.corners_m) <= MOST_CORNERS or _area_m2(edit.corners_m) < LEAST_ZONE_M2:
-            raise EditError(f"a zone has 3 to {MOST_CORNERS} corners around at least {LEAST_ZONE_M2} m2")
+        if not edit.id and len(self._zones) >= MAXIMUM_ZONES:
+            raise EditError(f"{MAXIMUM_ZONES} zones are drawn already")
+        if not 3 <= len(edit.corners_m) <= MAXIMUM_CORNERS or _area_m2(edit.corners_m) < MINIMUM_ZONE_M2:
+            raise EditError(f"a zone has 3 to {MAXIMUM_CORNERS} corners around at least {MINIMUM_ZONE_M2} m2")
         if not edit.name or len(edit.name) > LONGEST_NAME or not edit.name.isprintable():
             raise EditError(f"a zone has a name of at most {LONGEST_NAME} printable characters")
         identity = edit.id
@@ -267,8 +267,8 @@ class MapEdits:
             parts.sort(key=lambda item: (item.id != root, id_order(item.id)))
             name, is_confirmed = names.get(root, ""), root in confirmed
             key = (*map(id, parts), name, is_confirmed)
-            known = self._made.get(root)
-            item = known[1] if known is not None and known[0] == key else _edited(parts, name, is_confirmed)
+            kept_item = self._made.get(root)
+            item = kept_item[1] if kept_item is not None and kept_item[0] == key else _edited(parts, name, is_confirmed)
             made[root] = (key, item, parts)  # the parts are kept alive, so that an id() stays theirs
             shown.append(item)
         self._made, self._shown = made, sorted(shown, key=lambda item: id_order(item.id))

@@ -57,7 +57,7 @@ class _Rate:
 
 
 @dataclass(slots=True)
-class _Observation:
+class _Visit:
     """Frames from about one place. seen: whether any of them shows the object, None where something like it was seen
     in its place."""
 
@@ -89,7 +89,7 @@ class Forgetter:
         self.camera, self.rule = camera, rule or ForgetRule()
         self.observations: dict[str, int] = defaultdict(int)
         self._frame = 0
-        self._open: dict[str, _Observation] = {}
+        self._open: dict[str, _Visit] = {}
         self._log_odds: dict[str, float] = {}
         self._own: dict[str, _Rate] = defaultdict(_Rate)
         self._class: dict[str, _Rate] = defaultdict(_Rate)
@@ -166,7 +166,7 @@ class Forgetter:
         if like_it and not observation.seen:
             observation.seen = None
 
-    def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Observation:
+    def _observation_at(self, item: MapObject, pose_map_base: SE2) -> _Visit:
         """The observation that this frame belongs to; an observation that ends by it is counted and weighed."""
         rule, observation = self.rule, self._open.get(item.id)
         if observation is not None:
@@ -176,7 +176,7 @@ class Forgetter:
                 return observation
             if observation.seen is not None:
                 self._count(item, observation.seen)
-        self._open[item.id] = _Observation(pose_map_base, self._frame)
+        self._open[item.id] = _Visit(pose_map_base, self._frame)
         return self._open[item.id]
 
     def _count(self, item: MapObject, seen: bool) -> None:

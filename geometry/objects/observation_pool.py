@@ -25,7 +25,7 @@ Key = tuple[int, int, int, int, int]  # cell x, cell y, side, track, rank among 
 CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a good sighting's error
 SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
 VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
-MOST_VIEWS = 16  # of a pool: old ones were placed by poses that are known less well by now
+MAXIMUM_VIEWS = 16  # of a pool: old ones were placed by poses that are known less well by now
 DIRECTIONS = 24  # from an object, in each of which the farthest place that it was seen from is told
 SAVED_SIDE = -1
 
@@ -51,7 +51,7 @@ class ObservationPool:
     m^2 from the mount, weighted by information; variance_m2: mean of what the pose's covariance makes of each.
     first_m2: (2, 2), all that it makes of the earliest one. anchor_s: mean stamp, of the pose that it moves with.
     landmark: of loop closure, that they are observations of; -1 for none. beside: pools seen in one frame with it.
-    views: squares they were seen from, each with the newest place in it, the newest `MOST_VIEWS` only. saved: the
+    views: squares they were seen from, each with the newest place in it, the newest `MAXIMUM_VIEWS` only. saved: the
     earlier map's object this is, if it is one. row: in its index. updated: number of the last frame.
     """
 
@@ -111,7 +111,7 @@ class ObservationPool:
         square = _square(from_x_m, from_y_m)
         self.views.pop(square, None)
         self.views[square] = placed.sighting.stamp_s, from_x_m, from_y_m
-        if len(self.views) > MOST_VIEWS:
+        if len(self.views) > MAXIMUM_VIEWS:
             del self.views[next(iter(self.views))]
         self.updated = frame
 
@@ -138,7 +138,7 @@ class ObservationPool:
         self.shared, self.weight = self.shared + other.shared, self.weight + other.weight
         self.sums.join(other.sums)
         views = sorted((other.views | self.views).items(), key=lambda item: item[1][0])
-        self.views = dict(views[-MOST_VIEWS:])
+        self.views = dict(views[-MAXIMUM_VIEWS:])
         self.saved = self.saved or other.saved
         self.updated = max(self.updated, other.updated)
 

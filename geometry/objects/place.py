@@ -24,7 +24,7 @@ class RobotMap:
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class MergedRobot:
     """What became of one robot's map.
 
     pose_place_map: its frame in the place's; None where it stays apart, for `reason`.
@@ -43,7 +43,7 @@ class PlaceMap:
 
     objects: tuple[MapObject, ...] = ()
     annotations: Annotations = NO_ANNOTATIONS
-    members: Mapping[str, Member] = field(default_factory=dict)
+    members: Mapping[str, MergedRobot] = field(default_factory=dict)
 
 
 Alignments = MutableMapping[tuple[str, ...], Alignment | str]
@@ -60,7 +60,7 @@ def merge_place(
     those of this one when it returns.
     """
     before, found = dict(known or {}), dict[tuple[str, ...], Alignment | str]()
-    fleet = _Fleet({**maps, "": reference} if reference else dict(maps), before, found)
+    fleet = _Registration({**maps, "": reference} if reference else dict(maps), before, found)
     groups = list[_Group]()
     for name in sorted(fleet.maps, key=lambda name: (name != "", -len(fleet.maps[name].objects), name)):
         if not any(name in group.members for group in groups):
@@ -76,7 +76,7 @@ def merge_place(
     to_place = place.members[min(place.members)].pose_place_map
     assert to_place is not None
     turn = Alignment.known(to_place.inverse())
-    members = {name: Member(None, reason=str(reason)) for name, reason in reasons.items()}
+    members = {name: MergedRobot(None, reason=str(reason)) for name, reason in reasons.items()}
     for name, member in place.members.items():
         if name and member.pose_place_map is not None:
             members[name] = replace(member, pose_place_map=turn.pose_a_b @ member.pose_place_map)
@@ -95,22 +95,22 @@ class _Group:
     keys: tuple[str, ...]
     objects: list[MapObject]
     annotations: Annotations
-    members: dict[str, Member]
+    members: dict[str, MergedRobot]
 
     @classmethod
     def of(cls, name: str, single: RobotMap) -> _Group:
         annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment.known(SE2()))
-        return cls((single.key,), list(single.objects), annotations, {name: Member(SE2())})
+        return cls((single.key,), list(single.objects), annotations, {name: MergedRobot(SE2())})
 
     def joined(self, name: str, single: RobotMap, alignment: Alignment) -> _Group:
         objects, _ = merge_maps(self.objects, single.objects, alignment)
-        member = Member(alignment.pose_a_b, len(alignment.pairs), alignment.shared)
+        member = MergedRobot(alignment.pose_a_b, len(alignment.pairs), alignment.shared)
         zones = self.annotations.with_zones(single.zones, alignment)
         return _Group((*self.keys, single.key), objects, zones, self.members | {name: member})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fleet:
+class _Registration:
     maps: dict[str, RobotMap]
     before: Alignments
     found: Alignments

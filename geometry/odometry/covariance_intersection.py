@@ -1,4 +1,4 @@
-"""Several measurements of one motion as one: independent ones, ones that share their errors, and whom to believe."""
+"""Fusion of several measurements of one motion: independent ones, correlated ones, and consensus among them."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def fused(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
 def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
     """Two measurements whose errors are correlated in an unknown way: covariance intersection.
 
-    Julier and Uhlmann 1997; the share with the smallest determinant of a few. Never surer than the surer one is.
+    Julier and Uhlmann 1997; of a few shares the one with the smallest determinant. The result claims no more
+    information than the better of the two.
     """
     one, other = np.linalg.inv(a.covariance), np.linalg.inv(b.covariance)
     mixed = SHARES[:, None, None] * other + (1.0 - SHARES)[:, None, None] * one
@@ -68,53 +69,54 @@ def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
 
 
 def consensus(
-    measured: Sequence[MotionEstimate], gate: float = GATE, known_sigma: float = KNOWN_SIGMA
+    estimates: Sequence[MotionEstimate], gate: float = GATE, known_sigma: float = KNOWN_SIGMA
 ) -> MotionEstimate:
     """One motion of several measurements, the most trusted first: of the sets in which all pairs agree, the one with
-    most SOURCES.
+    the largest number of SOURCES.
 
-    Members of one source are one witness: their number decides only among sets of the same sources, then how well they
+    Measurements of one source count once: their number decides only among sets of the same sources, then how well they
     agree. Of one source: by covariance intersection; of different sources: as independent. Where sets of different
-    sources are as strong, the sources disagree: the result lies between them and its covariance covers all.
+    sources have equal rank, the sources disagree: the result lies between them and its covariance covers all.
     """
-    if not measured:
-        raise ValueError("no measurement to believe")
-    if len(measured) == 1:
-        return measured[0]
-    apart = {pair: distance(measured[pair[0]], measured[pair[1]]) for pair in combinations(range(len(measured)), 2)}
+    if not estimates:
+        raise ValueError("no measurements")
+    if len(estimates) == 1:
+        return estimates[0]
+    apart = {pair: distance(estimates[pair[0]], estimates[pair[1]]) for pair in combinations(range(len(estimates)), 2)}
     best: dict[frozenset[str], tuple[tuple[int, float], tuple[int, ...]]] = {}
-    for size in range(len(measured), 0, -1):
-        for chosen in combinations(range(len(measured)), size):
+    for size in range(len(estimates), 0, -1):
+        for chosen in combinations(range(len(estimates)), size):
             if _agree(chosen, apart, gate):
-                sources = frozenset(measured[index].source for index in chosen)
+                sources = frozenset(estimates[index].source for index in chosen)
                 rank = -size, sum(apart[pair] for pair in combinations(chosen, 2))
                 if sources not in best or rank < best[sources][0]:
                     best[sources] = rank, chosen
-    most = max(len(sources) for sources in best)
-    strongest = [_witness(measured, chosen) for s, (_, chosen) in best.items() if len(s) == most]
+    maximum = max(len(sources) for sources in best)
+    strongest = [_fused_set(estimates, chosen) for s, (_, chosen) in best.items() if len(s) == maximum]
     return strongest[0] if len(strongest) == 1 else _between(strongest, known_sigma)
 
 
-def _witness(measured: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
-    """A set that agrees, as one. One member alone that others of its source deny is doubted by the nearest of them."""
-    found = _joined([measured[index] for index in chosen])
-    source = measured[chosen[0]].source
-    others = [m for i, m in enumerate(measured) if i not in chosen and m.source == source]
+def _fused_set(estimates: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
+    """A set that agrees, as one. The covariance of a single member from which others of its source differ is widened
+    by the nearest of them."""
+    found = _fused_by_source([estimates[index] for index in chosen])
+    source = estimates[chosen[0]].source
+    others = [m for i, m in enumerate(estimates) if i not in chosen and m.source == source]
     if len(chosen) > 1 or not others:
         return found
-    doubts = [difference(found, other) for other in others]
-    doubt = min(doubts, key=lambda vector: float(vector @ vector))
-    return replace(found, covariance=found.covariance + np.outer(doubt, doubt) / 4.0)
+    apart = min((difference(found, other) for other in others), key=lambda vector: float(vector @ vector))
+    return replace(found, covariance=found.covariance + np.outer(apart, apart) / 4.0)
 
 
 def _between(sets: Sequence[MotionEstimate], known_sigma: float) -> MotionEstimate:
     """Sets that disagree, one of which may be right: the moments of their mixture, each as likely as the others.
 
-    What a set does not know (a gyro knows no translation) has no say: weights are by information, at most equal.
+    Weights are by information and at most equal, so a set has no weight in what it does not measure (a gyro in
+    translation).
     """
     sigmas = np.array([np.sqrt(np.diag(item.covariance)) for item in sets])
-    knows = np.minimum(1.0, (known_sigma / sigmas) ** 2)
-    weights = knows / knows.sum(axis=0)
+    weights = np.minimum(1.0, (known_sigma / sigmas) ** 2)
+    weights = weights / weights.sum(axis=0)
     apart = np.array([difference(sets[0], item) for item in sets])
     middle = (weights * apart).sum(axis=0)
     off = np.sqrt(weights) * (apart - middle)
@@ -128,11 +130,11 @@ def _agree(chosen: tuple[int, ...], apart: dict[tuple[int, int], float], gate: f
     return all(apart[pair] <= gate for pair in combinations(chosen, 2))
 
 
-def _joined(measured: Sequence[MotionEstimate]) -> MotionEstimate:
+def _fused_by_source(estimates: Sequence[MotionEstimate]) -> MotionEstimate:
     by_source: dict[str, MotionEstimate] = {}
-    for item in measured:
-        known = by_source.get(item.source)
-        by_source[item.source] = item if known is None else intersected(known, item)
+    for item in estimates:
+        earlier = by_source.get(item.source)
+        by_source[item.source] = item if earlier is None else intersected(earlier, item)
     first, *others = by_source.values()
     for other in others:
         first = fused(first, other)

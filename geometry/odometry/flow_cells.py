@@ -13,7 +13,7 @@ CHANNELS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class CellGrid:
     """Cells of `stride_px` over a network's input, (rows, columns), and where the picture lies in that input.
 
     scale: input px per picture px, across and down. left_px, top_px: of the picture in the input.
@@ -45,7 +45,7 @@ class Grid:
         return across & (v >= self.top_px) & (v <= self.top_px + self.height_px)
 
 
-def flow_cells(camera: FloorCamera, grid: Grid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def flow_cells(camera: FloorCamera, grid: CellGrid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The geometry of a grid's cells, (1, 8, rows, columns), and of the mount, (1, 12), both float32.
 
     Channels: normalised image point x, y of the cell's middle, undistorted; its change per cell to the right (x, y) and

@@ -1,4 +1,4 @@
-"""Tracked points remembered over their life, and the camera's pose among them: bearing, inverse depth, variance."""
+"""Landmarks of tracked points (bearing, inverse depth, variance), and the camera's pose among them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AttitudeError:
-    """How the camera is turned against its mount in one picture: small angles about left (nose down) and forward."""
+    """Rotation of the camera against its mount in one picture: small angles about left (nose down) and forward."""
 
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
@@ -29,9 +29,9 @@ class AttitudeError:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """Where the base stands in the frame that the landmarks are kept in, and how the camera is tilted there. rise_m: of
-    the lens above the mount's height."""
+class Viewpoint:
+    """Pose of the base in the landmarks' frame, and tilt of the camera there. rise_m: of the lens above the mount's
+    height."""
 
     pose: SE2 = field(default_factory=SE2)
     tilt: AttitudeError = AttitudeError()
@@ -40,19 +40,19 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations. track_rad: of a track's place in one picture; drift_rad: what a track wanders per picture,
-    as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: how well the tilt is known
-    once it was estimated; scale: of the common scale of all points off the floor in one picture, relative; free: of the
-    inverse depth, 1/m, of a point of which nothing is known, about its mean; rise_m: of the lens's height, from one
-    picture to the next."""
+    """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
+    as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it was
+    estimated; scale: of the common scale of all points off the floor in one picture, relative; unknown: of
+    the inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
+    next."""
 
     track_rad: float
     drift_rad: float
     tilt_rad: float = math.radians(0.2)
     floor_tilt_rad: float = math.radians(0.1)
     scale: float = 0.05
-    free_mean: float = 0.2
-    free: float = 0.3
+    unknown_mean: float = 0.2
+    unknown: float = 0.3
     rise_m: float = 1e-4
 
 
@@ -97,7 +97,7 @@ class Landmarks:
 def new_landmarks(
     rays: Array,
     camera: FloorCamera,
-    view: View,
+    view: Viewpoint,
     noise: Noise,
     reach_m: float,
     trusting: bool = True,
@@ -105,8 +105,8 @@ def new_landmarks(
 ) -> Landmarks:
     """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach.
 
-    trusting: they are taken for floor at once; else their depth is to show it first, for a table is seen below the
-    horizon too. depth_m: (N,) along the optical axis where a depth camera measured it, else NaN.
+    trusting: they count as floor at once; else their depth must show it first, since a table is seen below the horizon
+    too. depth_m: (N,) along the optical axis where a depth camera measured it, else NaN.
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
@@ -114,28 +114,31 @@ def new_landmarks(
     on_floor = -base[:, 2] / lens[2]
     reached = on_floor > 1.0 / reach_m
     floor = reached & trusting
-    spread = noise.floor_tilt_rad * np.hypot(base[:, 0], base[:, 1]) / lens[2]
-    inverse = np.where(floor, on_floor, np.maximum(noise.free_mean, on_floor))
-    variance = np.where(floor, spread**2, np.maximum(noise.free, 0.5 * on_floor) ** 2)
-    turn = _turn(view.pose)
-    anchor = turn @ lens + [view.pose.x_m, view.pose.y_m, 0.0]
+    sigma = noise.floor_tilt_rad * np.hypot(base[:, 0], base[:, 1]) / lens[2]
+    inverse = np.where(floor, on_floor, np.maximum(noise.unknown_mean, on_floor))
+    variance = np.where(floor, sigma**2, np.maximum(noise.unknown, 0.5 * on_floor) ** 2)
+    rotation = _rotation_z(view.pose)
+    anchor = rotation @ lens + [view.pose.x_m, view.pose.y_m, 0.0]
     count = len(rays)
     measured = np.zeros(count, dtype=bool)
     if depth_m is not None:
         measured = np.isfinite(depth_m)
-        known = 1.0 / np.where(measured, depth_m * np.linalg.norm(rays, axis=1) / rays[:, 2], 1.0)
+        by_depth = 1.0 / np.where(measured, depth_m * np.linalg.norm(rays, axis=1) / rays[:, 2], 1.0)
         relative = DEPTH_SHARE + DEPTH_SHARE_PER_M * np.where(measured, depth_m, 0.0)
-        inverse, variance = np.where(measured, known, inverse), np.where(measured, (relative * known) ** 2, variance)
+        inverse, variance = (
+            np.where(measured, by_depth, inverse),
+            np.where(measured, (relative * by_depth) ** 2, variance),
+        )
         floor = floor & ~measured
     return Landmarks(
-        np.broadcast_to(anchor, (count, 3)), base @ turn.T, inverse, variance, floor,
+        np.broadcast_to(anchor, (count, 3)), base @ rotation.T, inverse, variance, floor,
         np.where(reached & ~floor & ~measured, on_floor, 0.0), np.zeros(count, dtype=np.int64), measured,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """How landmarks look from a view, and how that changes. seen (N, 2): normalised image points; by_view (N, 2, 6):
+class Projection:
+    """Landmarks projected into a view, with Jacobians. seen (N, 2): normalised image points; by_view (N, 2, 6):
     per metre forward and left, radian of yaw, pitch and roll, metre of rise; by_inverse (N, 2): per 1/m. ahead
     (N,): in front."""
 
@@ -145,14 +148,14 @@ class Sight:
     ahead: NDArray[np.bool_]
 
 
-def look(landmarks: Landmarks, camera: FloorCamera, view: View) -> Sight:
+def project(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint) -> Projection:
     """Landmarks projected from a view, with the Jacobians that `locate` needs (perturbed in the view's base frame)."""
-    turn = _turn(view.pose)
+    rotation = _rotation_z(view.pose)
     lens = _lens(camera, view)
     to_optical = (view.tilt.rotation() @ camera.mount.rotation_base_optical()).T
-    away = (landmarks.anchor_m - [view.pose.x_m, view.pose.y_m, 0.0]) @ turn
+    away = (landmarks.anchor_m - [view.pose.x_m, view.pose.y_m, 0.0]) @ rotation
     inverse = landmarks.inverse_m
-    base = landmarks.ray @ turn + inverse[:, None] * away
+    base = landmarks.ray @ rotation + inverse[:, None] * away
     lensed = base - inverse[:, None] * lens
     moved = np.zeros((3, 8, len(inverse)))  # base-frame change per parameter; last: per inverse depth, and the point
     moved[0, 0] = moved[1, 1] = -inverse
@@ -167,111 +170,112 @@ def look(landmarks: Landmarks, camera: FloorCamera, view: View) -> Sight:
     depth = np.where(ahead, depth, 1.0)
     seen = optical[:2, 7] / depth
     by = (optical[:2, :7] - seen[:, None] * optical[2, :7]) / depth
-    return Sight(seen.T, by[:, :6].transpose(2, 0, 1), by[:, 6].T, ahead)
+    return Projection(seen.T, by[:, :6].transpose(2, 0, 1), by[:, 6].T, ahead)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
     """view: the pose found. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given landmarks.
-    weights (N,): 0 for a track that does not fit. residual (N, 2), sight: what is left, and seen from there. scale: how
-    much larger the inverse depths off the floor are than was thought, relative."""
+    weights (N,): 0 for a track that does not fit. residual (N, 2), projection: at that view. scale: relative correction
+    of the inverse depths off the floor."""
 
-    view: View
+    view: Viewpoint
     covariance: Array
     weights: Array
     residual: Array
-    sight: Sight
+    projection: Projection
     scale: float
 
 
 DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
-TUKEY = 16.0  # squared, in units of the expected residual; beyond it a track counts nothing
+TUKEY = 16.0  # squared, in units of the expected residual; beyond it a track has no weight
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
 
-def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: View, noise: Noise) -> Located:
-    """The view from which landmarks look as seen, (N, 2) normalised image points: robust Gauss-Newton from a start.
+def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: Viewpoint, noise: Noise) -> Located:
+    """The view that fits the seen points best, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
-    A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one speaks of
-    rotation only. Pitch, roll and rise are held to the start's by `noise`. Points off the floor keep their shape, but
-    their common scale is left to the floor within `noise.scale`, or it would wander. Tukey's weights, scale annealed.
+    A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
+    the rotation only. `noise` is the prior of pitch, roll and rise about the start's. Points off the floor keep their
+    shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights, scale
+    annealed.
     """
-    sight = look(landmarks, camera, start)
-    view, log_scale = _turned_to(sight, seen, start), 0.0
+    projection = project(landmarks, camera, start)
+    view, log_scale = _rotated_to(projection, seen, start), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
     residual, information = seen, np.eye(7)
-    free = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
+    off_floor = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
     prior = np.diag([1e-2, 1e-2, 1e-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
     for scale in ANNEALING:
-        scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * free)
-        sight = look(scaled, camera, view)
-        residual = seen - sight.seen
-        white, jacobian = _whitened(sight, residual, free, landmarks.variance, sigma2)
+        scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
+        projection = project(scaled, camera, view)
+        residual = seen - projection.seen
+        white, jacobian = _whitened(projection, residual, off_floor, landmarks.variance, sigma2)
         distance2 = (white**2).sum(axis=0)
-        weights = np.where(sight.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
+        weights = np.where(projection.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
         weighted = jacobian * weights
         information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + prior
-        pull = (weighted @ white[:, :, None]).sum(axis=(0, 2))
+        gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
-        pull[3:] -= np.diag(prior)[3:] * [*beyond, view.rise_m - start.rise_m, log_scale]
-        step = np.asarray(np.linalg.solve(information, pull), dtype=np.float64)
+        gradient[3:] -= np.diag(prior)[3:] * [*beyond, view.rise_m - start.rise_m, log_scale]
+        step = np.asarray(np.linalg.solve(information, gradient), dtype=np.float64)
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
     covariance = np.asarray(np.linalg.inv(information)[:6, :6] * excess, dtype=np.float64)
-    return Located(view, covariance, weights, residual, sight, log_scale)
+    return Located(view, covariance, weights, residual, projection, log_scale)
 
 
 def refined(
     landmarks: Landmarks, found: Located, noise: Noise, gate: float = 9.0
 ) -> tuple[Landmarks, NDArray[np.bool_]]:
-    """The landmarks after a look at them, and which to keep, (N,).
+    """The landmarks after an observation of each, and which to keep, (N,).
 
-    Each inverse depth takes in what was seen (scalar Kalman update). What does not fit as floor but does as a point
-    before it is floor no longer; what fits neither is not kept.
+    Each inverse depth is updated by what was seen (scalar Kalman update). A floor landmark that fits only as a point
+    above the floor becomes one; what fits neither is not kept.
     """
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
     kept = landmarks.floor | landmarks.measured
     landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + found.scale))
-    slope2 = (found.sight.by_inverse**2).sum(axis=1)
-    along = (found.sight.by_inverse * found.residual).sum(axis=1)
+    slope2 = (found.projection.by_inverse**2).sum(axis=1)
+    along = (found.projection.by_inverse * found.residual).sum(axis=1)
     total2 = (found.residual**2).sum(axis=1)
     innovation2 = sigma2 + landmarks.variance * slope2
     fit2 = (total2 - landmarks.variance * along**2 / innovation2) / sigma2
-    fits = (fit2 < gate) & found.sight.ahead
-    free = landmarks.inverse_m + along / np.maximum(slope2, 1e-12)
+    fits = (fit2 < gate) & found.projection.ahead
+    as_point = landmarks.inverse_m + along / np.maximum(slope2, 1e-12)
     across2 = total2 - along**2 / np.maximum(slope2, 1e-12)
-    standing = ~fits & landmarks.floor & found.sight.ahead & (across2 < gate * sigma2)
-    standing &= (free > landmarks.inverse_m) & (free < 10.0)
+    above_floor = ~fits & landmarks.floor & found.projection.ahead & (across2 < gate * sigma2)
+    above_floor &= (as_point > landmarks.inverse_m) & (as_point < 10.0)
     gain = np.where(landmarks.measured, 0.0, landmarks.variance / innovation2)
     inverse = landmarks.inverse_m + gain * along
     variance = landmarks.variance * (1.0 - gain * slope2)
     after = Landmarks(
         landmarks.anchor_m,
         landmarks.ray,
-        np.where(standing, free, inverse),
-        np.where(standing, 4.0 * sigma2 / np.maximum(slope2, 1e-12), variance),
-        landmarks.floor & ~standing,
+        np.where(above_floor, as_point, inverse),
+        np.where(above_floor, 4.0 * sigma2 / np.maximum(slope2, 1e-12), variance),
+        landmarks.floor & ~above_floor,
         landmarks.on_floor,
         landmarks.age + 1,
         landmarks.measured,
     )
-    return _judged(after, noise), (fits & (inverse > -0.05)) | standing
+    return _classified(after, noise), (fits & (inverse > -0.05)) | above_floor
 
 
-RISE_SHARE = 0.05  # of the rise, that is taken for the landmarks' and not for the lens's
-KNOWN_DEPTH = 0.1  # relative standard deviation of an inverse depth that can tell floor from what stands on it
-FLOOR_BAND = 0.08  # relative difference of inverse depths that still is the floor, for the scale may be off as well
-BELOW_SHARE, BELOW_COUNT = 0.1, 8  # of the landmarks, that lie on one plane below the floor: then that is the floor
+RISE_SHARE = 0.05  # of the rise that is attributed to the landmarks and not to the lens
+KNOWN_DEPTH = 0.1  # relative standard deviation below which an inverse depth separates floor from objects
+FLOOR_BAND = 0.08  # relative difference of inverse depths that still counts as floor, as the scale may be off too
+BELOW_SHARE, BELOW_COUNT = 0.1, 8  # of the landmarks: as many on one plane below the floor are the floor
 
 
-def _judged(landmarks: Landmarks, noise: Noise) -> Landmarks:
-    """Those whose depth is known by now and is the floor's become floor."""
+def _classified(landmarks: Landmarks, noise: Noise) -> Landmarks:
+    """Landmarks of known depth that lie on the floor become floor landmarks."""
     sigma = np.sqrt(landmarks.variance)
     off = np.abs(landmarks.inverse_m - landmarks.on_floor)
-    floor = _known(landmarks) & (off < FLOOR_BAND * landmarks.on_floor + 2.0 * sigma)
+    floor = _of_known_depth(landmarks) & (off < FLOOR_BAND * landmarks.on_floor + 2.0 * sigma)
     level = np.sqrt(np.maximum(1.0 - landmarks.ray[:, 2] ** 2, 0.0)) / np.maximum(-landmarks.ray[:, 2], 1e-6)
     return replace(
         landmarks,
@@ -282,17 +286,17 @@ def _judged(landmarks: Landmarks, noise: Noise) -> Landmarks:
     )
 
 
-def _known(landmarks: Landmarks) -> NDArray[np.bool_]:
-    """Not floor, but seen below the horizon, of known depth, (N,)."""
+def _of_known_depth(landmarks: Landmarks) -> NDArray[np.bool_]:
+    """Below the horizon, of known depth, and not floor; (N,)."""
     return (landmarks.on_floor > 0.0) & (np.sqrt(landmarks.variance) < KNOWN_DEPTH * landmarks.on_floor)
 
 
-def oversize(landmarks: Landmarks) -> float:
-    """How much too large everything is, 1 where it is not: what was taken for floor is a table where others lie below.
+def excess_scale(landmarks: Landmarks) -> float:
+    """Factor by which the scale is too large, else 1: landmarks below the assumed floor show that it is a table top.
 
     Nothing lies below the floor, so the lowest plane on which enough landmarks agree is the floor.
     """
-    known = _known(landmarks)
+    known = _of_known_depth(landmarks)
     ratio = np.sort(landmarks.on_floor[known] / np.maximum(landmarks.inverse_m[known], 1e-6))
     ratio = ratio[(ratio > 1.0 + FLOOR_BAND) & (ratio < 3.0)]
     needed = max(BELOW_COUNT, int(BELOW_SHARE * len(landmarks)))
@@ -303,12 +307,12 @@ def oversize(landmarks: Landmarks) -> float:
     return 1.0
 
 
-def shrunk(landmarks: Landmarks, camera: FloorCamera, view: View, factor: float, noise: Noise) -> Landmarks:
-    """Everything nearer by a factor, seen from a view; what was floor stands on it, what lay below is floor."""
-    lens = _turn(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
+def rescaled(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint, factor: float, noise: Noise) -> Landmarks:
+    """All landmarks nearer to a view by a factor; floor landmarks now lie above the floor, those below become it."""
+    lens = _rotation_z(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
     anchor = landmarks.anchor_m.copy()
     anchor[:, :2] = lens[:2] + (anchor[:, :2] - lens[:2]) / factor
-    return _judged(
+    return _classified(
         replace(
             landmarks,
             anchor_m=anchor,
@@ -321,22 +325,24 @@ def shrunk(landmarks: Landmarks, camera: FloorCamera, view: View, factor: float,
     )
 
 
-def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float) -> tuple[Landmarks, View]:
-    """Landmarks and view turned together about the lens, and moved up or down together, so that a share of the view's
-    tilt and rise goes.
+def reduce_tilt(
+    landmarks: Landmarks, camera: FloorCamera, view: Viewpoint, share: float
+) -> tuple[Landmarks, Viewpoint]:
+    """Landmarks and view rotated together about the lens, and moved up or down together: a share of the view's tilt and
+    rise is removed.
 
-    Tracks tell tilts and heights apart only from one another, and what they agree on may wander; the mount says that
-    they are zero on average. Floor landmarks are put where their turned rays meet the floor.
+    Tracks observe only differences of tilt and height, so their common part drifts; by the mount both are zero on
+    average. Floor landmarks are moved to where their rotated rays meet the floor.
     """
-    turn = _turn(view.pose)
+    yaw = _rotation_z(view.pose)
     part = AttitudeError(share * view.tilt.pitch_rad, share * view.tilt.roll_rad)
-    rotation = turn @ part.rotation() @ turn.T  # its transpose takes the tilt away
-    lens = turn @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
-    ray = landmarks.ray @ rotation
+    removed = yaw @ part.rotation() @ yaw.T  # its transpose removes the tilt
+    lens = yaw @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
+    ray = landmarks.ray @ removed
     below = landmarks.floor | (landmarks.on_floor > 0.0)
     slope = np.where(below, np.clip(ray[:, 2] / np.where(below, landmarks.ray[:, 2], 1.0), 0.5, 2.0), 1.0)
     ratio = np.where(landmarks.floor, slope, 1.0)
-    anchor = np.where(landmarks.floor[:, None], landmarks.anchor_m, lens + (landmarks.anchor_m - lens) @ rotation)
+    anchor = np.where(landmarks.floor[:, None], landmarks.anchor_m, lens + (landmarks.anchor_m - lens) @ removed)
     lower = RISE_SHARE * view.rise_m
     low = np.clip(anchor[:, 2] / np.maximum(anchor[:, 2] - lower, 0.1), 0.5, 2.0)
     anchor = anchor - [0.0, 0.0, lower]
@@ -345,29 +351,31 @@ def levelled(landmarks: Landmarks, camera: FloorCamera, view: View, share: float
         landmarks, anchor_m=anchor, ray=ray, inverse_m=landmarks.inverse_m * ratio, on_floor=landmarks.on_floor * slope
     )
     left = AttitudeError(view.tilt.pitch_rad - part.pitch_rad, view.tilt.roll_rad - part.roll_rad)
-    return after, View(view.pose, left, view.rise_m - lower)
+    return after, Viewpoint(view.pose, left, view.rise_m - lower)
 
 
-def _whitened(sight: Sight, residual: Array, free: Array, variance: Array, sigma2: Array) -> tuple[Array, Array]:
+def _whitened(
+    projection: Projection, residual: Array, off_floor: Array, variance: Array, sigma2: Array
+) -> tuple[Array, Array]:
     """Residual (2, N) and Jacobian (2, 7, N), by view and common scale, in units of the expected residual.
 
     That has the covariance sigma2 I + variance g g^T, g being the residual per inverse depth.
     """
-    by_inverse = sight.by_inverse.T
+    by_inverse = projection.by_inverse.T
     slope2 = (by_inverse**2).sum(axis=0)
     along = by_inverse / np.sqrt(np.maximum(slope2, 1e-18))
     lost = 1.0 - np.sqrt(sigma2 / (sigma2 + variance * slope2))
     both = np.empty((2, 8, len(slope2)))
-    both[:, 0], both[:, 1:7], both[:, 7] = residual.T, sight.by_view.transpose(1, 2, 0), by_inverse * free
+    both[:, 0], both[:, 1:7], both[:, 7] = residual.T, projection.by_view.transpose(1, 2, 0), by_inverse * off_floor
     both -= (lost * along)[:, None] * (along[0] * both[0] + along[1] * both[1])
     both /= np.sqrt(sigma2)
     return both[:, 0], both[:, 1:]
 
 
-def _turned_to(sight: Sight, seen: Array, start: View) -> View:
-    """The start, turned by the median residual of a look from it: yaw and pitch change fast, and are common to all."""
-    across, down = _median(seen - sight.seen)
-    yaw, pitch = _median(sight.by_view[:, [0, 1], [2, 3]])
+def _rotated_to(projection: Projection, seen: Array, start: Viewpoint) -> Viewpoint:
+    """The start, rotated by the median residual of its projection: yaw and pitch change fast, and are common to all."""
+    across, down = _median(seen - projection.seen)
+    yaw, pitch = _median(projection.by_view[:, [0, 1], [2, 3]])
     return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))
 
 
@@ -377,17 +385,17 @@ def _median(columns: Array) -> Array:
     return rows[middle] if len(rows) % 2 else (rows[middle - 1] + rows[middle]) / 2.0
 
 
-def _moved(view: View, step: Array) -> View:
+def _moved(view: Viewpoint, step: Array) -> Viewpoint:
     tilt = AttitudeError(view.tilt.pitch_rad + float(step[3]), view.tilt.roll_rad + float(step[4]))
-    return View(view.pose @ SE2(*step[:3]), tilt, view.rise_m + float(step[5]))
+    return Viewpoint(view.pose @ SE2(*step[:3]), tilt, view.rise_m + float(step[5]))
 
 
-def _lens(camera: FloorCamera, view: View) -> Array:
+def _lens(camera: FloorCamera, view: Viewpoint) -> Array:
     """Where the lens is in the view's base frame, (3,) m."""
     return camera.mount.position_base_m() + [0.0, 0.0, view.rise_m]
 
 
-def _turn(pose: SE2) -> Array:
-    turn = np.eye(3)
-    turn[:2, :2] = pose.rotation()
-    return turn
+def _rotation_z(pose: SE2) -> Array:
+    rotation = np.eye(3)
+    rotation[:2, :2] = pose.rotation()
+    return rotation

@@ -1,4 +1,4 @@
-"""Planar motion from tracked floor points: RANSAC over SE(2), with a covariance that says how well it is known."""
+"""Planar motion from tracked floor points: RANSAC over SE(2), with its covariance."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ def fit_se2(from_m: Array, to_m: Array, weights: Array) -> SE2:
     yaw = math.atan2(
         float((share * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])).sum()), float((share[:, None] * a * b).sum())
     )
-    turn = SE2(0.0, 0.0, yaw)
-    shift = centre_to - turn.apply(centre_from)
+    shift = centre_to - SE2(0.0, 0.0, yaw).apply(centre_from)
     return SE2(shift[0], shift[1], yaw)
 
 
@@ -44,8 +43,9 @@ def planar_motion(
     """Motion of the base from static floor points seen before and after: previous = motion . current.
 
     previous_m, current_m: (N, 2) in the base frame of each time. sigmas_m: (N,) standard deviation of a pair's
-    misfit. None where fewer than six points agree. The covariance is that of the weighted least squares, scaled by
-    the inliers' misfit where that is larger than expected (chi-square per degree of freedom), and by how few they are.
+    residual. None where fewer than six points agree. The covariance is that of the weighted least squares, scaled by
+    the inliers' residuals where they are larger than expected (chi-square per degree of freedom), and by how few they
+    are.
     """
     count = len(previous_m)
     if count < 6:
@@ -59,10 +59,10 @@ def planar_motion(
     middle_previous, middle_current = ((points[first] + points[second]) / 2.0 for points in (previous_m, current_m))
     x = c * (current_m[:, 0] - middle_current[:, :1]) - s * (current_m[:, 1] - middle_current[:, 1:])
     y = s * (current_m[:, 0] - middle_current[:, :1]) + c * (current_m[:, 1] - middle_current[:, 1:])
-    misfit2 = (x + middle_previous[:, :1] - previous_m[:, 0]) ** 2 + (
+    residual2 = (x + middle_previous[:, :1] - previous_m[:, 0]) ** 2 + (
         y + middle_previous[:, 1:] - previous_m[:, 1]
     ) ** 2
-    agreeing = misfit2 < (3.0 * sigmas_m) ** 2
+    agreeing = residual2 < (3.0 * sigmas_m) ** 2
     long_enough = (span_previous**2).sum(axis=1) > 0.05**2
     votes = (agreeing.sum(axis=1)) * long_enough
     best = int(votes.argmax())
@@ -81,11 +81,11 @@ def planar_motion(
 
 
 def _covariance(motion: SE2, current_m: Array, residual: Array, inliers: NDArray[np.bool_], weights: Array) -> Array:
-    turned = current_m[inliers] @ motion.rotation().T
+    rotated = current_m[inliers] @ motion.rotation().T
     w = weights[inliers]
     jacobian = np.zeros((len(w), 2, 3))
     jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
-    jacobian[:, 0, 2], jacobian[:, 1, 2] = -turned[:, 1], turned[:, 0]
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -rotated[:, 1], rotated[:, 0]
     information = np.einsum("n,nij,nik->jk", w, jacobian, jacobian)
     degrees = max(2 * len(w) - 3, 1)
     chi2 = float((w[:, None] * residual[inliers] ** 2).sum()) / degrees

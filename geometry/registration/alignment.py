@@ -174,7 +174,7 @@ def _refined(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject],
 
 
 def _paired(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule) -> Pairs:
-    """The most pairs within gate and reach, one to one, then the least distance."""
+    """One-to-one pairs within gate and reach: most pairs first, then smallest distance."""
     places = pose.apply(np.array([item.position_m for item in second]))
     far = 1e3
     cost = np.full((len(first), len(second)), far)

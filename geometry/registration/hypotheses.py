@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 SHORTEST_M = 0.7  # nearer objects tell too little of the turn
 MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
-MOST_MODES = 16  # clearly different motions that are looked at closely
+MAXIMUM_MODES = 16  # clearly different motions that are looked at closely
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one
 CHUNK = 200_000  # distances between objects, of all motions scored in one unit of work
 
@@ -84,7 +84,7 @@ def best_modes(
     scores = yield from _scores(motions, first, second, gate, reach_m)
     centre = motions.apply(_positions(second).mean(axis=0)[None])[:, 0]
     alive, modes = np.ones(len(scores), dtype=bool), []
-    while alive.any() and len(modes) < MOST_MODES:
+    while alive.any() and len(modes) < MAXIMUM_MODES:
         row = int(np.argmax(np.where(alive, scores, -1.0)))
         modes.append(motions.pose(row))
         turn = np.abs(np.angle(np.exp(1j * (motions.yaw_rad - motions.yaw_rad[row]))))

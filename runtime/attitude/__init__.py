@@ -1,1 +1,1 @@
-"""How the camera is tilted in each frame, and where that is known from."""
+"""The camera's tilt in each frame, by its sources."""

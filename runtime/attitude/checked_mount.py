@@ -1,4 +1,4 @@
-"""Whether the mount is right, by the pictures: a room's edges show where up is."""
+"""Checks the mount by the pictures: a room's straight edges give the up direction."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ COARSE_PX = (40, 30)  # of the pictures that are compared
 
 @dataclass(frozen=True, slots=True)
 class MountRule:
-    """When a room's edges say that a mount is wrong.
+    """When a mount counts as wrong by the room's edges.
 
-    width_px: pictures are scaled down to it. every, first_every: pictures between two looks, once the mount is known to
-    be right or after the first ones, and before. reach_rad: of the search about the mount's angles. window_s: of looks
-    that are judged together, judged_s and fewest: the least of them. steady_rad: median by which looks of a mounted
-    camera scatter (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: by which a mount is wrong;
-    up to there the given one holds. moved: mean grey levels between two pictures that count as two views.
+    width_px: pictures are scaled down to it. every, first_every: pictures between two estimates, once the mount is
+    confirmed or after the first ones, and before. reach_rad: of the search about the mount's angles. window_s: of
+    estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
+    estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: error from
+    which a mount is wrong; up to there the given one holds. moved: mean grey levels between two pictures that count as
+    two views.
     """
 
     width_px: int = 320
@@ -53,7 +54,8 @@ class MountRule:
 class CheckedMount:
     """Another source's attitude, about a mount that is checked against the edges of the room.
 
-    Where they steadily show other angles than the mount's, that is told once, as a fault, and theirs hold from then on.
+    Where they steadily give other angles than the mount's, that is reported once, as a fault, and theirs are used from
+    then on.
     """
 
     def __init__(self, mount: Mount, lens: Intrinsics, other: AttitudeSource, rule: MountRule | None = None) -> None:
@@ -62,18 +64,18 @@ class CheckedMount:
         self._given = np.array([mount.roll_rad, mount.pitch_rad])
         share = min(1.0, self._rule.width_px / lens.width)
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
-        self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is known to be wrong
-        self._right = False
+        self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
+        self._confirmed = False
         self._last: MatLike | None = None
         self._count = 0
-        self._looks: deque[tuple[float, float, float]] = deque()  # stamp, roll and pitch against the mount
+        self._estimates: deque[tuple[float, float, float]] = deque()  # stamp, roll and pitch against the mount
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
         count, self._count = self._count, self._count + 1
-        settled = self._right or count >= self._rule.first
+        settled = self._confirmed or count >= self._rule.first
         every = self._rule.every if settled else self._rule.first_every
-        fault = self._look(frame) if count % every == 0 else ""
+        fault = self._estimate(frame) if count % every == 0 else ""
         other = self._other.step(frame)
         if not fault and not self._offset.any():
             return other
@@ -81,17 +83,17 @@ class CheckedMount:
         return replace(other, roll_rad=roll, pitch_rad=pitch, fault="; ".join(filter(None, (other.fault, fault))))
 
     def reset(self, reason: str) -> None:
-        """The mount and what is known of it stay."""
+        """The mount and its offset stay."""
         self._other.reset(reason)
-        self._looks.clear()
+        self._estimates.clear()
 
-    def _look(self, frame: Frame) -> str:
-        """What edges show in one picture; the fault, where they show that the mount is wrong."""
+    def _estimate(self, frame: Frame) -> str:
+        """Estimate the mount by the edges of one picture; the fault, where the mount is wrong."""
         small = cv2.resize(frame.image, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
         coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
         if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
-            return ""  # the same view again tells nothing new
+            return ""  # the same view again adds nothing
         self._last = coarse
         edges = segments_of(grey, self._lens)
         roll, pitch = self._given.tolist()
@@ -99,24 +101,25 @@ class CheckedMount:
         if found is None:
             return ""
         pitch, roll = pitch_roll(found)
-        self._looks.append((frame.stamp_s, *(np.array([roll, pitch]) - self._given).tolist()))
-        while self._looks[0][0] < frame.stamp_s - self._rule.window_s:
-            self._looks.popleft()
+        self._estimates.append((frame.stamp_s, *(np.array([roll, pitch]) - self._given).tolist()))
+        while self._estimates[0][0] < frame.stamp_s - self._rule.window_s:
+            self._estimates.popleft()
         return self._judge()
 
     def _judge(self) -> str:
-        rule, looks = self._rule, np.array(self._looks)
-        if len(looks) < rule.fewest or looks[-1, 0] - looks[0, 0] < rule.judged_s:
+        rule, estimates = self._rule, np.array(self._estimates)
+        if len(estimates) < rule.fewest or estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
             return ""
-        middle, scatter = median_and_scatter(looks[:, 1:])
+        middle, scatter = median_and_scatter(estimates[:, 1:])
         steady = scatter.max() < rule.steady_rad
         off = np.abs(middle - self._offset).max()
-        self._right = bool(steady and off < rule.wrong_rad)
-        if not steady or self._right:
+        self._confirmed = bool(steady and off < rule.wrong_rad)
+        if not steady or self._confirmed:
             return ""
         self._offset = middle
         given, found = np.degrees(self._given), np.degrees(self._given + middle)
         return (
-            f"mount: pitch {given[1]:.1f} and roll {given[0]:.1f} deg given, the room's edges say pitch {found[1]:.1f} "
-            f"and roll {found[0]:.1f} deg ({len(looks)} pictures): used from here on, measure it again"
+            f"mount: pitch {given[1]:.1f} and roll {given[0]:.1f} deg given, the room's edges give pitch "
+            f"{found[1]:.1f} and roll {found[0]:.1f} deg ({len(estimates)} pictures): "
+            "used from now on, measure it again"
         )

@@ -53,7 +53,7 @@ class DepthAttitude:
         )  # fmt: skip
 
     def reset(self, reason: str) -> None:
-        """Look where the other source says."""
+        """Start again from the other source's attitude."""
         self._other.reset(reason)
         self._plane = None
 

@@ -60,20 +60,21 @@ class MountCheck:
     def __init__(self, mount: Mount, rule: AttitudeRule) -> None:
         self._rule = rule
         self._mount, self._sum, self._squares = mount, np.zeros(2), np.zeros(2)
-        self._seconds, self._count, self._told = 0.0, 0, False
+        self._seconds, self._count, self._reported = 0.0, 0, False
 
     def judge(self, measured_rad: np.ndarray, span_s: float) -> str:
-        """The fault, from one more frame's roll and pitch (2,) by gravity; empty where there is none or it was told."""
+        """The fault after one more frame's roll and pitch (2,) by gravity; empty where there is none or it was
+        reported before."""
         self._sum, self._squares = self._sum + measured_rad, self._squares + measured_rad**2
         self._seconds, self._count = self._seconds + span_s, self._count + 1
-        if self._told or self._seconds < self._rule.judged_s:
+        if self._reported or self._seconds < self._rule.judged_s:
             return ""
         mean = self._sum / self._count
         scatter = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
         off = np.abs(mean - [self._mount.roll_rad, self._mount.pitch_rad])
         if scatter.max() > self._rule.steady_rad or off.max() < self._rule.wrong_rad:
             return ""
-        self._told = True
+        self._reported = True
         given = f"pitch {math.degrees(self._mount.pitch_rad):.1f} and roll {math.degrees(self._mount.roll_rad):.1f} deg"
         likelier = f"pitch {math.degrees(mean[1]):.1f} and roll {math.degrees(mean[0]):.1f} deg"
         return f"mount: {given} given, gravity over {self._seconds:.0f} s says {likelier}: measure it again"

@@ -18,7 +18,7 @@ from edgemap.runtime.frame import Frame
 Array = NDArray[np.float64]
 
 NEW_SHARE = 0.02  # of the picture's width: a board none of whose corners moved more is the same view again
-MOST_VIEWS = 40
+MAXIMUM_VIEWS = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class BoardView:
     """A board in one picture: its corners, (N, 2) px."""
 
     name: str
@@ -87,15 +87,15 @@ class View:
 
 def board_views(
     camera: Camera, board: Board, pictures: int | None = None, stopped: Callable[[], bool] = lambda: False
-) -> Iterator[View]:
+) -> Iterator[BoardView]:
     """Views that differ from each other, at most 40, as they come. pictures: look at no more. Raises CameraError."""
-    views: list[View] = []
+    views: list[BoardView] = []
     for frame in frames_of(camera, pictures, stopped):
         corners = board.corners_px(frame.image)
         if corners is not None and all(_is_new(corners, view.corners_px, camera.size[0]) for view in views):
-            views.append(View(frame.name, corners))
+            views.append(BoardView(frame.name, corners))
             yield views[-1]
-            if len(views) == MOST_VIEWS:
+            if len(views) == MAXIMUM_VIEWS:
                 return
 
 

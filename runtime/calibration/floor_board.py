@@ -15,7 +15,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
-from edgemap.runtime.calibration.board import Board, View
+from edgemap.runtime.calibration.board import Board, BoardView
 from edgemap.runtime.calibration.level import pitch_roll
 from edgemap.runtime.errors import CalibrationError
 
@@ -49,7 +49,7 @@ class MountFit:
         }
 
 
-def fit_mount(views: list[View], board: Board, lens: Intrinsics, thickness_m: float = 0.0) -> MountFit:
+def fit_mount(views: list[BoardView], board: Board, lens: Intrinsics, thickness_m: float = 0.0) -> MountFit:
     """One mount that explains all views: boards lie on one floor, each at its own place and heading.
 
     Started from each view's own pose (planar PnP), then all corners at once by least squares on pixels. thickness_m: of
@@ -57,7 +57,7 @@ def fit_mount(views: list[View], board: Board, lens: Intrinsics, thickness_m: fl
     """
     if len(views) < FEWEST_VIEWS:
         raise CalibrationError(
-            f"{len(views)} different views of the whole board found, need {FEWEST_VIEWS} or more: put it on other "
+            f"{len(views)} different views of the complete board found, need {FEWEST_VIEWS} or more: put it on other "
             "places of the floor (is --board its number of INNER corners?)"
         )
     starts = [_pose_of(view, board, lens) for view in views]
@@ -108,7 +108,7 @@ def _project(values: Array, board: Board, lens: Intrinsics) -> Array:
     return camera.project(np.concatenate(points)).reshape(-1, len(flat), 2)
 
 
-def _pose_of(view: View, board: Board, lens: Intrinsics) -> tuple[Array, float, Array]:
+def _pose_of(view: BoardView, board: Board, lens: Intrinsics) -> tuple[Array, float, Array]:
     """Up, (3,) in the optical frame, the lens's height over the board, m, and the board's centre, from one view."""
     rays = np.ascontiguousarray(lens.rays(view.corners_px)[:, :2])  # so every lens model of ours will do
     flat = np.column_stack([board.points_m() - board.points_m().mean(axis=0), np.zeros(len(rays))])
@@ -122,7 +122,9 @@ def _pose_of(view: View, board: Board, lens: Intrinsics) -> tuple[Array, float, 
     return (normal, height_m, centre) if height_m > 0 else (-normal, -height_m, centre)
 
 
-def _place(view: View, board: Board, lens: Intrinsics, height_m: float, pitch_rad: float, roll_rad: float) -> Array:
+def _place(
+    view: BoardView, board: Board, lens: Intrinsics, height_m: float, pitch_rad: float, roll_rad: float
+) -> Array:
     """Where a view's board lies, (x_m, y_m, yaw_rad): its corners cast on the floor. Raises CalibrationError."""
     try:
         floor = FloorCamera(lens, Mount(height_m, pitch_rad, roll_rad)).floor_points(view.corners_px)

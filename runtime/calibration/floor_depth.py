@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 FEWEST_PICTURES = 3
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation of the mean over pictures
-MOST_SCATTER_M, MOST_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
+MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class FloorDepthFit:
     rms_m: float
     share: float
     pictures: int
-    looked_at: int
+    examined: int
 
     def record(self) -> dict[str, Any]:
         """For camera.yaml's `calibration`."""
@@ -59,26 +59,27 @@ def fit_floor_depth(
     lens: of these pictures. up: (3,) in the optical frame by gravity, where an IMU tells it. Medians over the pictures.
     Raises CalibrationError with the numbers for too few pictures with a floor and for pictures that do not agree.
     """
-    rng, looked_at = np.random.default_rng(seed), 0
+    rng, examined = np.random.default_rng(seed), 0
     planes: list[FloorPlane] = []
     cloud = DepthPoints(lens)
     for depth in pictures_m:
-        looked_at += 1
+        examined += 1
         plane = find_floor(_points(depth, lens, cloud), rng, up)
         if plane is not None:
             planes.append(plane)
     if len(planes) < FEWEST_PICTURES:
         raise CalibrationError(
-            f"{len(planes)} of {looked_at} depth pictures show a floor, need {FEWEST_PICTURES} or more: let the camera "
+            f"{len(planes)} of {examined} depth pictures show a floor, need {FEWEST_PICTURES} or more: let the camera "
             f"see two square metres of free floor, {NEAREST_M:g} to {FARTHEST_M:g} m away"
         )
     values = np.array([(plane.height_m, *pitch_roll(plane.up)) for plane in planes])
     middle, scatter = median_and_scatter(values)
-    if scatter[0] > MOST_SCATTER_M or scatter[1:].max() > MOST_SCATTER_RAD:
+    if scatter[0] > MAXIMUM_SCATTER_M or scatter[1:].max() > MAXIMUM_SCATTER_RAD:
         raise CalibrationError(
             f"the floor lies {100 * scatter[0]:.1f} cm and {math.degrees(scatter[1:].max()):.1f} deg apart from "
-            f"picture to picture, at most {100 * MOST_SCATTER_M:g} cm and {math.degrees(MOST_SCATTER_RAD):g} deg: the "
-            "camera must be mounted on the robot, and no table may hide the floor"
+            f"picture to picture, at most {100 * MAXIMUM_SCATTER_M:g} cm and "
+            f"{math.degrees(MAXIMUM_SCATTER_RAD):g} deg: the camera must be mounted on the robot, and no table may "
+            "hide the floor"
         )
     sigma = scatter / math.sqrt(len(planes))
     if sigma[0] > WORST_HEIGHT_SHARE * middle[0] or sigma[1:].max() > WORST_TILT_RAD:
@@ -89,7 +90,7 @@ def fit_floor_depth(
     share = float(np.median([plane.share for plane in planes]))
     mount = Mount(*(float(value) for value in middle))
     height_m, pitch_rad, roll_rad = sigma.tolist()
-    return FloorDepthFit(mount, (height_m, pitch_rad, roll_rad), rms_m, share, len(planes), looked_at)
+    return FloorDepthFit(mount, (height_m, pitch_rad, roll_rad), rms_m, share, len(planes), examined)
 
 
 def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) -> Array:

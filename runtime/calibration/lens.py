@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.runtime.calibration.board import Board, View
+from edgemap.runtime.calibration.board import Board, BoardView
 from edgemap.runtime.errors import CalibrationError
 
 FEWEST_VIEWS = 8
 WORST_RMS_PX = 1.0
-LEAST_COVERAGE = 0.5  # of the picture's width and of its height, by all corners together
+MINIMUM_COVERAGE = 0.5  # of the picture's width and of its height, by all corners together
 WORST_FOCAL_SHARE = 0.01  # one standard deviation
 LEANING_DEG, FEWEST_LEANING = 12.0, 4  # boards all square to the lens fit any focal length, each at its own distance
 OUTLIER = 3.0  # times the median view's error
@@ -42,7 +42,7 @@ class LensFit:
         }
 
 
-def fit_lens(views: list[View], board: Board, size: tuple[int, int]) -> LensFit:
+def fit_lens(views: list[BoardView], board: Board, size: tuple[int, int]) -> LensFit:
     """Focal lengths, principal point and Brown-Conrady's k1, k2, p1, p2 (k3 = 0: boards seldom tell it).
 
     Zhang's method, by OpenCV. Views that fit three times worse than the median are left out once. size: (width, height)
@@ -93,7 +93,7 @@ class _Result:
     lean_deg: Any
 
 
-def _calibrate(views: list[View], board: Board, size: tuple[int, int]) -> _Result:
+def _calibrate(views: list[BoardView], board: Board, size: tuple[int, int]) -> _Result:
     flat = np.column_stack([board.points_m(), np.zeros(board.columns * board.rows)]).astype(np.float32)
     corners = [view.corners_px.astype(np.float32).reshape(-1, 1, 2) for view in views]
     extended: Any = cv2.calibrateCameraExtended
@@ -110,16 +110,16 @@ def _calibrate(views: list[View], board: Board, size: tuple[int, int]) -> _Resul
     return _Result(float(rms), matrix, np.asarray(distortion).ravel(), (fx, fy, cx, cy), errors, lean_deg)
 
 
-def _check_views(views: list[View], size: tuple[int, int]) -> None:
+def _check_views(views: list[BoardView], size: tuple[int, int]) -> None:
     if len(views) < FEWEST_VIEWS:
         raise CalibrationError(
-            f"{len(views)} different views of the whole board found, need {FEWEST_VIEWS} or more (is --board its "
+            f"{len(views)} different views of the complete board found, need {FEWEST_VIEWS} or more (is --board its "
             "number of INNER corners?)"
         )
     corners = np.concatenate([view.corners_px for view in views])
     shares = np.ptp(corners, axis=0) / size
-    if shares.min() < LEAST_COVERAGE:
+    if shares.min() < MINIMUM_COVERAGE:
         raise CalibrationError(
             f"the boards cover {100 * shares[0]:.0f} % of the picture's width and {100 * shares[1]:.0f} % of its "
-            f"height, need {100 * LEAST_COVERAGE:.0f} %: bring the board to all corners of the picture"
+            f"height, need {100 * MINIMUM_COVERAGE:.0f} %: bring the board to all corners of the picture"
         )

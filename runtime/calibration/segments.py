@@ -14,7 +14,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 Array = NDArray[np.float64]
 
 SHORTEST_SHARE = 0.06  # of the picture's width
-MOST = 100  # the longest ones of a picture
+MAXIMUM_SEGMENTS = 100  # the longest ones of a picture
 # LSD looks at the picture at 0.8 of its size and gives x / 0.8 back, where it should give (x + 0.5) / 0.8 - 0.5.
 LSD_OFFSET_PX = 0.5 / 0.8 - 0.5
 
@@ -46,7 +46,7 @@ def segments_of(grey: MatLike, lens: Intrinsics) -> Segments:
     ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, dtype=np.float64).reshape(-1, 2, 2)
     sides = ends[:, 1] - ends[:, 0]
     px = np.linalg.norm(sides, axis=1)
-    keep = np.argsort(-px)[:MOST]
+    keep = np.argsort(-px)[:MAXIMUM_SEGMENTS]
     keep = keep[px[keep] > SHORTEST_SHARE * lens.width]
     ends = ends[keep] + LSD_OFFSET_PX
     first, last = (_unit(lens.rays(ends[:, i])) for i in (0, 1))

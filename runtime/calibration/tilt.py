@@ -22,9 +22,9 @@ NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane mi
 TRIALS = 2000
 ROUNDS = 4
 FEWEST_VERTICAL, FEWEST_LEVEL, FEWEST_PICTURES = 20, 20, 3
-LEAST_SHARE = 0.35  # of all edges' length that the three directions explain
+MINIMUM_SHARE = 0.35  # of all edges' length that the three directions explain
 ENOUGH_UPRIGHT = 6  # upright edges of a picture that gives a vertical of its own
-MOST_NODDING_RAD = math.radians(1.0)
+MAXIMUM_NODDING_RAD = math.radians(1.0)
 WORST_TILT_RAD = math.radians(1.0)  # one standard deviation
 
 
@@ -66,19 +66,19 @@ def fit_tilt(pictures: list[Segments], seed: int = 0) -> TiltFit:
     if len(used) < FEWEST_PICTURES:
         raise CalibrationError(f"{len(used)} pictures with straight edges, need {FEWEST_PICTURES} or more")
     up = _vertical(used, np.random.default_rng(seed))
-    fit = _Fit(used, up)
+    fit = _UprightFit(used, up)
     vertical, level = fit.counts()
-    if vertical < FEWEST_VERTICAL or level < FEWEST_LEVEL or fit.share() < LEAST_SHARE:
+    if vertical < FEWEST_VERTICAL or level < FEWEST_LEVEL or fit.share() < MINIMUM_SHARE:
         raise CalibrationError(
             f"{vertical} vertical and {level} level edges in {len(used)} pictures, {100 * fit.share():.0f} % of all, "
-            f"need {FEWEST_VERTICAL}, {FEWEST_LEVEL} and {100 * LEAST_SHARE:.0f} %: show walls, doors, shelves"
+            f"need {FEWEST_VERTICAL}, {FEWEST_LEVEL} and {100 * MINIMUM_SHARE:.0f} %: show walls, doors, shelves"
         )
     pitch_rad, roll_rad = pitch_roll(fit.up)
     nodding_rad = _nodding(used, fit.up)
-    if nodding_rad > MOST_NODDING_RAD:
+    if nodding_rad > MAXIMUM_NODDING_RAD:
         raise CalibrationError(
             f"the camera's tilt changes by {math.degrees(nodding_rad):.1f} deg (median) from picture to picture, at "
-            f"most {math.degrees(MOST_NODDING_RAD):g} allowed: pictures must come from the robot on a flat floor"
+            f"most {math.degrees(MAXIMUM_NODDING_RAD):g} allowed: pictures must come from the robot on a flat floor"
         )
     sigma = _jackknife(used, fit.up)
     if not max(sigma) <= WORST_TILT_RAD:
@@ -89,7 +89,7 @@ def fit_tilt(pictures: list[Segments], seed: int = 0) -> TiltFit:
     return TiltFit(pitch_rad, roll_rad, sigma, fit.rms_deg(), vertical, level, fit.share(), len(used))
 
 
-class _Fit:
+class _UprightFit:
     """Up for all pictures and a heading for each, refined from a first guess of up."""
 
     def __init__(self, pictures: list[Segments], up: Array, rounds: int = ROUNDS) -> None:
@@ -201,7 +201,7 @@ def _nodding(pictures: list[Segments], up: Array) -> float:
             own = _vertical([segments], np.random.default_rng(0), ENOUGH_UPRIGHT)
         except CalibrationError:  # too little upright in this one
             continue
-        found.append(math.acos(min(1.0, float(_Fit([segments], own, rounds=2).up @ up))))
+        found.append(math.acos(min(1.0, float(_UprightFit([segments], own, rounds=2).up @ up))))
     return float(np.median(found)) if found else 0.0
 
 
@@ -211,6 +211,6 @@ def _jackknife(pictures: list[Segments], up: Array) -> tuple[float, float]:
     found = []
     for group in range(groups):
         rest = [segments for index, segments in enumerate(pictures) if index % groups != group]
-        found.append(pitch_roll(_Fit(rest, up, rounds=1).up))
-    spread = np.sqrt((groups - 1) * np.var(np.array(found), axis=0))
-    return float(spread[0]), float(spread[1])
+        found.append(pitch_roll(_UprightFit(rest, up, rounds=1).up))
+    sigma = np.sqrt((groups - 1) * np.var(np.array(found), axis=0))
+    return float(sigma[0]), float(sigma[1])

@@ -17,7 +17,7 @@ from edgemap.runtime.odometry.planar import PlanarOdometry
 from edgemap.runtime.trajectory import Trajectory
 
 ASSUMED_M = 0.6  # a height for the odometry to begin with; its motion scales with it
-WINDOW_M, MOST_YAW_RAD = 0.3, math.radians(15.0)  # of nearly straight travel, of which both ends are compared
+WINDOW_M, MAXIMUM_YAW_RAD = 0.3, math.radians(15.0)  # of nearly straight travel, of which both ends are compared
 FEWEST_WINDOWS = 5
 WORST_SHARE = 0.05  # one standard deviation of the mean
 
@@ -54,9 +54,9 @@ def fit_wheel_height(frames: Iterable[Frame], wheels: Trajectory, lens: Intrinsi
         seen = seen @ motion.motion
         rolled = start.inverse() @ here
         rolled_m = math.hypot(rolled.x_m, rolled.y_m)
-        if rolled_m < WINDOW_M and abs(rolled.yaw_rad) < MOST_YAW_RAD:
+        if rolled_m < WINDOW_M and abs(rolled.yaw_rad) < MAXIMUM_YAW_RAD:
             continue
-        if abs(rolled.yaw_rad) < MOST_YAW_RAD:
+        if abs(rolled.yaw_rad) < MAXIMUM_YAW_RAD:
             ratios.append(rolled_m / max(math.hypot(seen.x_m, seen.y_m), 1e-3))
             travelled_m += rolled_m
         start, seen = here, SE2()

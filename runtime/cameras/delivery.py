@@ -21,9 +21,9 @@ class DeliveryCheck:
     tell: called with each fault. What is wrong for several frames on end is told once, when it begins.
     """
 
-    def __init__(self, name: str, size: tuple[int, int], tell: Callable[[CameraFault], None]) -> None:
+    def __init__(self, name: str, size: tuple[int, int], report: Callable[[CameraFault], None]) -> None:
         self.clock = StreamClock()
-        self._name, self._size, self._tell = name, size, tell
+        self._name, self._size, self._report = name, size, report
         self._stamp_s: float | None = None
         self._sample: NDArray[np.uint8] | None = None
         self._coloured = False
@@ -76,4 +76,4 @@ class DeliveryCheck:
     def _note(self, now: set[FaultKind], kind: FaultKind, text: str) -> None:
         now.add(kind)
         if kind not in self._wrong:
-            self._tell(CameraFault(kind, f"camera {self._name}: {text}"))
+            self._report(CameraFault(kind, f"camera {self._name}: {text}"))

@@ -10,14 +10,14 @@ from edgemap.runtime.frame import Frame
 
 
 def next_frame(
-    camera: Camera, tell: Callable[[CameraFault], None], stopped: Callable[[], bool] = lambda: False
+    camera: Camera, report: Callable[[CameraFault], None], stopped: Callable[[], bool] = lambda: False
 ) -> Frame | None:
     """The next frame; None at the end, or when `stopped` says so while there is none. Each fault before it is told."""
     while not stopped():
         try:
             return camera.read()
         except CameraFault as fault:
-            tell(fault)
+            report(fault)
         except FrameTimeout:
             continue
     return None

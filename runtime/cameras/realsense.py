@@ -189,10 +189,10 @@ class RealSenseDriver:
     def watch(self, changed: Callable[[bool], None]) -> None:
         """librealsense's device-change callback, for any device that comes and for this one where it goes."""
 
-        def told(event: Any) -> None:
+        def on_change(event: Any) -> None:
             if self._opened is not None and event.was_removed(self._opened):
                 changed(False)
             if len(event.get_new_devices()):
                 changed(True)
 
-        self._context.set_devices_changed_callback(told)
+        self._context.set_devices_changed_callback(on_change)

@@ -1,4 +1,4 @@
-"""Starting and stopping librealsense's pipelines so that a recording is read whole, and let go of safely."""
+"""Starting and stopping librealsense's pipelines so that a recording is read completely, and let go of safely."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}
 INFO_KIND = "sensor_msgs/CameraInfo"
-MOST_EDITS = 100_000
-MOST_DAMAGED = 1000  # pictures before the first whole one
+MAXIMUM_EDITS = 100_000
+MAXIMUM_DAMAGED = 1000  # pictures before the first complete one
 STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 
 
@@ -39,7 +39,7 @@ class RecordingCamera(CameraBase):
 
     topics: of the file, for wheel odometry and inertial samples, in place of those that it would take.
     Stamps are the pictures' headers', or the time of recording where those are zero. A file that was cut off gives
-    every whole picture and then a CameraError that says so. Raises CameraError.
+    every complete picture and then a CameraError that says so. Raises CameraError.
     """
 
     def __init__(
@@ -63,14 +63,14 @@ class RecordingCamera(CameraBase):
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
-            self._ahead = self._first_whole()
+            self._ahead = self._first_complete()
             _, image, frame_id = self._ahead
             self.size = (image.shape[1], image.shape[0])
             self._describe(intrinsics, mount, frame_id, topics or SensorTopics())
         except EdgemapError:
             self.close()
             raise
-        # Lens and mount were looked up in the same file: begin the pictures again behind the first whole one.
+        # Lens and mount were looked up in the same file: begin the pictures again behind the first complete one.
         self._messages = islice(recording.messages(self.topic), len(self._damaged) + 1, None)
 
     def read(self) -> Frame | None:
@@ -81,8 +81,8 @@ class RecordingCamera(CameraBase):
             raise self._damaged.pop(0)
         decoded, self._ahead = self._ahead or self._decode(), None
         if decoded is None:
-            if not self._recording.whole:
-                raise CameraError(f"{self._path}: cut off, the {self._delivered} whole pictures before it were read")
+            if not self._recording.complete:
+                raise CameraError(f"{self._path}: cut off, the {self._delivered} complete pictures before it were read")
             return None
         stamp_ns, image, _ = decoded
         name = f"{self.name}#{self._delivered}"
@@ -113,10 +113,10 @@ class RecordingCamera(CameraBase):
             raise CameraError(f"{self._path}: no topic with sensor_msgs Image or CompressedImage; has {there}")
         return pictures[0]
 
-    def _first_whole(self) -> tuple[int, Any, str]:
+    def _first_complete(self) -> tuple[int, Any, str]:
         """The first picture that can be decoded; those before it are told when the frames are read."""
         self._damaged: list[CameraFault] = []
-        while len(self._damaged) < MOST_DAMAGED:
+        while len(self._damaged) < MAXIMUM_DAMAGED:
             try:
                 found = self._decode()
             except CameraFault as fault:
@@ -126,7 +126,7 @@ class RecordingCamera(CameraBase):
                 break
             return found
         why = f", {len(self._damaged):,} damaged: {self._damaged[0]}" if self._damaged else ""
-        raise CameraError(f"{self._path}: {self.topic} has no whole picture{why}")
+        raise CameraError(f"{self._path}: {self.topic} has no complete picture{why}")
 
     def _decode(self) -> tuple[int, Any, str] | None:
         """Stamp in ns, picture, frame id of the next message."""
@@ -191,15 +191,15 @@ def _unsearched(recording: McapReading) -> frozenset[int]:
     """Stamps of the pictures that a budget did not have searched, ns."""
     if RECORD not in recording.metadata or SEARCHED not in recording.topics:
         return frozenset()
-    told = islice(recording.messages(SEARCHED), ROW_LIMIT)
-    return frozenset(log_ns for log_ns, decode in told if float(decode().data) == 0.0)
+    searched = islice(recording.messages(SEARCHED), ROW_LIMIT)
+    return frozenset(log_ns for log_ns, decode in searched if float(decode().data) == 0.0)
 
 
 def _edits(recording: McapReading) -> tuple[str, ...]:
     """What people did to the map in the run that recorded it, as lines of edits.jsonl."""
     if EDITS not in recording.topics:
         return ()
-    return tuple(str(decode().data) for _, decode in islice(recording.messages(EDITS), MOST_EDITS))
+    return tuple(str(decode().data) for _, decode in islice(recording.messages(EDITS), MAXIMUM_EDITS))
 
 
 def _exact_stamps(recording: McapReading) -> dict[int, float]:

@@ -26,18 +26,18 @@ class Supervisor:
         self,
         driver: Driver,
         device: Device,
-        tell: Callable[[CameraFault], None],
+        report: Callable[[CameraFault], None],
         rule: RecoveryRule | None = None,
         clock_s: Callable[[], float] = time.monotonic,
         wait: Callable[[float], object] | None = None,
     ) -> None:
         self.state = CameraState.RUNNING
-        self._driver, self._tell, self._clock_s = driver, tell, clock_s
+        self._driver, self._report, self._clock_s = driver, report, clock_s
         self._wake = threading.Event()
         self._wait = wait or self._wake.wait
         self._device: Device | None = device
         self._recovery = RecoveryClock(rule or RecoveryRule(), clock_s())
-        self._check = DeliveryCheck(driver.name, device.size, tell)
+        self._check = DeliveryCheck(driver.name, device.size, report)
         self._failures = 0
         self._late_s: float | None = None
         self._opened = self._resets = 0  # in this outage
@@ -127,7 +127,7 @@ class Supervisor:
             self.state = CameraState.RUNNING
             how = f"opened {self._opened} times, reset {self._resets} times"
             text = f"delivers again after {now_s - self._away_s:.1f} s ({how})"
-            self._tell(CameraFault(FaultKind.RECOVERED, f"camera {self._driver.name}: {text}"))
+            self._report(CameraFault(FaultKind.RECOVERED, f"camera {self._driver.name}: {text}"))
         self._recovery.frame(now_s)
         self._failures, self._late_s = 0, None
         self._opened = self._resets = 0
@@ -166,7 +166,7 @@ class Supervisor:
     def _fault(self, kind: FaultKind, text: str) -> None:
         if self.state is CameraState.RUNNING:
             self.state, self._away_s = CameraState.DEGRADED, self._recovery.heard_s
-        self._tell(CameraFault(kind, f"camera {self._driver.name}: {text}"))
+        self._report(CameraFault(kind, f"camera {self._driver.name}: {text}"))
 
 
 def _line(error: Exception) -> str:

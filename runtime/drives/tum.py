@@ -95,7 +95,7 @@ def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
             stamp_s = float(words[0])
         except ValueError:
             stamp_s = math.nan
-        if len(words) != 2 or not STAMP.least <= stamp_s <= STAMP.most or not words[1].isprintable():
+        if len(words) != 2 or not STAMP.minimum <= stamp_s <= STAMP.maximum or not words[1].isprintable():
             raise CameraError(f"{path}:{number}: expected `stamp file`, found {one_line(line, 60)!r}")
         stamps.append(stamp_s)
         images.append(path.parent / words[1].strip())

@@ -43,8 +43,8 @@ def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = 
         try:
             return session.run(names, tensors)  # pyright: ignore[reportArgumentType]
         except Exception as error:  # as above
-            told = source if isinstance(source, Path) else "a network"
-            raise BundleError(f"{told}: the network fails as it runs ({one_line(error, 160)})") from None
+            name = source if isinstance(source, Path) else "a network"
+            raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
 
     return Network(
         {node.name: tuple(node.shape) for node in session.get_inputs()},

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.place import Alignments, Member, PlaceMap, RobotMap, merge_place
+from edgemap.geometry.objects.place import Alignments, MergedRobot, PlaceMap, RobotMap, merge_place
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import DiskError
 from edgemap.runtime.fleet.network import (
@@ -31,13 +31,13 @@ from edgemap.runtime.fleet.network import (
 from edgemap.runtime.map_file import load_annotated_map, map_document, read_map, save_map, write_atomically
 from edgemap.runtime.reading import Coordinate, decode_json
 
-MOST_ROBOTS, MOST_OBJECTS = 100, 1000  # of a place, and of one robot's map
-LARGEST_M, MOST_COUNTED = 1000.0, 1 << 30  # so that what is merged stays within what a map may hold
+MAXIMUM_ROBOTS, MAXIMUM_OBJECTS = 100, 1000  # of a place, and of one robot's map
+LARGEST_M, MAXIMUM_COUNTED = 1000.0, 1 << 30  # so that what is merged stays within what a map may hold
 ROUTER_S = 10.0  # for which a router is waited for
-MOST_BYTES = {"map": MESSAGE_BYTES, "pose": 1000}
+MAXIMUM_BYTES = {"map": MESSAGE_BYTES, "pose": 1000}
 
 
-class _Pose(msgspec.Struct):
+class _PoseMessage(msgspec.Struct):
     x_m: Coordinate
     y_m: Coordinate
     yaw_rad: Coordinate
@@ -64,7 +64,7 @@ class _Inbox:
     def put(self, kind: str, name: str, message: bytes) -> None:
         """Keep it in place of the one before, where there is room for the robot."""
         with self._lock:
-            if name in self._names or len(self._names) < MOST_ROBOTS:
+            if name in self._names or len(self._names) < MAXIMUM_ROBOTS:
                 self._names.add(name)
                 self._newest[kind, name] = message
 
@@ -96,7 +96,7 @@ class PlaceKeeper:
             (folder / "robots").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise DiskError(f"{folder}/robots: cannot be made ({error.strerror})") from None
-        for path in sorted((folder / "robots").glob("*.json"))[:MOST_ROBOTS]:
+        for path in sorted((folder / "robots").glob("*.json"))[:MAXIMUM_ROBOTS]:
             if NAME.fullmatch(path.stem):
                 self.robots[path.stem] = Robot(latest=_robot_map(*load_annotated_map(path)))
         self._inbox = _Inbox(self.robots)
@@ -140,7 +140,7 @@ class PlaceKeeper:
 
     def document(self) -> dict[str, Any]:
         """The place's map as `map.json` holds it, and `fleet`: what became of each robot's map."""
-        robots = {name: self._told(name, robot) for name, robot in sorted(self.robots.items())}
+        robots = {name: self._robot_document(name, robot) for name, robot in sorted(self.robots.items())}
         document = map_document(list(self.merged.objects), self.merged.annotations)
         return document | {"fleet": {"place": self.place, "robots": robots}}
 
@@ -148,17 +148,21 @@ class PlaceKeeper:
         """Leave; the folder stays."""
         self._session.close()
 
-    def _told(self, name: str, robot: Robot) -> dict[str, Any]:
-        member = self.merged.members.get(name, Member(None, reason="no map of it yet"))
-        told: dict[str, Any] = {"here": robot.here, "objects": len(robot.latest.objects) if robot.latest else 0}
-        told |= {"map_age_s": round(time.monotonic() - robot.came_s, 1)} if robot.came_s is not None else {}
+    def _robot_document(self, name: str, robot: Robot) -> dict[str, Any]:
+        member = self.merged.members.get(name, MergedRobot(None, reason="no map of it yet"))
+        document: dict[str, Any] = {"here": robot.here, "objects": len(robot.latest.objects) if robot.latest else 0}
+        document |= {"map_age_s": round(time.monotonic() - robot.came_s, 1)} if robot.came_s is not None else {}
         if member.pose_place_map is None:
-            told |= {"apart": member.reason}
+            document |= {"apart": member.reason}
         else:
-            told |= {"pairs": member.pairs, "shared": member.shared, "pose_place_map": rounded(member.pose_place_map)}
+            document |= {
+                "pairs": member.pairs,
+                "shared": member.shared,
+                "pose_place_map": rounded(member.pose_place_map),
+            }
             if robot.pose is not None:
-                told |= {"pose_place_base": rounded(member.pose_place_map @ robot.pose)}
-        return told | ({"refused": robot.refused} if robot.refused else {})
+                document |= {"pose_place_base": rounded(member.pose_place_map @ robot.pose)}
+        return document | ({"refused": robot.refused} if robot.refused else {})
 
     def _take(self, kind: str, name: str, robot: Robot, message: bytes) -> None:
         """Take in one message. Raises MapError where it is none of ours, DiskError where it cannot be kept."""
@@ -167,16 +171,16 @@ class PlaceKeeper:
             robot.here, self._stale = bool(message), self._stale or robot.here != bool(message)
             return
         if kind == "pose":
-            pose = decode_json(message, _Pose, source, MapError)
+            pose = decode_json(message, _PoseMessage, source, MapError)
             robot.pose = SE2(pose.x_m, pose.y_m, pose.yaw_rad)
             return
         objects, annotations = unpacked_map(message, source)
-        if len(objects) > MOST_OBJECTS:
-            raise MapError(f"{source}: {len(objects)} objects, at most {MOST_OBJECTS} are merged")
+        if len(objects) > MAXIMUM_OBJECTS:
+            raise MapError(f"{source}: {len(objects)} objects, at most {MAXIMUM_OBJECTS} are merged")
         for item in objects:
             if (
                 max(*abs(item.position_m), *item.covariance_m2.diagonal() ** 0.5) > LARGEST_M
-                or item.count > MOST_COUNTED
+                or item.count > MAXIMUM_COUNTED
             ):
                 raise MapError(
                     f"{source}: {item.id} lies, or is unsure by, more than {LARGEST_M:g} m, or is seen too often"
@@ -191,7 +195,7 @@ class PlaceKeeper:
     def _on_message(self, sample: Any) -> None:
         key = str(sample.key_expr)
         kind = key.rpartition("/")[2]
-        if (name := robot_of(key)) and len(sample.payload) <= MOST_BYTES[kind]:
+        if (name := robot_of(key)) and len(sample.payload) <= MAXIMUM_BYTES[kind]:
             self._inbox.put(kind, name, sample.payload.to_bytes())
 
     def _on_alive(self, sample: Any) -> None:

@@ -57,8 +57,8 @@ class FleetSink:
         self._objects, self._annotations = objects, annotations
         if not 0.0 <= stamp_s - self._pose_s < POSE_EVERY_S:
             self._pose_s = stamp_s
-            told = zip(("x_m", "y_m", "yaw_rad"), rounded(result.pose_map_base), strict=True)
-            self._pose.put(json.dumps(dict(told)))
+            pose = zip(("x_m", "y_m", "yaw_rad"), rounded(result.pose_map_base), strict=True)
+            self._pose.put(json.dumps(dict(pose)))
         if not self._kept.is_set():
             raise PublishError(f"nobody keeps the map of {self._place} at {self._address} (edgemap fleet serve)")
 

@@ -20,7 +20,7 @@ STEP_M = 0.05  # the way is told no finer
 
 def geojson_text(
     objects: Sequence[MapObject],
-    way: Trajectory | None = None,
+    trajectory: Trajectory | None = None,
     map_id: str = DEFAULT_MAP_ID,
     zones: Sequence[Zone] = (),
 ) -> str:
@@ -36,8 +36,8 @@ def geojson_text(
         for item, record in zip(objects, map_document(list(objects))["objects"], strict=True)
     ]
     features += [_zone(zone) for zone in zones]
-    if way is not None:
-        features.append(_way(way))
+    if trajectory is not None:
+        features.append(_trajectory(trajectory))
     document = {
         "type": "FeatureCollection",
         "name": f"edgemap {map_id}: local frame map, metres, REP-103",
@@ -75,9 +75,9 @@ def _zone(zone: Zone) -> dict:
     }
 
 
-def _way(way: Trajectory) -> dict:
-    points = [[round(way.poses[0].x_m, 3), round(way.poses[0].y_m, 3)]]
-    for pose in way.poses:
+def _trajectory(trajectory: Trajectory) -> dict:
+    points = [[round(trajectory.poses[0].x_m, 3), round(trajectory.poses[0].y_m, 3)]]
+    for pose in trajectory.poses:
         if math.dist(points[-1], (pose.x_m, pose.y_m)) >= STEP_M:
             points.append([round(pose.x_m, 3), round(pose.y_m, 3)])
     line = {"type": "LineString", "coordinates": points}

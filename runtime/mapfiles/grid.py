@@ -16,12 +16,12 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.trajectory import Trajectory
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid
-MOST_CELLS, MOST_LIVE_CELLS = 100_000_000, 1_000_000
+MAXIMUM_CELLS, MAXIMUM_LIVE_CELLS = 100_000_000, 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
-    """cells: (rows, columns) int8; row 0 lies at the least y and column 0 at the least x, as in nav_msgs/OccupancyGrid.
+    """cells: (rows, columns) int8; row 0 has the smallest y, column 0 the smallest x, as in nav_msgs/OccupancyGrid.
 
     x_m, y_m: the outer corner of cell (0, 0) in the map frame.
     """
@@ -42,14 +42,14 @@ class GridRule:
     margin_m: float = 0.5
 
 
-def grid_of(objects: Sequence[MapObject], way: Trajectory | None = None, rule: GridRule | None = None) -> Grid:
+def grid_of(objects: Sequence[MapObject], trajectory: Trajectory | None = None, rule: GridRule | None = None) -> Grid:
     """Objects occupied, the floor that the robot has driven over free, the rest unknown; objects win.
 
     Raises MapError where nothing is there to draw, or for more than 100 million cells.
     """
     rule = rule or GridRule()
     discs = [(item.position_m, radius_m(item)) for item in objects]
-    trail = [(point, rule.robot_width_m / 2.0) for point in _points(way, rule.resolution_m / 2.0)]
+    trail = [(point, rule.robot_width_m / 2.0) for point in _points(trajectory, rule.resolution_m / 2.0)]
     if not discs and not trail:
         raise MapError("the map has neither objects nor a trajectory: there is no floor to draw")
     res = rule.resolution_m
@@ -57,8 +57,8 @@ def grid_of(objects: Sequence[MapObject], way: Trajectory | None = None, rule: G
     high = np.max([np.asarray(centre) + radius for centre, radius in discs + trail], axis=0) + rule.margin_m
     first = np.floor(low / res)  # whole cells from the map's origin, so that grids of one map fit onto each other
     columns, rows = (np.ceil(high / res) - first).astype(int)
-    if rows * columns > MOST_CELLS:
-        raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MOST_CELLS}, take a coarser resolution")
+    if rows * columns > MAXIMUM_CELLS:
+        raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}, take a coarser resolution")
     grid = Grid(np.full((rows, columns), UNKNOWN, np.int8), round(first[0] * res, 9), round(first[1] * res, 9), res)
     for value, some in ((FREE, trail), (OCCUPIED, discs)):
         for centre, radius in some:
@@ -73,7 +73,7 @@ def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> Grid:
     here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
     points = np.array([[x_m, y_m], *(item.position_m for item in objects)])
     sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([radius_m(item) for item in objects], default=1.0))
-    while float(np.prod(np.ceil(sides_m / rule.resolution_m) + 2.0)) > MOST_LIVE_CELLS:
+    while float(np.prod(np.ceil(sides_m / rule.resolution_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
         rule = replace(rule, resolution_m=2.0 * rule.resolution_m)
     return grid_of(objects, here, rule)
 
@@ -91,12 +91,12 @@ def _fill(grid: Grid, centre_m: NDArray[np.float64], radius: float, value: int) 
     grid.cells[int(at[1]), int(at[0])] = value
 
 
-def _points(way: Trajectory | None, step_m: float) -> list[tuple[float, float]]:
+def _points(trajectory: Trajectory | None, step_m: float) -> list[tuple[float, float]]:
     """Points along the path, no farther than a step apart."""
-    if way is None:
+    if trajectory is None:
         return []
-    points = [(way.poses[0].x_m, way.poses[0].y_m)]
-    for pose in way.poses[1:]:
+    points = [(trajectory.poses[0].x_m, trajectory.poses[0].y_m)]
+    for pose in trajectory.poses[1:]:
         x, y = points[-1]
         length = math.hypot(pose.x_m - x, pose.y_m - y)
         if length >= step_m:

@@ -11,7 +11,7 @@ from edgemap.runtime.trajectory import Trajectory, parse_tum
 
 
 def trajectory_of(path: Path) -> Trajectory | None:
-    """The whole lines of `trajectory.tum` in a map's folder; None where there is none, or not one pose in it.
+    """The complete lines of `trajectory.tum` in a map's folder; None where there is none, or not one pose in it.
 
     Raises OdometryError where it is damaged.
     """

@@ -45,7 +45,7 @@ class Coasting:
         self.begin(stamp_s)
 
     def begin(self, stamp_s: float) -> None:
-        """The pose at a stamp is as well known as it will ever be."""
+        """The pose at a stamp was measured."""
         self._last_s = self._blind_from_s = stamp_s
 
     def guess(self, stamp_s: float, fault: str) -> Motion:

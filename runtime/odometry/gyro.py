@@ -41,7 +41,7 @@ class GyroOdometry:
         return abs(attitude.rotation.yaw_rad) < STILL_RAD + attitude.rotation.sigma_rad
 
     def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
-        """No motion; the next one is told from there anyway."""
+        """No motion; the next one is measured from there anyway."""
         return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002

@@ -1,4 +1,4 @@
-"""Several odometries as one: a network, the floor's corners and wheels fail in different ways and mend each other."""
+"""Several odometries fused into one: a network, tracked corners, wheels and gyro fail in different ways."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
 @dataclass(frozen=True, slots=True)
 class HybridRule:
-    """How far the hybrid believes its members.
+    """How the hybrid weighs its members.
 
     gate: squared Mahalanobis distance up to which two motions agree. known_sigma: m and rad; a standard deviation
-    beyond it counts for less where sources disagree. lasting_conflict: steps in a row in which sources disagree make a
+    beyond it has less weight where sources disagree. lasting_conflict: steps in a row in which sources disagree make a
     fault; a wheel slips for less. repeated_s: of stream, between two mentions of a member that stays out.
     flow_covariance_scale, planar_covariance_scale, wheels_covariance_scale, gyro_covariance_scale: factors on the
     members' covariances, so that errors and covariance agree: with 2 for planar the camera alone drifts 4.4 % over 5 m
@@ -37,7 +37,7 @@ class HybridRule:
     1000 instead of 25 for the head.
     flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
     missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
-    flow_alone_s: longest step of which it is believed where nobody else tells the turn.
+    flow_alone_s: longest step for which it is used where no other member measures the rotation.
     """
 
     gate: float = GATE
@@ -60,7 +60,7 @@ class Member:
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
     optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
-    alone_s: longest step of which it is believed where no other member tells the turn.
+    alone_s: longest step for which it is used where no other member measures the rotation.
     """
 
     odometry: Odometry
@@ -72,10 +72,10 @@ class Member:
 
 
 class HybridOdometry:
-    """One motion of what its members measure (`geometry.odometry.covariance_intersection.consensus`).
+    """The fused motion of its members (`geometry.odometry.covariance_intersection.consensus`).
 
-    Who is blind, reports a fault or is not finite is left out, by name, until it measures again; where nobody measures
-    the motion is a guess (`Coasting`).
+    A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
+    it; where no member measures, the motion is a guess (`Coasting`).
     members: the most trusted first. scale: of camera against wheels, whose fault is passed on. Raises
     ValueError for none.
     """
@@ -101,10 +101,10 @@ class HybridOdometry:
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
-        """Every member's motion since the last frame, as one.
+        """The members' fused motion since the last frame.
 
-        Without features those who need them sleep until two frames in a row have some: a network that was trained on
-        neighbouring frames errs over longer ones, and says so too late.
+        Without features the members that need them sleep until two frames in a row have some: a network that was
+        trained on neighbouring frames errs over longer intervals, and its covariance does not show it in time.
         """
         asleep = set() if features and self._fed else self._needy
         self._fed = bool(features)
@@ -121,23 +121,23 @@ class HybridOdometry:
         for index in woken:
             motions[index] = Motion(blind=True)
         self._slept = asleep
-        joined = self._joined(frame.stamp_s, motions)
+        motion = self._fused(frame.stamp_s, motions)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
-        return joined
+        return motion
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
-        joined = self._joined(
+        motion = self._fused(
             stamp_s, [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
         )
-        self._blind_rad += joined.motion.yaw_rad
-        return joined
+        self._blind_rad += motion.motion.yaw_rad
+        return motion
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
-        """Whether every member that knows says so; None where none knows."""
-        known = [member.odometry.still(stamp_s, attitude) for member in self._members]
-        known = [answer for answer in known if answer is not None]
-        return all(known) if known else None
+        """Whether every member that measures rest reports it; None where none measures it."""
+        answers = [member.odometry.still(stamp_s, attitude) for member in self._members]
+        answers = [answer for answer in answers if answer is not None]
+        return all(answers) if answers else None
 
     def rest(self, stamp_s: float) -> Motion:
         """Every member rests."""
@@ -153,22 +153,22 @@ class HybridOdometry:
             member.odometry.reset(reason)
         self._coasting.reset()
         self._measured: set[int] = set()
-        self._told_s: dict[int, float] = {}
+        self._reported_s: dict[int, float] = {}
         self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
         self._conflicts, self._first = 0, True
-        self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; turned since, without one
+        self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
-    def _joined(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
+    def _fused(self, stamp_s: float, motions: Sequence[Motion]) -> Motion:
         checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
         dt_s = stamp_s - self._last_s
         checked = [self._within_reach(index, checked, dt_s) for index in range(len(checked))]
         named = list(zip(self._members, checked, strict=True))
-        faults = "; ".join(motion.fault for _, motion in named if motion.fault)
-        told = self._told(stamp_s, named)
+        all_faults = "; ".join(motion.fault for _, motion in named if motion.fault)
+        faults = self._repeated_faults(stamp_s, named)
         if self._first:
             self._first = False
             self._coasting.begin(stamp_s)
-            return Motion(fault=faults)
+            return Motion(fault=all_faults)
         alive = [
             MotionEstimate(
                 motion.motion.vector(), member.covariance_scale * motion.covariance, member.source,
@@ -178,23 +178,23 @@ class HybridOdometry:
             if not (motion.fault or motion.blind)
         ]  # fmt: skip
         if all(item.source == GYRO for item in alive):
-            guess = self._coasting.guess(stamp_s, told)
-            guess = guess if not alive else _turned(guess, alive[0])
+            guess = self._coasting.guess(stamp_s, faults)
+            guess = guess if not alive else _with_gyro_yaw(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
         found = consensus(alive, self._rule.gate, self._rule.known_sigma)
         wheels = self._of(WHEELS, alive)
         camera = None if wheels is None else self._of(CAMERA, alive)
-        told = "; ".join(filter(None, (told, self._scale.judge(camera, wheels))))
+        faults = "; ".join(filter(None, (faults, self._scale.judge(camera, wheels))))
         self._conflicts = self._conflicts + 1 if found.conflict else 0
         if self._conflicts == self._rule.lasting_conflict:
-            told = "; ".join(filter(None, (told, f"hybrid odometry: {found.conflict}: they disagree")))
+            faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
         motion = SE2(*found.motion)
         self._coasting.saw(motion, stamp_s)
         others = [item for item in alive if item.source != GYRO]
         seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
         without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
         members = self._answers(alive, [found])
-        return Motion(motion, np.asarray(found.covariance), told, members=members, without_gyro=without_gyro)
+        return Motion(motion, np.asarray(found.covariance), faults, members=members, without_gyro=without_gyro)
 
     def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
         """What became of each member in a step, as of `Motion.members`."""
@@ -203,7 +203,7 @@ class HybridOdometry:
         return {n: "used" if n in taken else "left_out" if n in measured else "blind" for n in names}
 
     def _of(self, source: str, alive: Sequence[MotionEstimate]) -> MotionEstimate | None:
-        """What those of one source measured, as one."""
+        """The fused measurements of one source."""
         own = [item for item in alive if item.source == source]
         return consensus(own, self._rule.gate, self._rule.known_sigma) if own else None
 
@@ -217,7 +217,7 @@ class HybridOdometry:
         return found
 
     def _within_reach(self, index: int, motions: Sequence[Motion], dt_s: float) -> Motion:
-        """A member's motion; blind where the others say that the robot turned by more than it can follow."""
+        """A member's motion; blind where by the others the robot rotated by more than it can measure."""
         member, motion = self._members[index], motions[index]
         if member.reach_rad == math.inf or motion.fault or motion.blind:
             return motion
@@ -226,14 +226,14 @@ class HybridOdometry:
         alone = not others and dt_s > member.alone_s
         return replace(motion, blind=True) if far or alone else motion
 
-    def _told(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
-        """Faults that are new, or were last told a while ago."""
+    def _repeated_faults(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
+        """Faults that are new, or were last reported a while ago."""
         texts = []
         for index, (_, motion) in enumerate(named):
             if not motion.fault:
-                self._told_s.pop(index, None)
-            elif stamp_s - self._told_s.get(index, -math.inf) >= self._rule.repeated_s:
-                self._told_s[index] = stamp_s
+                self._reported_s.pop(index, None)
+            elif stamp_s - self._reported_s.get(index, -math.inf) >= self._rule.repeated_s:
+                self._reported_s[index] = stamp_s
                 texts.append(motion.fault)
         return "; ".join(texts)
 
@@ -243,7 +243,7 @@ def _short(member: Member) -> str:
     return member.odometry.name.partition(":")[0]
 
 
-def _turned(guess: Motion, gyro: MotionEstimate) -> Motion:
-    """A guess whose yaw is measured."""
+def _with_gyro_yaw(guess: Motion, gyro: MotionEstimate) -> Motion:
+    """A guess with the gyro's yaw."""
     found = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
     return replace(guess, motion=SE2(*found.motion), covariance=np.asarray(found.covariance))

@@ -20,7 +20,7 @@ from edgemap.runtime.odometry.protocol import Motion, blind_motion, no_motion
 from edgemap.runtime.preprocess import cell_grid
 
 LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # between frames; after a longer gap the head starts again
-NOMINAL_DT_S = 0.1  # what a first frame is told
+NOMINAL_DT_S = 0.1  # for a first frame
 MARGIN = 0.05  # share of a span of the envelope that a camera may lie outside without a word
 
 
@@ -94,7 +94,7 @@ class LearnedOdometry:
         return Motion(motion, covariance + since_covariance)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """A guess; the next picture tells the motion since the last one."""
+        """A guess; the next picture measures the motion since the last one."""
         guess = self._coasting.guess(stamp_s, reason)
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         return guess

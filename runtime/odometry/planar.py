@@ -1,4 +1,4 @@
-"""Odometry without learning: corners are followed from frame to frame and remembered as landmarks."""
+"""Odometry without learning: corners are tracked from frame to frame and kept as landmarks."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from edgemap.geometry.odometry.landmarks import (
     Landmarks,
     Located,
     Noise,
-    View,
-    levelled,
+    Viewpoint,
+    excess_scale,
     locate,
-    look,
     new_landmarks,
-    oversize,
+    project,
+    reduce_tilt,
     refined,
-    shrunk,
+    rescaled,
 )
 from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
@@ -38,15 +38,15 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 
 LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
-SHIFT_PX = 4  # the picture's shift is looked for on every so many pixels
-MASK_PX = 8  # the floor is told from the rest on every so many pixels
-EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner, whose depth may else be that of either of two objects
-LEAST_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
+SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
+MASK_PX = 8  # the floor mask is computed on every so many pixels
+EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner; at an edge its depth may be that of either of two objects
+MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
 @dataclass(frozen=True, slots=True)
 class PlanarRule:
-    """How planar odometry follows corners and what it believes of them.
+    """How planar odometry tracks corners and weighs them.
 
     working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px: how
     many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response,
@@ -145,27 +145,28 @@ class PlanarOdometry:
             return self._guess(grey, frame)
         motion = (self._view.pose @ self._since).inverse() @ found.view.pose
         self._coasting.saw(motion, frame.stamp_s)
-        turn = np.eye(3)
-        turn[:2, :2] = motion.rotation()
+        rotation = np.eye(3)
+        rotation[:2, :2] = motion.rotation()
         now = found.covariance[:3, :3]
-        doubt = (len(found.weights) / found.weights.sum()) ** 2  # new tracks agree with anything
-        covariance = doubt * (self._covariance + turn @ now @ turn.T) + LEAST_COVARIANCE + self._since_covariance
+        inflation = (len(found.weights) / found.weights.sum()) ** 2  # new tracks fit any motion
+        covariance = inflation * (self._covariance + rotation @ now @ rotation.T) + MINIMUM_COVARIANCE
+        covariance += self._since_covariance
         covariance[:2, :2] += self._scale_variance(found, frame.stamp_s) * np.outer(*[motion.vector()[:2]] * 2)
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._nods(found.view)
+        self._learn_nodding(found.view)
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
-        factor = oversize(self._landmarks)
+        factor = excess_scale(self._landmarks)
         if factor > 1.0:
-            self._landmarks = shrunk(self._landmarks, self._camera, self._view, factor, self._noise)
+            self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
-        self._landmarks, self._view = levelled(self._landmarks, self._camera, self._view, self._rule.levelling)
+        self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._rule.levelling)
         self._seek(grey, frame.depth)
         return Motion(motion, covariance)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """A guess; the landmarks wait for the next picture, which tells the motion since the last one."""
+        """A guess; the landmarks stay for the next picture, which measures the motion since the last one."""
         guess = self._coasting.guess(stamp_s, reason)
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         self._motion, self._trusted = guess.motion, False
@@ -191,7 +192,7 @@ class PlanarOdometry:
 
     def _start_again(self) -> None:
         self._grey: MatLike | None = None
-        self._view, self._covariance = View(), np.zeros((3, 3))
+        self._view, self._covariance = Viewpoint(), np.zeros((3, 3))
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
@@ -199,17 +200,17 @@ class PlanarOdometry:
         self._floor_s = self._seen_s
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
-        """Relative, of the motion's length: the longer no floor is in view, the less is known of the scale."""
-        tells = self._landmarks.floor | self._landmarks.measured
-        if float(found.weights[tells].sum()) >= self._rule.least_weight:
+        """Relative, of the motion's length; it grows while no floor is in view."""
+        of_scale = self._landmarks.floor | self._landmarks.measured
+        if float(found.weights[of_scale].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
         return min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
 
     def _attend(self, attitude: Attitude | None) -> None:
-        """The camera of this frame, what remains unknown of its attitude, and the rotation that a gyro tells."""
+        """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
         self._camera_before = self._camera
         rotation = None if attitude is None else attitude.rotation
-        self._turn_known = rotation is not None
+        self._rotation_known = rotation is not None
         if rotation is not None:
             self._motion = SE2(self._motion.x_m, self._motion.y_m, rotation.yaw_rad)
         if attitude is None or attitude is self._attitude:
@@ -227,7 +228,7 @@ class PlanarOdometry:
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
     def _locate(self, index: int) -> Located:
-        """The view that the remembered landmarks agree on; where few do, and more do when forgotten, found again."""
+        """The view that the landmarks agree on; where few agree, and more of a fresh set do, that of the fresh set."""
         seen, noise = self._bearings(self._corners), self._noise_now()
         start = self._ahead(self._since @ self._motion)
         found = locate(self._landmarks, seen, self._camera, start, noise)
@@ -246,12 +247,12 @@ class PlanarOdometry:
         self._landmarks = renewed
         return other
 
-    def _ahead(self, motion: SE2) -> View:
+    def _ahead(self, motion: SE2) -> Viewpoint:
         """The view after a motion, tilted and as high as before."""
-        return View(self._view.pose @ motion, self._view.tilt, self._view.rise_m)
+        return Viewpoint(self._view.pose @ motion, self._view.tilt, self._view.rise_m)
 
-    def _nods(self, found: View) -> None:
-        """Learn how much the camera nods from picture to picture: what nods is carried, and rises and sinks as well."""
+    def _learn_nodding(self, found: Viewpoint) -> None:
+        """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
@@ -286,10 +287,12 @@ class PlanarOdometry:
         """Move the corners to where they are now; those that are lost or leave the picture go, with their landmarks."""
         if len(self._corners) == 0:
             return
-        sight = look(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
-        expected = self._camera.intrinsics.project(np.column_stack([sight.seen, np.where(sight.ahead, 1.0, np.nan)]))
+        projection = project(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
+        expected = self._camera.intrinsics.project(
+            np.column_stack([projection.seen, np.where(projection.ahead, 1.0, np.nan)])
+        )
         expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
-        if not self._turn_known:
+        if not self._rotation_known:
             expected += self._surprise(last, grey, expected)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
             last, grey, self._corners[:, None], expected[:, None].copy(), winSize=[self._rule.window_px] * 2,
@@ -338,8 +341,8 @@ class PlanarOdometry:
                 continue
             fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
             rays = _rays(self._bearings(fresh))
-            known = None if depth is None else self._depths(fresh, depth)
-            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, not self._scaled(), known)
+            depths = None if depth is None else self._depths(fresh, depth)
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, not self._scaled(), depths)
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
 
     def _depths(self, corners: Pixels, depth: Depth) -> Array:
@@ -350,21 +353,21 @@ class PlanarOdometry:
         columns, rows = np.clip(middle.astype(np.intp), EDGE_PX, [width - 1 - EDGE_PX, height - 1 - EDGE_PX]).T
         across, down = np.array([[0, 0], [-EDGE_PX, 0], [EDGE_PX, 0], [0, -EDGE_PX], [0, EDGE_PX]]).T
         around = depth[rows + down[:, None], columns + across[:, None]].astype(np.float64)
-        known = ((around > NEAREST_M) & (around < FARTHEST_M)).all(axis=0)
-        inverse = 1.0 / np.where(known, around, 1.0)
+        valid = ((around > NEAREST_M) & (around < FARTHEST_M)).all(axis=0)
+        inverse = 1.0 / np.where(valid, around, 1.0)
         bend = np.abs(inverse[1::2] + inverse[2::2] - 2.0 * inverse[0]).max(axis=0)
-        return np.where(known & (bend < EDGE_SHARE * inverse[0]), around[0], np.nan)
+        return np.where(valid & (bend < EDGE_SHARE * inverse[0]), around[0], np.nan)
 
     def _scaled(self) -> bool:
-        """Whether landmarks of known depth tell the scale, so that new ones need not be taken for floor."""
-        known = self._landmarks
-        return int((known.floor | (known.variance < (0.1 * known.inverse_m) ** 2)).sum()) >= self._rule.scaled
+        """Whether landmarks of known depth determine the scale, so that new ones need not count as floor."""
+        kept = self._landmarks
+        return int((kept.floor | (kept.variance < (0.1 * kept.inverse_m) ** 2)).sum()) >= self._rule.scaled
 
     def _bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
-        whole = np.clip(pixels.astype(np.intp), 0, [self._size[0] - 2, self._size[1] - 2])
-        part = pixels - whole
-        u, v = whole.T
+        corner = np.clip(pixels.astype(np.intp), 0, [self._size[0] - 2, self._size[1] - 2])
+        part = pixels - corner
+        u, v = corner.T
         a, b = part[:, :1], part[:, 1:]
         table = self._rays
         return (1 - b) * ((1 - a) * table[v, u] + a * table[v, u + 1]) + b * (

@@ -41,7 +41,7 @@ def _clearly_positive(
 
 
 def unknown_covariance() -> Array:
-    """What an odometry says when it knows nothing of a step: 1 m and about 30 degrees, (3, 3)."""
+    """Covariance of a step that was not measured at all: 1 m and about 30 degrees, (3, 3)."""
     return np.diag([1.0, 1.0, 0.25])
 
 
@@ -89,7 +89,7 @@ def blind_motion(fault: str) -> Motion:
 class Odometry(Protocol):
     """Fed every frame in order. The first step after construction or a reset gives identity, covariance unknown.
 
-    needs_features: whether it has nothing to go by where the backbone did not run.
+    needs_features: whether it cannot measure where the backbone did not run.
     """
 
     name: str
@@ -103,13 +103,13 @@ class Odometry(Protocol):
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
 
-        Wheels and gyro go on; what lives by pictures says blind. reason: why there is none, for the fault. attitude:
-        at the stamp, with the gyro's rotation since the previous step, where an IMU tells them.
+        Wheels and gyro go on; an odometry that needs pictures is blind. reason: why there is none, for the fault.
+        attitude: at the stamp, with the gyro's rotation since the previous step, where there is an IMU.
         """
         ...
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
-        """Whether the base has stood still from the previous step to a stamp, without a look at the picture.
+        """Whether the base has stood still from the previous step to a stamp, without the picture.
 
         None where neither wheels nor gyro say anything.
         """

@@ -21,9 +21,9 @@ from edgemap.runtime.trajectory import PoseTrack
 class DriftRate:
     """How wrong a recorded motion is, as standard deviations.
 
-    per_metre, per_radian: as a share of way and turn. still_m, still_rad: what remains at rest. roughness_m,
+    per_metre, per_radian: as a share of path and rotation. still_m, still_rad: what remains at rest. roughness_m,
     roughness_rad: of place and heading per square root of a metre that wheels roll: small slips add up like a random
-    walk (Chong and Kleeman 1997). half_track_m: what a wheel rolls per radian of turn.
+    walk (Chong and Kleeman 1997). half_track_m: what a wheel rolls per radian of rotation.
     """
 
     per_metre: float = 0.0

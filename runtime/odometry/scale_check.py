@@ -41,12 +41,12 @@ class NoScaleCheck:
 
 
 class ScaleCheck:
-    """Tells once where wheels and camera differ in length by more than both state. height_m: of the lens as given."""
+    """Reports once that wheels and camera differ in length by more than both state. height_m: of the lens as given."""
 
     def __init__(self, height_m: float, rule: ScaleRule | None = None) -> None:
         self._height_m, self._rule = height_m, rule or ScaleRule()
         self._found: deque[tuple[float, float, float]] = deque(maxlen=self._rule.windows)  # ratio, variance of it, NEES
-        self._told = False
+        self._reported = False
         self.reset()
 
     def reset(self) -> None:
@@ -54,24 +54,25 @@ class ScaleCheck:
         self._camera, self._wheels, self._variance = SE2(), SE2(), 0.0
 
     def judge(self, camera: MotionEstimate | None, wheels: MotionEstimate | None) -> str:
-        """The fault, from one more step's two motions; empty where there is none or it was told. None: not measured."""
+        """The fault after one more step's two motions; empty where there is none or it was reported before. None: not
+        measured."""
         if camera is None or wheels is None:
             self.reset()
             return ""
         self._camera, self._wheels = self._camera @ SE2(*camera.motion), self._wheels @ SE2(*wheels.motion)
         self._variance += float(np.trace(camera.covariance[:2, :2] + wheels.covariance[:2, :2])) / 2.0
         rolled_m = math.hypot(self._wheels.x_m, self._wheels.y_m)
-        turned = abs(self._wheels.yaw_rad) > self._rule.most_yaw_rad
-        if rolled_m < self._rule.window_m and not turned:
+        rotated = abs(self._wheels.yaw_rad) > self._rule.most_yaw_rad
+        if rolled_m < self._rule.window_m and not rotated:
             return ""
-        if not turned:
+        if not rotated:
             seen_m = math.hypot(self._camera.x_m, self._camera.y_m)
             nees = (seen_m - rolled_m) ** 2 / max(self._variance, 1e-12)
             self._found.append((seen_m / rolled_m, self._variance / rolled_m**2, nees))
         self.reset()
-        return "" if turned or self._told else self._judged()
+        return "" if rotated or self._reported else self._fault()
 
-    def _judged(self) -> str:
+    def _fault(self) -> str:
         rule, found = self._rule, np.array(self._found)
         if len(found) < rule.fewest:
             return ""
@@ -80,7 +81,7 @@ class ScaleCheck:
         off = abs(math.log(max(ratio, 1e-3)))
         if off < max(math.log1p(rule.wrong_share), rule.sigmas * error) or found[:, 2].mean() < rule.nees:
             return ""
-        self._told = True
+        self._reported = True
         stated = 100.0 * math.sqrt(float(found[:, 1].mean()))
         return (
             f"mount: the camera measures {100.0 * (ratio - 1.0):+.0f} % of what the wheels rolled over "

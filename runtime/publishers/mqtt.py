@@ -42,11 +42,11 @@ class MqttPublisher:
 
         self.name, self.root = "MQTT", f"edgemap/{topic_level(robot)}"
         self._address, self._robot, self._version = f"{host}:{port}", robot, version
-        self._told: dict[str, MapObject] = {}
+        self._published: dict[str, MapObject] = {}
         self._fault, self._faults, self._state_s = "", 0, -math.inf
         self._connected, self._refused = threading.Event(), "no answer"
         self._new_connection = False
-        self._objects = threading.Lock()  # of `_told` and the retained objects, which say the same
+        self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
         self._client = Client(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(robot)}")
         self._client.max_queued_messages_set(QUEUED)
         self._client.reconnect_delay_set(*RETRY_S)
@@ -72,14 +72,14 @@ class MqttPublisher:
             self._begin()
         known = {item.id: item for item in objects}
         for identity, item in known.items():
-            before = self._told.get(identity)
+            before = self._published.get(identity)
             if before is None:
                 self._event("appeared", item)
             elif math.dist(before.position_m, item.position_m) > MOVED_M:
                 self._event("moved", item, moved_m=round(math.dist(before.position_m, item.position_m), 3))
-        for identity in self._told.keys() - known.keys():
+        for identity in self._published.keys() - known.keys():
             into = result.merged.get(identity)
-            self._event("vanished", self._told[identity], **({"into": into} if into else {}))
+            self._event("vanished", self._published[identity], **({"into": into} if into else {}))
         stamp_s = result.frame.stamp_s
         if not 0.0 <= stamp_s - self._state_s < STATE_EVERY_S:
             self._state_s = stamp_s
@@ -100,7 +100,7 @@ class MqttPublisher:
         """A new connection: what is retained, told in full. Objects of an earlier run answer to `_on_message`."""
         self._client.publish(*discovery(self._robot, self.root, self._version), qos=1, retain=True)
         self._publish("status", "online", retain=True)
-        for item in self._told.values():
+        for item in self._published.values():
             self._tell_object(item)
         self._client.subscribe(f"{self.root}/objects/+", qos=1)
         self._state_s = -math.inf
@@ -108,10 +108,10 @@ class MqttPublisher:
     def _event(self, kind: str, item: MapObject, **more: Any) -> None:
         with self._objects:
             if kind == "vanished":
-                del self._told[item.id]
+                del self._published[item.id]
                 self._publish(f"objects/{topic_level(item.id)}", "", retain=True)
             else:
-                self._told[item.id] = item
+                self._published[item.id] = item
                 self._tell_object(item)
         record = {key: value for key, value in object_record(item).items() if key in ("id", "label", "x_m", "y_m")}
         self._publish("events", json.dumps({"event_type": kind} | record | more))
@@ -155,8 +155,8 @@ class MqttPublisher:
     def _on_message(self, client: Any, userdata: Any, message: Any) -> None:  # noqa: ARG002
         """An object that is retained at the broker: taken away unless this run has told it."""
         with self._objects:
-            told = {f"{self.root}/objects/{topic_level(identity)}" for identity in self._told}
-            if message.retain and message.payload and message.topic not in told:
+            topics = {f"{self.root}/objects/{topic_level(identity)}" for identity in self._published}
+            if message.retain and message.payload and message.topic not in topics:
                 client.publish(message.topic, "", qos=1, retain=True)
 
 

@@ -100,7 +100,7 @@ def records(stream: IO[bytes], crc: int | None = None) -> Iterator[Any]:
 
 
 def read_summary(stream: IO[bytes], size: int) -> Summary | None:
-    """The summary of a whole file of `size` bytes; None where it has none. Raises as `records` does."""
+    """The summary of a complete file of `size` bytes; None where it has none. Raises as `records` does."""
     from mcap import records as mcap
 
     stream.seek(size - len(MAGIC) - FOOTER_BYTES)

@@ -53,7 +53,7 @@ def facts_record(facts: Facts) -> dict[str, str]:
     }
 
 
-class _Distortion(Strict):
+class _RecordedDistortion(Strict):
     model: Name
     coefficients: Annotated[tuple[Coordinate, ...], Meta(max_length=5)]
 
@@ -65,10 +65,10 @@ class _Lens(Strict):
     fy: Coordinate
     cx: Coordinate
     cy: Coordinate
-    distortion: _Distortion
+    distortion: _RecordedDistortion
 
 
-class _Mount(Strict):
+class _RecordedMount(Strict):
     height_m: Coordinate
     pitch_rad: Coordinate
     roll_rad: Coordinate
@@ -78,7 +78,7 @@ class _Mount(Strict):
 
 _DECISIONS: Any = Decisions | None
 _LENS: Any = _Lens | None
-_MOUNT: Any = _Mount | None
+_MOUNT: Any = _RecordedMount | None
 _RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
 
 

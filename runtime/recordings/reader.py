@@ -44,7 +44,7 @@ class McapReading:
 
     topics: by name. metadata, attachments: edgemap's own, by name. Messages are decoded by ROS's own definitions of the
     kinds that edgemap knows, never by a definition in the file.
-    Raises CameraError, one line, for what is no MCAP file and for damage inside a whole one.
+    Raises CameraError, one line, for what is no MCAP file and for damage inside a complete one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -63,13 +63,13 @@ class McapReading:
         if start != MAGIC:
             self.close()
             raise CameraError(f"{path}: not an MCAP recording ({size} bytes)")
-        self.whole = end == MAGIC and size > 2 * len(MAGIC)
+        self.complete = end == MAGIC and size > 2 * len(MAGIC)
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
         self._summary: Summary | None = None
         try:
-            self._summary = self._guarded_call(self._indexed) if self.whole else None
+            self._summary = self._guarded_call(self._indexed) if self.complete else None
             if self._summary is None:
                 self._scan()
         except CameraError:
@@ -156,7 +156,7 @@ class McapReading:
             for record in records(self._stream, crc32(MAGIC))
             for inner in (unpacked(record) if isinstance(record, Chunk) else [record])
         )
-        for record in all_records if self.whole else self._up_to_the_cut(all_records):
+        for record in all_records if self.complete else self._up_to_the_cut(all_records):
             if isinstance(record, Message):
                 channel = known.channels[record.channel_id]
                 yield known.schemas.get(channel.schema_id), channel, record

@@ -45,7 +45,7 @@ class Recorder:
         self._file = McapFile(path)
         self._file.metadata(RECORD, facts_record(facts))
         for track in self._tracks:
-            self._file.attach(track.file, "application/json", trajectory_file(track.way))
+            self._file.attach(track.file, "application/json", trajectory_file(track.trajectory))
         self._last: tuple[int, list[MapObject], SE2] | None = None
         self._map_ns: int | None = None  # stamp of the newest map in the file
 
@@ -100,13 +100,16 @@ class Recorder:
 class _Track:
     """A trajectory that is written as it happens, between the pictures."""
 
-    def __init__(self, topic: str, file: str, way: Trajectory, ids: FrameIds) -> None:
-        self.topic, self.file, self.way, self._ids = topic, file, way, ids
+    def __init__(self, topic: str, file: str, trajectory: Trajectory, ids: FrameIds) -> None:
+        self.topic, self.file, self.trajectory, self._ids = topic, file, trajectory, ids
         self._next = 0
 
     def write_until(self, file: McapFile, stamp_ns: int) -> None:
         """The poses up to this stamp that are not written yet."""
-        while self._next < len(self.way.poses) and (now_ns := to_ns(float(self.way.stamps_s[self._next]))) <= stamp_ns:
-            message = build.odometry(now_ns, self.way.poses[self._next], ids=self._ids)
+        while (
+            self._next < len(self.trajectory.poses)
+            and (now_ns := to_ns(float(self.trajectory.stamps_s[self._next]))) <= stamp_ns
+        ):
+            message = build.odometry(now_ns, self.trajectory.poses[self._next], ids=self._ids)
             file.write(self.topic, KINDS[self.topic], now_ns, message)
             self._next += 1

@@ -10,16 +10,16 @@ from itertools import accumulate
 import numpy as np
 
 from edgemap.runtime.colours import label_colour
-from edgemap.runtime.report.history import PoseSample, Window
+from edgemap.runtime.report.history import PoseSample, TimeWindow
 from edgemap.runtime.report.markup import Markup, el, polyline
 
-MOST_ROWS = 14
+MAXIMUM_ROWS = 14
 # Stages in the order of the step, from dark to light and warm; apart from the labels' colours.
 STAGE_COLOURS = ("#7f93ad", "#3f5f86", "#a9bcd3", "#6b8f8a", "#c98f57", "#8d6a97", "#d9bf94", "#9aa67a")
 _W, _H = 1000.0, 100.0
 
 
-def latency_chart(stretches: Sequence[Window], stages: Sequence[str]) -> Markup:
+def latency_chart(stretches: Sequence[TimeWindow], stages: Sequence[str]) -> Markup:
     """Mean milliseconds of each stage stacked over time, with the slowest step of each stretch as a thin line."""
     middle = _middles(stretches)
     means = np.array([[one.stages_ms[stage] / one.frames for stage in stages] for one in stretches])
@@ -40,10 +40,10 @@ def latency_chart(stretches: Sequence[Window], stages: Sequence[str]) -> Markup:
     return chart([*areas, line], top, "ms", stretches[-1].end_s - stretches[0].start_s, "latency over time")
 
 
-def bound_chart(way: Sequence[PoseSample], errors_m: Sequence[float] | None) -> Markup:
+def bound_chart(trajectory: Sequence[PoseSample], errors_m: Sequence[float] | None) -> Markup:
     """The position's error over time, where known, before the shade of what the pipeline says of it (95 %)."""
-    stamps, bounds = [stop.stamp_s for stop in way], [stop.bound_m for stop in way]
-    chosen = np.unique(np.linspace(0, len(way) - 1, min(len(way), 600)).astype(int))
+    stamps, bounds = [sample.stamp_s for sample in trajectory], [sample.bound_m for sample in trajectory]
+    chosen = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), 600)).astype(int))
     highest = float(np.max([*bounds, *(errors_m or [])]))
     if errors_m and max(errors_m) > 0:  # a bound far above the error would flatten it
         highest = min(highest, 4.0 * max(errors_m))
@@ -64,14 +64,14 @@ def bound_chart(way: Sequence[PoseSample], errors_m: Sequence[float] | None) -> 
     return chart(marks, top, "m", stamps[-1] - stamps[0], "position error over time")
 
 
-def timeline(stretches: Sequence[Window], mapped: Sequence[str]) -> Markup:
+def timeline(stretches: Sequence[TimeWindow], mapped: Sequence[str]) -> Markup:
     """One strip per label, the most seen first; the darker, the more boxes per frame. Labels never mapped are grey."""
     seen: Counter[str] = Counter()
     for one in stretches:
         seen.update(one.seen)
     start_s, end_s = stretches[0].start_s, stretches[-1].end_s
     rows = []
-    for label, count in seen.most_common(MOST_ROWS):
+    for label, count in seen.most_common(MAXIMUM_ROWS):
         peak = max(one.seen[label] / one.frames for one in stretches)
         colour = label_colour(label) if label in mapped else "var(--muted)"
         strip = el("svg", _bars(stretches, label, peak), viewBox=f"0 0 {_W:.0f} 10", preserveAspectRatio="none",
@@ -79,7 +79,7 @@ def timeline(stretches: Sequence[Window], mapped: Sequence[str]) -> Markup:
         rows.append(
             el("div", el("span", label, class_="label"), strip, el("span", f"{count}", class_="count"), class_="strip")
         )
-    more = len(seen) - MOST_ROWS
+    more = len(seen) - MAXIMUM_ROWS
     if more > 0:
         rows.append(el("p", f"and {more} labels more, seen less often", class_="note"))
     axis = el(
@@ -88,7 +88,7 @@ def timeline(stretches: Sequence[Window], mapped: Sequence[str]) -> Markup:
     return el("div", rows, axis, class_="timeline")
 
 
-def _bars(stretches: Sequence[Window], label: str, peak: float) -> list[Markup]:
+def _bars(stretches: Sequence[TimeWindow], label: str, peak: float) -> list[Markup]:
     start_s, span_s = stretches[0].start_s, max(stretches[-1].end_s - stretches[0].start_s, 1e-9)
     starts = [(one.start_s - start_s) / span_s * _W for one in stretches]
     ends = [*starts[1:], _W]
@@ -100,7 +100,7 @@ def _bars(stretches: Sequence[Window], label: str, peak: float) -> list[Markup]:
     return bars
 
 
-def chart(marks: Sequence[Markup], top: float, unit: str, span_s: float, told: str) -> Markup:
+def chart(marks: Sequence[Markup], top: float, unit: str, span_s: float, label: str) -> Markup:
     """A frame of fixed height with its axes: values from 0 to `top` in `unit`, seconds from 0 to `span_s`."""
     shares = (0.0, 0.5, 1.0)
     lines = [el("line", x1=0, x2=_W, y1=_H * (1 - share), y2=_H * (1 - share), class_="rule") for share in shares]
@@ -109,7 +109,7 @@ def chart(marks: Sequence[Markup], top: float, unit: str, span_s: float, told: s
         for share in shares
     ]
     picture = el(
-        "svg", lines, marks, viewBox=f"0 0 {_W:.0f} {_H:.0f}", preserveAspectRatio="none", role="img", aria_label=told
+        "svg", lines, marks, viewBox=f"0 0 {_W:.0f} {_H:.0f}", preserveAspectRatio="none", role="img", aria_label=label
     )
     return el(
         "div",
@@ -153,7 +153,7 @@ def _round_up(value: float, steps: Sequence[float]) -> float:
     return next(step * power for step in steps if step * power >= value * (1 - 1e-9))
 
 
-def _middles(stretches: Sequence[Window]) -> np.ndarray:
+def _middles(stretches: Sequence[TimeWindow]) -> np.ndarray:
     return np.array([(one.start_s + one.end_s) / 2.0 for one in stretches])
 
 

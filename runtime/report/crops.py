@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from edgemap.runtime.slam import StepResult
 
 SIDE_PX = 200  # longer side of a kept picture
-MOST = 400  # pictures kept at a time, 3 MB or so
+MAXIMUM_CROPS = 400  # pictures kept at a time, 3 MB or so
 BETTER = 1.3  # a new picture must be this much better, so that a slow approach does not replace it every frame
 BORDER_PX = 3.0
 _MARGIN = 0.10  # of the box, shown around it
 _SHARP = 60.0  # variance of the Laplacian at which a picture counts as half sharp
-_CUT = 0.2  # a box cut by the border is worth this much of a whole one
+_CUT = 0.2  # a box cut by the border is worth this much of a complete one
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +59,15 @@ class BestCrops:
                     self._best[identity] = Crop(quality, jpeg.tobytes(), result.frame.index)
 
     def keep(self, identities: Collection[str], merged: dict[str, str]) -> None:
-        """Hand pictures of merged objects to those that they became part of; past `MOST`, forget those of objects
-        that are not (or no longer) on the map, worst first, then the worst of all."""
+        """Hand pictures of merged objects to those that they became part of; past `MAXIMUM_CROPS`, drop those of
+        objects that are not (or no longer) on the map, worst first, then the worst of all."""
         for identity in [name for name in self._best if name in merged]:
             crop, heir = self._best.pop(identity), merged[identity]
             if heir not in self._best or self._best[heir].quality < crop.quality:
                 self._best[heir] = crop
-        if len(self._best) > MOST:
+        if len(self._best) > MAXIMUM_CROPS:
             order = sorted(self._best, key=lambda name: (name in identities, self._best[name].quality))
-            for identity in order[: len(self._best) - MOST]:
+            for identity in order[: len(self._best) - MAXIMUM_CROPS]:
                 del self._best[identity]
 
     def of(self, identities: Collection[str]) -> dict[str, Crop]:

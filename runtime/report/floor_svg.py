@@ -44,14 +44,14 @@ class Sheet:
 
 def floor_svg(
     objects: Sequence[MapObject],
-    way: Sequence[SE2],
-    true_way: Sequence[SE2] = (),
+    trajectory: Sequence[SE2],
+    true_trajectory: Sequence[SE2] = (),
     evaluation_rows: Sequence[EvaluationRow] = (),
     zones: Sequence[Zone] = (),
 ) -> Markup:
     """Objects with size, 95 % ellipse and name; the trajectory with start and end; the true objects; zones; grid and
     scale."""
-    sheet = _sheet(objects, way, true_way, evaluation_rows, zones)
+    sheet = _sheet(objects, trajectory, true_trajectory, evaluation_rows, zones)
     marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top
     spots = [sheet.at(item.position_m) for item in objects]
     marked = [(item.name or item.id, float(spot[0]), float(spot[1])) for item, spot in zip(objects, spots, strict=True)]
@@ -62,11 +62,11 @@ def floor_svg(
         _grid(sheet),
         [_zone(sheet, zone) for zone in zones],
         [_truth(sheet, evaluation_row, objects) for evaluation_row in evaluation_rows],
-        _line(sheet, true_way, "true-way", "true trajectory"),
-        _line(sheet, way, "way", "trajectory"),
+        _line(sheet, true_trajectory, "true-trajectory", "true trajectory"),
+        _line(sheet, trajectory, "trajectory", "trajectory"),
         marks,
         [_spot(sheet, item) for item in objects],
-        _robot(sheet, way),
+        _robot(sheet, trajectory),
         texts,
         _scale_bar(sheet),
         class_="floor",
@@ -78,13 +78,13 @@ def floor_svg(
 
 def _sheet(
     objects: Sequence[MapObject],
-    way: Sequence[SE2],
-    true_way: Sequence[SE2],
+    trajectory: Sequence[SE2],
+    true_trajectory: Sequence[SE2],
     evaluation_rows: Sequence[EvaluationRow],
     zones: Sequence[Zone],
 ) -> Sheet:
     points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in zones)]
-    points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (way, true_way) if poses]
+    points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (trajectory, true_trajectory) if poses]
     for item in objects:
         reach = max(radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
@@ -117,13 +117,13 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
     long, short, angle = _axes(item.covariance_m2)
     colour, scale = label_colour(item.label), sheet.px_per_m
     turned = f"translate({x:.1f} {y:.1f}) rotate({angle:.1f})"
-    told = (
+    title = (
         f"{item.id}: x {item.position_m[0]:.2f} m, y {item.position_m[1]:.2f} m, seen {item.count} times, "
         f"confidence {item.confidence:.2f}"
     )
     return el(
         "g",
-        el("title", told),
+        el("title", title),
         el("circle", cx=x, cy=y, r=radius_m(item) * scale, class_="size"),
         el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=turned),
         class_="object",
@@ -180,23 +180,23 @@ def _truth(sheet: Sheet, evaluation_row: EvaluationRow, objects: Sequence[MapObj
     )
 
 
-def _line(sheet: Sheet, way: Sequence[SE2], name: str, told: str) -> Markup | None:
-    if len(way) < 2:
+def _line(sheet: Sheet, trajectory: Sequence[SE2], name: str, title: str) -> Markup | None:
+    if len(trajectory) < 2:
         return None
-    points = sheet.at(np.array([[pose.x_m, pose.y_m] for pose in way]))
+    points = sheet.at(np.array([[pose.x_m, pose.y_m] for pose in trajectory]))
     kept = [points[0]]
     for point in points[1:]:
         if np.abs(point - kept[-1]).max() >= 1.0:  # less than a pixel further on tells nothing
             kept.append(point)
-    return el("polyline", el("title", told), points=polyline([*kept, points[-1]]), class_=name)
+    return el("polyline", el("title", title), points=polyline([*kept, points[-1]]), class_=name)
 
 
-def _robot(sheet: Sheet, way: Sequence[SE2]) -> Markup | None:
-    if not way:
+def _robot(sheet: Sheet, trajectory: Sequence[SE2]) -> Markup | None:
+    if not trajectory:
         return None
-    start_x, start_y = sheet.at([way[0].x_m, way[0].y_m])
-    x, y = sheet.at([way[-1].x_m, way[-1].y_m])
-    turn = -math.degrees(way[-1].yaw_rad)
+    start_x, start_y = sheet.at([trajectory[0].x_m, trajectory[0].y_m])
+    x, y = sheet.at([trajectory[-1].x_m, trajectory[-1].y_m])
+    turn = -math.degrees(trajectory[-1].yaw_rad)
     return joined(
         el("circle", el("title", "start"), cx=start_x, cy=start_y, r=6.0, class_="start"),
         el("path", el("title", "end, and where it faces"), d="M0 -12L8.5 9L0 4.5L-8.5 9Z", class_="robot",

@@ -17,7 +17,7 @@ MAX_WINDOWS = 240
 
 
 @dataclass(slots=True)
-class Window:
+class TimeWindow:
     """Some frames in a row. stages_ms: sums by stage. worst_ms: the slowest step. seen: detections by label."""
 
     start_s: float
@@ -27,7 +27,7 @@ class Window:
     stages_ms: Counter[str] = field(default_factory=Counter)
     seen: Counter[str] = field(default_factory=Counter)
 
-    def join(self, other: Window) -> None:
+    def join(self, other: TimeWindow) -> None:
         """Take in the window that follows."""
         self.end_s, self.frames = other.end_s, self.frames + other.frames
         self.worst_ms = max(self.worst_ms, other.worst_ms)
@@ -48,7 +48,7 @@ class History:
     """Fed every step; at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, however long it goes on."""
 
     def __init__(self) -> None:
-        self.windows: list[Window] = []
+        self.windows: list[TimeWindow] = []
         self.totals_ms: deque[float] = deque(maxlen=10_000)
         self.frames, self.path_m = 0, 0.0
         self.start_s = self.last_s = 0.0
@@ -75,7 +75,7 @@ class History:
         self.totals_ms.append(total_ms)
         stamp_s = result.frame.stamp_s
         seen = Counter(result.detections.labels)
-        step = Window(stamp_s, stamp_s, 1, total_ms, Counter(result.stages_ms), seen)
+        step = TimeWindow(stamp_s, stamp_s, 1, total_ms, Counter(result.stages_ms), seen)
         if self.windows and self.windows[-1].frames < self._length:
             self.windows[-1].join(step)
             return

@@ -43,8 +43,8 @@ class Findings:
 
 def report_page(found: Findings) -> str:
     """The whole page as text."""
-    way, true_way = found.history.trajectory(), _true_way(found)
-    errors_m = _errors(way, true_way)
+    trajectory, true_trajectory = found.history.trajectory(), _true_trajectory(found)
+    errors_m = _errors(trajectory, true_trajectory)
     title = f"{len(found.objects)} objects on the map"
     style = Markup(Path(__file__).with_name("report.css").read_text())
     head = el(
@@ -59,9 +59,9 @@ def report_page(found: Findings) -> str:
     sections = [
         _masthead(found, title),
         _tiles(found, errors_m),
-        _floor(found, way, true_way),
+        _floor(found, trajectory, true_trajectory),
         _objects(found),
-        _trajectory(way, errors_m),
+        _trajectory(trajectory, errors_m),
         _timeline(found),
         _latency(found),
         _mount(found),
@@ -75,24 +75,24 @@ def report_page(found: Findings) -> str:
     return f"<!doctype html>\n{page}\n"
 
 
-def _true_way(found: Findings) -> list[SE2 | None]:
+def _true_trajectory(found: Findings) -> list[SE2 | None]:
     """The true pose at each stop, None where it is not known."""
     poses: list[SE2 | None] = []
-    for stop in found.history.trajectory():
+    for sample in found.history.trajectory():
         try:
-            poses.append(found.truth.at(stop.stamp_s) if found.truth else None)
+            poses.append(found.truth.at(sample.stamp_s) if found.truth else None)
         except OdometryError:
             poses.append(None)
     return poses
 
 
-def _errors(way: Sequence[PoseSample], true_way: Sequence[SE2 | None]) -> list[float]:
+def _errors(trajectory: Sequence[PoseSample], true_trajectory: Sequence[SE2 | None]) -> list[float]:
     """Position errors in metres; empty unless the truth is known all the way."""
     found = []
-    for stop, true in zip(way, true_way, strict=True):
+    for sample, true in zip(trajectory, true_trajectory, strict=True):
         if true is None:
             return []
-        found.append(float(np.hypot(stop.pose_map_base.x_m - true.x_m, stop.pose_map_base.y_m - true.y_m)))
+        found.append(float(np.hypot(sample.pose_map_base.x_m - true.x_m, sample.pose_map_base.y_m - true.y_m)))
     return found
 
 
@@ -136,7 +136,7 @@ def _tiles(found: Findings, errors_m: list[float]) -> Markup:
     return el("dl", [el("div", el("dt", name), el("dd", value)) for name, value in tiles], class_="tiles")
 
 
-def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -> Markup:
+def _floor(found: Findings, trajectory: list[PoseSample], true_trajectory: list[SE2 | None]) -> Markup:
     labels = sorted(
         {item.label for item in found.objects} | {row.label for row in found.evaluation_rows or [] if row.true_m}
     )
@@ -144,13 +144,13 @@ def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -
     keys = [
         el("li", el("i", class_="key disc"), "floor it takes, as a circle"),
         el("li", el("i", class_="key ellipse"), "95 % ellipse"),
-        el("li", el("i", class_="key way"), "trajectory"),
+        el("li", el("i", class_="key trajectory"), "trajectory"),
         el("li", el("i", class_="key start"), "start"),
         el("li", el("i", class_="key robot"), "end, and where it faces"),
     ]
-    known = [pose for pose in true_way if pose is not None]
+    known = [pose for pose in true_trajectory if pose is not None]
     if known:
-        keys.append(el("li", el("i", class_="key true-way"), "true trajectory"))
+        keys.append(el("li", el("i", class_="key true-trajectory"), "true trajectory"))
     if any(row.true_m for row in found.evaluation_rows or []):
         keys.append(el("li", el("i", class_="key footprint"), "true footprint"))
     if any(row.state == "missed" for row in found.evaluation_rows or []):
@@ -158,7 +158,7 @@ def _floor(found: Findings, way: list[PoseSample], true_way: list[SE2 | None]) -
     if found.zones:
         keys.append(el("li", el("i", class_="key zone"), "zone"))
     rows = found.evaluation_rows or ()
-    drawing = floor_svg(found.objects, [stop.pose_map_base for stop in way], known, rows, found.zones)
+    drawing = floor_svg(found.objects, [sample.pose_map_base for sample in trajectory], known, rows, found.zones)
     return _section("From above", el("figure", drawing, el("ul", legend, keys, class_="legend")), name="wide")
 
 
@@ -177,16 +177,16 @@ def _judgement(rows: list[EvaluationRow]) -> str:
     return f"Against the truth: {tally(rows)}{median}. Found: same class within 0.5 m; misplaced: within 1.5 m."
 
 
-def _trajectory(way: list[PoseSample], errors_m: list[float]) -> Markup | None:
-    if len(way) < 2 or not (errors_m or any(stop.bound_m for stop in way)):
+def _trajectory(trajectory: list[PoseSample], errors_m: list[float]) -> Markup | None:
+    if len(trajectory) < 2 or not (errors_m or any(sample.bound_m for sample in trajectory)):
         return None
     if errors_m:
         rms = float(np.sqrt(np.mean(np.square(errors_m))))
         figures = f"{rms:.3f} m RMS, {max(errors_m):.3f} m at most, {errors_m[-1]:.3f} m at the end"
         text = f"Position error against the truth: {figures}. Shade: the run's own estimate, 95 %."
     else:
-        text = f"No truth is known; the run's own 95 % bound is {way[-1].bound_m:.2f} m at the end."
-    return _section("Trajectory", el("p", text, class_="note"), charts.bound_chart(way, errors_m or None))
+        text = f"No truth is known; the run's own 95 % bound is {trajectory[-1].bound_m:.2f} m at the end."
+    return _section("Trajectory", el("p", text, class_="note"), charts.bound_chart(trajectory, errors_m or None))
 
 
 def _timeline(found: Findings) -> Markup | None:

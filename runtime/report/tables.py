@@ -14,7 +14,7 @@ from edgemap.runtime.report.charts import STAGE_COLOURS, duration
 from edgemap.runtime.report.crops import Crop
 from edgemap.runtime.report.markup import Markup, data_uri, el, joined, polyline
 
-MOST_FAULTS = 60
+MAXIMUM_FAULTS = 60
 
 
 def mark_shape(label: str, x: float, y: float, radius: float, **attributes: object) -> Markup:
@@ -97,7 +97,7 @@ def _truth_cells(row: EvaluationRow | None) -> tuple[Markup, Markup]:
 
 
 def stage_table(stages_ms: Mapping[str, Mapping[str, float]], total: Mapping[str, float]) -> Markup:
-    """p50, p95 and p99 of each stage and of the whole step, with bars of p50."""
+    """p50, p95 and p99 of each stage and of the complete step, with bars of p50."""
     longest = max([*(stage.get("p50", 0.0) for stage in stages_ms.values()), 1e-9])
     rows = []
     for index, (name, figures) in enumerate(stages_ms.items()):
@@ -105,7 +105,7 @@ def stage_table(stages_ms: Mapping[str, Mapping[str, float]], total: Mapping[str
         bar = el("i", class_="bar", style=f"width:{share:.1f}%;background:{colour}")
         rows.append(el("tr", el("td", name), el("td", bar, class_="bars"), _figures(figures)))
     if total:
-        rows.append(el("tr", el("td", "whole step"), el("td"), _figures(total), class_="sum"))
+        rows.append(el("tr", el("td", "complete step"), el("td"), _figures(total), class_="sum"))
     heads = ("stage", "", "p50", "p95", "p99 ms")
     return el(
         "table", el("thead", el("tr", [el("th", head) for head in heads])), el("tbody", rows), class_="plain stages"
@@ -123,9 +123,9 @@ def fault_list(record: Mapping[str, Any]) -> Markup:
     faults, count = record.get("faults", []), record.get("fault_count", 0)
     if not faults:
         return el("p", "None.", class_="note")
-    more = count - min(len(faults), MOST_FAULTS)
+    more = count - min(len(faults), MAXIMUM_FAULTS)
     tail = el("p", f"and {more} more; the first {len(faults)} stand in run.json", class_="note") if more > 0 else None
-    return joined(el("ol", [el("li", fault) for fault in faults[:MOST_FAULTS]], class_="faults"), tail)
+    return joined(el("ol", [el("li", fault) for fault in faults[:MAXIMUM_FAULTS]], class_="faults"), tail)
 
 
 def settings_table(record: Mapping[str, Any]) -> Markup:

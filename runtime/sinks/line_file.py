@@ -1,4 +1,4 @@
-"""A text file that grows by whole lines: what the disk does not take now waits in memory."""
+"""A text file that grows by complete lines: what the disk does not take now waits in memory."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class Progress:
 
     def __init__(self, total: int | None) -> None:
         self._bar = tqdm(total=total, unit=" frames", disable=not sys.stderr.isatty(), file=sys.stderr, leave=False)
-        self._told: str | None = None
+        self._shown: str | None = None
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Move on by one frame."""
@@ -28,8 +28,8 @@ class Progress:
 
     def fault(self, text: str) -> None:
         """Say it once above the line."""
-        if text != self._told and not self._bar.disable:
-            self._told = text
+        if text != self._shown and not self._bar.disable:
+            self._shown = text
             self._bar.write(printable(text), file=sys.stderr)
 
     def close(self) -> None:

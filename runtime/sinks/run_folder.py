@@ -52,7 +52,7 @@ class RunFolder:
         self._objects: list[MapObject] = []
         self._annotations = NO_ANNOTATIONS
         self._merged: dict[str, str] = {}
-        self._laps: dict[str, deque[float]] = {}
+        self._stage_times: dict[str, deque[float]] = {}
         self._faults: list[str] = []
         self._fault_kinds: Counter[str] = Counter()
         self._journal: PoseJournal | None = None
@@ -103,8 +103,8 @@ class RunFolder:
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             record = sighting_record(result, placed.sighting.detection, placed, identity)
             self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
-        for stage, lap_ms in result.stages_ms.items():
-            self._laps.setdefault(stage, deque(maxlen=10_000)).append(lap_ms)
+        for stage, time_ms in result.stages_ms.items():
+            self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
         for fault in result.observed.faults:
             self.fault(fault)
         self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
@@ -186,7 +186,7 @@ class RunFolder:
 
     def _write_record(self, finished: bool) -> None:
         seconds = perf_counter() - self._started
-        stages = {name: percentiles(list(laps)) for name, laps in self._laps.items()}
+        stages = {name: percentiles(list(times_ms)) for name, times_ms in self._stage_times.items()}
         record = self._record | {
             "finished": finished,
             "frames": self._frames,

@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import Probes
-from edgemap.simulation.robot.motion import Motion
+from edgemap.simulation.robot.motion import SampledDrive
 
 # Light (irradiance / pi) at which a picture comes out right as it is.
 _GOOD_LEVEL = 0.25
@@ -40,7 +40,7 @@ def settled_gain(level: Array) -> Array:
     return np.clip((np.asarray(level) / _GOOD_LEVEL + 1e-4) ** -_SHARE, _LEAST, _MOST)
 
 
-def gains(probes: Probes | None, script: LightScript, motion: Motion, stamps_s: Array, lag_s: float) -> Array:
+def gains(probes: Probes | None, script: LightScript, motion: SampledDrive, stamps_s: Array, lag_s: float) -> Array:
     """Brightening (N,) at increasing stamps along a drive; it follows the settled one exponentially."""
     time = np.arange(0.0, float(np.max(stamps_s, initial=0.0)) + 2.0 * _STEP_S, _STEP_S)
     day_share, lamp_share = script.at(time)

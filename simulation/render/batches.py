@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from edgemap.simulation.render.mesh import Array, Material, welded
 from edgemap.simulation.render.scene import ROOM_ID, LitPart, LitSurface
-from edgemap.simulation.render.shaders import Kind
+from edgemap.simulation.render.shaders import SurfaceKind
 
 _GLOSS = 0.01
 # Trim of the rooms is cut into pieces of about this size, so that what is out of view can be left out.
@@ -49,7 +49,7 @@ class Batch:
     """One draw call: `count` indices from `first`. corners: (8, 3) of its bounding box, metres."""
 
     id: int
-    kind: Kind
+    kind: SurfaceKind
     material: Material
     first: int
     count: int
@@ -127,8 +127,8 @@ def _corner_rows(lit: LitPart) -> NDArray[Any]:
     return rows
 
 
-def _kind(material: Material, light_map: bool) -> Kind:
-    return Kind(light_map, material.texture is not None, material.cut_out, material.gloss > _GLOSS)
+def _kind(material: Material, light_map: bool) -> SurfaceKind:
+    return SurfaceKind(light_map, material.texture is not None, material.cut_out, material.gloss > _GLOSS)
 
 
 def _encoded(colour: Sequence[float]) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from edgemap.simulation.errors import SimulationError, require
 from edgemap.simulation.render import shaders
 from edgemap.simulation.render.batches import FORMATS, Packed
-from edgemap.simulation.render.shaders import Kind
+from edgemap.simulation.render.shaders import SurfaceKind
 
 
 class Canvas:
@@ -21,7 +21,7 @@ class Canvas:
     def __init__(self) -> None:
         self.gl = require("moderngl")
         self.context = _context(self.gl)
-        self._programs: dict[Kind, Any] = {}
+        self._programs: dict[SurfaceKind, Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
         self.silhouette = self.context.program(*shaders.SILHOUETTE)
         self.walls = self.context.program(*shaders.WALLS)
@@ -32,7 +32,7 @@ class Canvas:
         )
         self.white = self._uploaded(np.full((16, 16, 4), 255, dtype=np.uint8))
 
-    def program(self, kind: Kind) -> Any:
+    def program(self, kind: SurfaceKind) -> Any:
         """The program that draws a kind of surface, compiled when first asked for."""
         if kind not in self._programs:
             made = self._programs[kind] = self.context.program(*shaders.source(kind))

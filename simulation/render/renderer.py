@@ -31,7 +31,7 @@ from edgemap.simulation.render.whole import Wholes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class RenderedFrame:
     """One picture (H, W, 3) uint8 BGR with the object id (H, W) int32 and optical depth (H, W) in metres at every
     pixel's centre."""
 
@@ -51,7 +51,7 @@ class Renderer:
         self.exposure, self._times = exposure, oversampling
         self._canvas = Canvas()
         self._fine: Any = None
-        self._last: tuple[Any, Frame] | None = None
+        self._last: tuple[Any, RenderedFrame] | None = None
         # Several contexts may live side by side: every public method makes its own one current.
         with self._canvas.context:
             self._still = Still(self._canvas, scene)
@@ -78,7 +78,7 @@ class Renderer:
         light: LightMix = LightMix(),  # noqa: B008 (frozen)
         exposure: float | None = None,
         movers: Iterable[Mover] = (),
-    ) -> Frame:
+    ) -> RenderedFrame:
         """Picture, ids and depth in one go; the latest frame is kept, asking for it again costs nothing."""
         movers = tuple(movers)
         exposure = self.exposure if exposure is None else exposure
@@ -133,7 +133,7 @@ class Renderer:
         """Give the OpenGL context back."""
         self._canvas.close()
 
-    def _drawn(self, view: View, light: LightMix, exposure: float, movers: tuple[Mover, ...]) -> Frame:
+    def _drawn(self, view: View, light: LightMix, exposure: float, movers: tuple[Mover, ...]) -> RenderedFrame:
         clip = clip_matrix(view, self._pinhole)
         slots = Slots()
         draws = self._visible(view, clip, movers, slots)
@@ -148,7 +148,7 @@ class Renderer:
         draws += [Draw(meshes, batch, slots.of(batch.id), clip, eye) for meshes, batch in self._still.in_view(clip)]
         return draws
 
-    def _read(self, slots: Slots) -> Frame:
+    def _read(self, slots: Slots) -> RenderedFrame:
         size = (self._pinhole.height, self._pinhole.width)
         raw = np.frombuffer(self._fine.read(components=4, alignment=1), dtype=np.uint8).reshape(*size, 4)
         depth = depth_of(self._fine)
@@ -156,4 +156,6 @@ class Renderer:
         colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), shaders.DISPLAY)
         exact_slots = self._lens.exact(raw[..., 3], self._times)
         exact_depth = self._lens.exact(depth, self._times)
-        return Frame(self._lens.colour(np.asarray(colour, dtype=np.uint8)), slots.ids(exact_slots), metres(exact_depth))
+        return RenderedFrame(
+            self._lens.colour(np.asarray(colour, dtype=np.uint8)), slots.ids(exact_slots), metres(exact_depth)
+        )

@@ -15,7 +15,7 @@ LAMPS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class SurfaceKind:
     """What a surface needs of the shader. light_map: lit by a texture, else at its corners."""
 
     light_map: bool
@@ -24,7 +24,7 @@ class Kind:
     glossy: bool
 
 
-def source(kind: Kind) -> tuple[str, str]:
+def source(kind: SurfaceKind) -> tuple[str, str]:
     """Vertex and fragment shader of a kind of surface."""
     flags = {"LIGHT_MAP": kind.light_map, "IMAGE": kind.image, "HOLES": kind.holes, "GLOSSY": kind.glossy}
     head = "#version 330\n" + "".join(f"#define {name}\n" for name, on in flags.items() if on)

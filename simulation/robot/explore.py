@@ -16,10 +16,10 @@ from edgemap.geometry.se2 import wrap_angle
 from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot import motion
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Motion
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.router import Router
-from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.robot.sight import VisibilityEstimate
 
 _LEGS_TRIED = 16
 # How often the camera looks while a leg is judged, and the share that counts as seen.
@@ -46,7 +46,7 @@ class Habits:
 
 
 def explore(
-    grid: PlanGrid, sight: Sight, limits: Limits, rng: np.random.Generator, habits: Habits | None = None
+    grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits | None = None
 ) -> Iterator[Array]:
     """Moves without end, as `simulation.robot.motion` samples them; the first is the start alone, (1, 3).
 
@@ -60,12 +60,12 @@ def explore(
 
 def drive(
     grid: PlanGrid,
-    sight: Sight,
+    sight: VisibilityEstimate,
     limits: Limits,
     rng: np.random.Generator,
     seconds: float,
     habits: Habits | None = None,
-) -> Motion:
+) -> SampledDrive:
     """Explore for at least this long. Raises SimulationError as `explore` does."""
     moves, needed = [], math.ceil(seconds / SAMPLE_S) + 1
     for move in explore(grid, sight, limits, rng, habits):
@@ -73,11 +73,13 @@ def drive(
         needed -= len(move)
         if needed <= 0:
             break
-    return Motion(np.concatenate(moves))
+    return SampledDrive(np.concatenate(moves))
 
 
 class _Explorer:
-    def __init__(self, grid: PlanGrid, sight: Sight, limits: Limits, rng: np.random.Generator, habits: Habits) -> None:
+    def __init__(
+        self, grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits
+    ) -> None:
         self._grid, self._sight, self._limits, self._rng, self._habits = grid, sight, limits, rng, habits
         self._router = Router(grid, limits)
         self._seen_s = np.zeros(len(sight.ids))

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, Motion
+from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
 from edgemap.simulation.robot.nodding import Tilts, lean
 
 GRAVITY_M_S2 = 9.80665
@@ -42,7 +42,7 @@ class ImuErrors:
 
 
 def imu_samples(
-    motion: Motion,
+    motion: SampledDrive,
     tilts: Tilts | None,
     mount: Mount,
     until_s: float,

@@ -33,7 +33,7 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class SampledDrive:
     """A whole drive, sampled every SAMPLE_S from time 0: samples (N, 3) x, y, yaw (not wrapped)."""
 
     samples: Array

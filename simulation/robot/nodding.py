@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from edgemap.geometry.odometry.landmarks import AttitudeError
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, Motion
+from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
 
 _PROFILE_M = 0.005  # between two heights of the floor
 
@@ -59,7 +59,7 @@ def lean(tilt: Array) -> Array:
     return AttitudeError(float(tilt[1]), float(tilt[0])).rotation()
 
 
-def nodding_of(motion: Motion, seeds: tuple[int, ...], rule: Nodding | None = None) -> Tilts:
+def nodding_of(motion: SampledDrive, seeds: tuple[int, ...], rule: Nodding | None = None) -> Tilts:
     """The tilts of a drive; a longer one of the same seeds begins with the shorter one's."""
     rule = rule or Nodding()
     steps = np.diff(motion.samples, axis=0, prepend=motion.samples[:1])

@@ -19,7 +19,7 @@ _RAY_STEPS = 48
 _NEAREST_M, _FARTHEST_M = 0.4, 7.0
 
 
-class Sight:
+class VisibilityEstimate:
     """Estimates visible shares of the labelled pieces on the floor, those alive left out.
 
     ids: of those pieces, in the columns' order. Furniture hides as its bounding box would, so chairs and tables, which

@@ -8,7 +8,7 @@ import numpy as np
 
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.robot.motion import SAMPLE_S, Motion
+from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,9 @@ class Wheels:
     slip_s: float = 0.4
 
 
-def wheel_odometry(motion: Motion, stamps_s: Array, rng: np.random.Generator, wheels: Wheels | None = None) -> Array:
+def wheel_odometry(
+    motion: SampledDrive, stamps_s: Array, rng: np.random.Generator, wheels: Wheels | None = None
+) -> Array:
     """Rows (stamp_s, x_m, y_m, yaw_rad), (N, 4), at stamps (N,): the wheels' own integrated pose, from the identity.
 
     A wheel slips on the floor more readily while it is turning against the other one.

@@ -10,7 +10,7 @@ from support.noise import noise
 from support.painted import write_painted
 
 from edgemap.benchmarks.paper_page import page, table
-from edgemap.benchmarks.paper_tables import Options, main, measure
+from edgemap.benchmarks.paper_tables import TableOptions, main, measure
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
@@ -117,7 +117,7 @@ def test_ways_are_drawn(measured, drives):
 
 def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drives, tmp_path, capsys):
     bundle = painted(tmp_path / "b", False)
-    main(Options(data=(drives["two"], "demo"), bundle=str(bundle), frames=20, threads=1, out=tmp_path / "out"))
+    main(TableOptions(data=(drives["two"], "demo"), bundle=str(bundle), frames=20, threads=1, out=tmp_path / "out"))
     text = (tmp_path / "out" / "paper_tables.md").read_text()
     assert "- paper head: the bundle's paper head is untrained." in text
     assert "| demo | – |" in text
@@ -129,7 +129,7 @@ def test_an_untrained_head_is_a_dash_with_its_reason_and_files_are_written(drive
 def test_without_data_the_program_ends_with_a_line(tmp_path):
     bundle = painted(tmp_path / "b", False)
     with pytest.raises(SystemExit, match="expected A:B"):
-        main(Options(bundle=str(bundle), out=tmp_path))
+        main(TableOptions(bundle=str(bundle), out=tmp_path))
 
 
 def test_a_table_is_markdown():

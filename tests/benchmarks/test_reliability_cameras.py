@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.reliability.faulty_camera import ACTING, PASSING, CaptureDriver, FaultyDriver, World, plan
+from edgemap.benchmarks.reliability.faulty_camera import ACTING, PASSING, CaptureDriver, FaultyDriver, FaultyWorld, plan
 from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout
 from edgemap.runtime.cameras.live import LiveCamera
 
@@ -16,7 +16,7 @@ def world_of(kind, resets, seed=3):
     images = [random.integers(0, 255, (24, 32, 3), dtype=np.uint8) for _ in range(50)]
     faults = plan(random, 1, 2.0, 6.0)
     faults[0].kind = kind
-    world = World([images[i % 50] for i in range(300)], [0.1 * i for i in range(300)], faults)
+    world = FaultyWorld([images[i % 50] for i in range(300)], [0.1 * i for i in range(300)], faults)
     camera = LiveCamera(FaultyDriver(world, CaptureDriver(world), resets), clock_s=world.clock_s, wait=world.wait)
     return world, camera
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.reliability.day import Drive
+from edgemap.benchmarks.reliability.day import RoundTrip
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.slam.keyframes import KeyframeRule
 from edgemap.geometry.slam.pose_graph import GraphRule
@@ -21,7 +21,7 @@ def laps():
     """After each lap: keyframes, those of the first two laps, tracks, observations, links so far, objects, pools; and
     the drive and the mapper."""
     rule = GraphRule(keyframes=KeyframeRule(maximum=MAXIMUM), maximum=TRACKS)
-    mapper, drive, rows = new_mapper(replace(Config(), loop_closure=rule)), Drive(0), []
+    mapper, drive, rows = new_mapper(replace(Config(), loop_closure=rule)), RoundTrip(0), []
     assert isinstance(mapper.loop_closer, LoopCloser)
     assert isinstance(mapper.map, FloorMap)
     graph = mapper.loop_closer.graph

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from edgemap.benchmarks.reliability import generated_documents
-from edgemap.benchmarks.reliability.drawing import Draw, json_text, of_type
+from edgemap.benchmarks.reliability.drawing import ValueSource, json_text, of_type
 from edgemap.benchmarks.reliability.workers import ReaderCase, examine
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime import map_file
@@ -19,10 +19,12 @@ def few(scratch):
 
 
 def test_an_input_is_its_seeds_and_right_documents_are_read():
-    draws = [json_text(Draw(Random(7), 0.03), of_type(Draw(Random(7), 0.03), map_file._Map)) for _ in range(2)]
+    draws = [
+        json_text(ValueSource(Random(7), 0.03), of_type(ValueSource(Random(7), 0.03), map_file._Map)) for _ in range(2)
+    ]
     assert draws[0] == draws[1]
     for seed in range(30):
-        json.loads(json_text(Draw(Random(seed), 0.0), of_type(Draw(Random(seed), 0.0), map_file._Map)))
+        json.loads(json_text(ValueSource(Random(seed), 0.0), of_type(ValueSource(Random(seed), 0.0), map_file._Map)))
 
 
 def test_readers_are_examined_and_counted(tmp_path):

@@ -91,7 +91,7 @@ def test_unreachable_sources_are_one_line_each(server, tmp_path):
     assert "refused" in refusal(download, "http://127.0.0.1:9/f", tmp_path / "f", progress=False)
     assert "not an http or https URL" in refusal(download, "file:///etc/passwd", tmp_path / "f", progress=False)
     server.files["/f"] = DATA
-    assert "256,000 bytes, expected 1,000 at most" in refusal(get, server, tmp_path / "f", most_bytes=1000)
+    assert "256,000 bytes, expected 1,000 at most" in refusal(get, server, tmp_path / "f", maximum_bytes=1000)
 
 
 def test_what_is_there_and_right_is_not_fetched_again(server, tmp_path):

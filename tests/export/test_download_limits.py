@@ -103,11 +103,11 @@ def test_https_never_becomes_http():
 
 def test_loops_and_impossible_lengths_end(address, tmp_path):
     refusal(address + "/loop", tmp_path / "f")
-    refusal(address + "/length", tmp_path / "f", most_bytes=50_000)
+    refusal(address + "/length", tmp_path / "f", maximum_bytes=50_000)
 
 
 def test_a_body_without_end_stops_at_the_limit(address, tmp_path):
-    assert "more than 50,000 bytes, stopped" in refusal(address + "/endless", tmp_path / "f", most_bytes=50_000)
+    assert "more than 50,000 bytes, stopped" in refusal(address + "/endless", tmp_path / "f", maximum_bytes=50_000)
 
 
 def test_a_drip_stops_at_the_time_limit(address, tmp_path):
@@ -137,8 +137,8 @@ def test_the_files_of_a_bundle_have_one_limit_together(monkeypatch, tmp_path):
 
     asked = []
 
-    def fetched(url, target, *, most_bytes=0, **_):
-        asked.append(most_bytes)
+    def fetched(url, target, *, maximum_bytes=0, **_):
+        asked.append(maximum_bytes)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(bytes(1000))
         return target

@@ -8,7 +8,7 @@ import pytest
 from onnx import numpy_helper
 from support import painted
 
-from edgemap.export.calibration import MOST_JUDGED, MOST_SHOWN, read_calibration
+from edgemap.export.calibration import MAXIMUM_JUDGED, MAXIMUM_SHOWN, read_calibration
 from edgemap.export.exporter import export_backbone
 from edgemap.export.int8_report import int8_report
 from edgemap.export.quantise import quantised
@@ -104,7 +104,7 @@ def test_no_pictures_no_bundle(tmp_path, small_cfg, small_weights):
 def test_pictures_are_judged_that_were_not_shown(tmp_path, count, shown, judged):
     found = read_calibration(write_pictures(tmp_path / "images", count, size=8).parent)
     assert (len(found.shown), len(found.judged)) == (shown, judged)
-    assert (shown, judged) <= (MOST_SHOWN, MOST_JUDGED)
+    assert (shown, judged) <= (MAXIMUM_SHOWN, MAXIMUM_JUDGED)
     apart = {path for path, _ in found.judged} - set(found.shown)
     assert len(apart) == (judged if count > 1 else 0)
     assert {int(path.stem) // 100 for path in found.shown} == set(range((count + 99) // 100))  # from all over

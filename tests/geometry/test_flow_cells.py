@@ -6,11 +6,11 @@ import pytest
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.odometry.flow_cells import Grid, flow_cells
+from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells
 
 # 80x40 px in the middle of an input of 80x80: 20 grey rows above and below; cells of 20 px.
 CAMERA = FloorCamera(Intrinsics(80, 40, 40.0, 40.0, 39.5, 19.5), Mount(0.5, 0.0, 0.0, 0.1, 0.02))
-GRID = Grid(4, 4, 20, (1.0, 1.0), 0, 20, 80, 40)
+GRID = CellGrid(4, 4, 20, (1.0, 1.0), 0, 20, 80, 40)
 
 
 def test_cells_by_hand():

@@ -13,14 +13,14 @@ from edgemap.geometry.odometry.landmarks import (
     AttitudeError,
     Located,
     Noise,
-    View,
-    levelled,
+    Viewpoint,
+    excess_scale,
     locate,
-    look,
     new_landmarks,
-    oversize,
+    project,
+    reduce_tilt,
     refined,
-    shrunk,
+    rescaled,
 )
 from edgemap.geometry.se2 import SE2
 
@@ -41,7 +41,7 @@ def scene(seed: int, floor: int = 80, walls: int = 40):
     return np.concatenate([np.column_stack([on_floor, np.zeros(floor)]), on_walls])
 
 
-def seen_from(points, view: View):
+def seen_from(points, view: Viewpoint):
     """Image points of a scene, worked out with matrices and not with the code under test."""
     base = np.column_stack([view.pose.inverse().apply(points[:, :2]), points[:, 2]])
     turned = (base - CAMERA.mount.position_base_m() - [0.0, 0.0, view.rise_m]) @ view.tilt.rotation()
@@ -49,9 +49,9 @@ def seen_from(points, view: View):
     return optical[:, :2] / optical[:, 2:]
 
 
-def landmarks_of(points, view: View | None = None):
-    seen = seen_from(points, view or View())
-    return new_landmarks(np.column_stack([seen, np.ones(len(seen))]), CAMERA, view or View(), NOISE, REACH_M)
+def landmarks_of(points, view: Viewpoint | None = None):
+    seen = seen_from(points, view or Viewpoint())
+    return new_landmarks(np.column_stack([seen, np.ones(len(seen))]), CAMERA, view or Viewpoint(), NOISE, REACH_M)
 
 
 @settings(max_examples=25, deadline=None)
@@ -61,7 +61,7 @@ def test_the_view_is_found(motion, tilt, seed):
     known = landmarks_of(points)
     known.inverse_m[80:] = 1.0 / np.linalg.norm(points[80:] - CAMERA.mount.position_base_m(), axis=1)
     known.variance[80:] = 1e-6
-    found = locate(known, seen_from(points, View(motion, tilt)), CAMERA, View(), NOISE)
+    found = locate(known, seen_from(points, Viewpoint(motion, tilt)), CAMERA, Viewpoint(), NOISE)
     assert np.abs((motion.inverse() @ found.view.pose).vector()).max() < 2e-3
     assert found.view.tilt.pitch_rad == pytest.approx(tilt.pitch_rad, abs=1e-3)
     assert found.weights.min() > 0.8
@@ -70,23 +70,23 @@ def test_the_view_is_found(motion, tilt, seed):
 def test_jacobians_are_the_slopes_of_what_is_seen():
     known = landmarks_of(scene(0))
     pose, tilt = SE2(0.1, 0.03, 0.06), AttitudeError(0.004, 0.0)
-    sight, step = look(known, CAMERA, View(pose, tilt)), 1e-6
+    projection, step = project(known, CAMERA, Viewpoint(pose, tilt)), 1e-6
     for column, change in enumerate([SE2(step, 0, 0), SE2(0, step, 0), SE2(0, 0, step)]):
-        moved = look(known, CAMERA, View(pose @ change, tilt)).seen
-        np.testing.assert_allclose((moved - sight.seen) / step, sight.by_view[:, :, column], atol=1e-4)
-    pitched = look(known, CAMERA, View(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).seen
-    np.testing.assert_allclose((pitched - sight.seen) / step, sight.by_view[:, :, 3], atol=1e-4)
-    risen = look(known, CAMERA, View(pose, tilt, step)).seen
-    np.testing.assert_allclose((risen - sight.seen) / step, sight.by_view[:, :, 5], atol=1e-4)
+        moved = project(known, CAMERA, Viewpoint(pose @ change, tilt)).seen
+        np.testing.assert_allclose((moved - projection.seen) / step, projection.by_view[:, :, column], atol=1e-4)
+    pitched = project(known, CAMERA, Viewpoint(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).seen
+    np.testing.assert_allclose((pitched - projection.seen) / step, projection.by_view[:, :, 3], atol=1e-4)
+    risen = project(known, CAMERA, Viewpoint(pose, tilt, step)).seen
+    np.testing.assert_allclose((risen - projection.seen) / step, projection.by_view[:, :, 5], atol=1e-4)
     nearer = replace(known, inverse_m=known.inverse_m + step)
     np.testing.assert_allclose(
-        (look(nearer, CAMERA, View(pose, tilt)).seen - sight.seen) / step, sight.by_inverse, atol=1e-4
+        (project(nearer, CAMERA, Viewpoint(pose, tilt)).seen - projection.seen) / step, projection.by_inverse, atol=1e-4
     )
 
 
 def test_far_points_alone_tell_the_turn_but_not_the_way():
     points = scene(1)[80:]
-    found = locate(landmarks_of(points), seen_from(points, View(SE2(0, 0, 0.05))), CAMERA, View(), NOISE)
+    found = locate(landmarks_of(points), seen_from(points, Viewpoint(SE2(0, 0, 0.05))), CAMERA, Viewpoint(), NOISE)
     assert found.view.pose.yaw_rad == pytest.approx(0.05, abs=2e-3)
     assert math.sqrt(found.covariance[2, 2]) < 0.02
     assert math.sqrt(found.covariance[1, 1]) > 0.03
@@ -94,9 +94,9 @@ def test_far_points_alone_tell_the_turn_but_not_the_way():
 
 def test_somebody_walking_by_is_not_believed():
     points, motion = scene(2), SE2(0.06, 0, 0.02)
-    seen = seen_from(points, View(motion))
+    seen = seen_from(points, Viewpoint(motion))
     seen[:30] += [0.06, 0.01]
-    found = locate(landmarks_of(points), seen, CAMERA, View(SE2(0.05, 0, 0)), NOISE)
+    found = locate(landmarks_of(points), seen, CAMERA, Viewpoint(SE2(0.05, 0, 0)), NOISE)
     assert np.abs((motion.inverse() @ found.view.pose).vector()).max() < 5e-3
     assert found.weights[:30].max() < 0.1
     _, keep = refined(landmarks_of(points), found, NOISE)
@@ -109,7 +109,7 @@ def test_what_stands_before_the_floor_is_found_out():
     points[:20] = lens + 0.6 * (points[:20] - lens)  # on furniture: nearer than the floor along the same ray
     known = landmarks_of(points)
     assert known.floor[:20].all()
-    found = locate(known, seen_from(points, View(motion)), CAMERA, View(SE2(0.24, 0, 0)), NOISE)
+    found = locate(known, seen_from(points, Viewpoint(motion)), CAMERA, Viewpoint(SE2(0.24, 0, 0)), NOISE)
     after, _ = refined(known, found, NOISE)
     standing = ~after.floor[:20]
     assert standing.sum() > 10
@@ -120,8 +120,8 @@ def test_what_stands_before_the_floor_is_found_out():
 
 def test_fewer_tracks_mean_a_larger_covariance():
     points = scene(4)
-    many = locate(landmarks_of(points), seen_from(points, View()), CAMERA, View(), NOISE)
-    few = locate(landmarks_of(points[:12]), seen_from(points[:12], View()), CAMERA, View(), NOISE)
+    many = locate(landmarks_of(points), seen_from(points, Viewpoint()), CAMERA, Viewpoint(), NOISE)
+    few = locate(landmarks_of(points[:12]), seen_from(points[:12], Viewpoint()), CAMERA, Viewpoint(), NOISE)
     assert np.trace(few.covariance[:2, :2]) > 3 * np.trace(many.covariance[:2, :2])
 
 
@@ -131,21 +131,21 @@ def test_the_mount_holds_the_tilt_where_tracks_know_it_little():
     points, loose = scene(6, floor=0, walls=20), Noise(track_rad=0.01, drift_rad=0.0)
     known = landmarks_of(points)
     known.inverse_m[:], known.variance[:] = 1.0 / np.linalg.norm(points - CAMERA.mount.position_base_m(), axis=1), 1e-9
-    seen = seen_from(points, View(SE2(), AttitudeError(0.004, 0.0)))
-    found = locate(known, seen, CAMERA, View(), loose)
+    seen = seen_from(points, Viewpoint(SE2(), AttitudeError(0.004, 0.0)))
+    found = locate(known, seen, CAMERA, Viewpoint(), loose)
     tracks, mount = 20 / 0.01**2, 1.0 / math.radians(0.2) ** 2
     assert found.view.tilt.pitch_rad == pytest.approx(0.004 * tracks / (tracks + mount), rel=0.15)
 
 
 def test_levelling_keeps_the_floor_on_the_floor_and_takes_a_share_of_the_tilt():
-    view = View(SE2(0.1, 0.0, 0.1), AttitudeError(0.01, -0.004))
+    view = Viewpoint(SE2(0.1, 0.0, 0.1), AttitudeError(0.01, -0.004))
     known = landmarks_of(scene(5), view)
-    after, level = levelled(known, CAMERA, view, 0.25)
+    after, level = reduce_tilt(known, CAMERA, view, 0.25)
     assert level.pose == view.pose
     assert level.tilt.pitch_rad == pytest.approx(0.0075)
     heights = after.anchor_m[:, 2] + after.ray[:, 2] / after.inverse_m
     np.testing.assert_allclose(heights[after.floor], 0.0, atol=1e-9)
-    before, now = look(known, CAMERA, view).seen, look(after, CAMERA, level).seen
+    before, now = project(known, CAMERA, view).seen, project(after, CAMERA, level).seen
     np.testing.assert_allclose(now, before, atol=2e-4)
 
 
@@ -153,10 +153,10 @@ def walked(points, known, steps=6, stride_m=0.05):
     """The landmarks after views that are known exactly, straight ahead."""
     exact = Noise(track_rad=2e-4, drift_rad=0.0)
     for step in range(1, steps + 1):
-        view = View(SE2(stride_m * step, 0.0, 0.0))
+        view = Viewpoint(SE2(stride_m * step, 0.0, 0.0))
         seen = seen_from(points, view)
-        sight = look(known, CAMERA, view)
-        found = Located(view, np.eye(5), np.ones(len(seen)), seen - sight.seen, sight, 0.0)
+        projection = project(known, CAMERA, view)
+        found = Located(view, np.eye(5), np.ones(len(seen)), seen - projection.seen, projection, 0.0)
         known, keep = refined(known, found, exact)
         points, known = points[keep], known.chosen(keep)
     return known
@@ -178,13 +178,13 @@ def test_a_table_seen_below_the_horizon_does_not_become_floor():
             on_plane(rng.uniform([170, 130], [320, 230], (30, 2)), 0.15),
         ]
     )
-    seen = seen_from(points, View())
-    known = new_landmarks(np.column_stack([seen, np.ones(60)]), CAMERA, View(), NOISE, REACH_M, trusting=False)
+    seen = seen_from(points, Viewpoint())
+    known = new_landmarks(np.column_stack([seen, np.ones(60)]), CAMERA, Viewpoint(), NOISE, REACH_M, trusting=False)
     assert not known.floor.any()
     after = walked(points, known)
     assert after.floor.sum() == pytest.approx(30, abs=3)
     assert (after.ray[after.floor, 1] > 0).all(), "the left side is the floor"
-    assert oversize(after) == 1.0
+    assert excess_scale(after) == 1.0
 
 
 def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
@@ -192,7 +192,7 @@ def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
     below. Put right, the floor is the floor and the table stands on it."""
     rng = np.random.default_rng(4)
     pixels = rng.uniform([0, 130], [320, 230], (40, 2))
-    known = new_landmarks(CAMERA.intrinsics.rays(pixels), CAMERA, View(), NOISE, REACH_M)
+    known = new_landmarks(CAMERA.intrinsics.rays(pixels), CAMERA, Viewpoint(), NOISE, REACH_M)
     table = np.arange(40) < 25
     on_floor = known.inverse_m
     known = replace(
@@ -202,12 +202,12 @@ def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
         floor=table,
         on_floor=np.where(table, 0.0, on_floor),
     )
-    factor = oversize(known)
+    factor = excess_scale(known)
     assert factor == pytest.approx(2.0)
-    after = shrunk(known, CAMERA, View(SE2(0.3, 0.0, 0.0)), factor, NOISE)
+    after = rescaled(known, CAMERA, Viewpoint(SE2(0.3, 0.0, 0.0)), factor, NOISE)
     np.testing.assert_array_equal(after.floor, ~table)
     np.testing.assert_allclose(after.inverse_m[table], 2.0 * on_floor[table])
-    assert oversize(after) == 1.0
+    assert excess_scale(after) == 1.0
 
 
 def test_the_rise_of_a_carried_lens_is_found_where_it_may_be():
@@ -216,20 +216,20 @@ def test_the_rise_of_a_carried_lens_is_found_where_it_may_be():
     known = landmarks_of(points)
     known.inverse_m[80:] = 1.0 / np.linalg.norm(points[80:] - CAMERA.mount.position_base_m(), axis=1)
     known.variance[80:] = 1e-6
-    seen = seen_from(points, View(motion, AttitudeError(0.01, 0.0), 0.03))
-    carried = locate(known, seen, CAMERA, View(), replace(NOISE, rise_m=0.05, tilt_rad=0.05))
+    seen = seen_from(points, Viewpoint(motion, AttitudeError(0.01, 0.0), 0.03))
+    carried = locate(known, seen, CAMERA, Viewpoint(), replace(NOISE, rise_m=0.05, tilt_rad=0.05))
     assert carried.view.rise_m == pytest.approx(0.03, abs=1e-3)
     assert np.abs((motion.inverse() @ carried.view.pose).vector()).max() < 2e-3
-    level = locate(known, seen, CAMERA, View(), NOISE)
+    level = locate(known, seen, CAMERA, Viewpoint(), NOISE)
     assert level.view.rise_m == pytest.approx(0.0, abs=1e-3)
     assert abs((motion.inverse() @ level.view.pose).x_m) > 0.01
 
 
 def test_levelling_takes_a_share_of_tilt_and_rise_and_changes_nothing_that_is_seen():
-    points, tilted = scene(4), View(SE2(0.1, 0.02, 0.03), AttitudeError(0.02, -0.01), 0.04)
+    points, tilted = scene(4), Viewpoint(SE2(0.1, 0.02, 0.03), AttitudeError(0.02, -0.01), 0.04)
     known = landmarks_of(points)
     known.floor[:] = False
-    after, level = levelled(known, CAMERA, tilted, 0.5)
+    after, level = reduce_tilt(known, CAMERA, tilted, 0.5)
     assert level.rise_m == pytest.approx(0.038)
     assert level.tilt.pitch_rad == pytest.approx(0.01)
-    np.testing.assert_allclose(look(after, CAMERA, level).seen, look(known, CAMERA, tilted).seen, atol=2e-3)
+    np.testing.assert_allclose(project(after, CAMERA, level).seen, project(known, CAMERA, tilted).seen, atol=2e-3)

@@ -78,7 +78,7 @@ def test_a_pitch_5_degrees_wrong_is_one_fault_that_names_the_likelier_and_is_men
     assert len(faults) == 1
     stamp_s, text = faults[0]
     assert stamp_s < 20.0
-    assert f"mount: pitch {11.5 + off_deg:.1f} and roll 0.0 deg given, the room's edges say pitch 11." in text
+    assert f"mount: pitch {11.5 + off_deg:.1f} and roll 0.0 deg given, the room's edges give pitch 11." in text
     assert math.degrees(attitude.pitch_rad) == pytest.approx(11.5, abs=0.6)
 
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from support import painted
 
 from edgemap.runtime.decode import Decoder, suppress
-from edgemap.runtime.manifest import Detector, HeadSpec, InputSpec
+from edgemap.runtime.manifest import DetectorSpec, HeadSpec, InputSpec
 from edgemap.runtime.preprocess import Preprocessor, place
 
 
@@ -42,7 +42,7 @@ def test_yolox_rows_by_hand():
     rows[0, 64 + 4 * 1 + 2] = [0.0, 0.5, np.log(1), np.log(1.5), 0.8, 0.9, 0.0, 0.0]  # column 2, row 1
     rows[0, 80 + 1] = [0.5, 0.5, np.log(0.5), np.log(1), 0.5, 0.0, 0.7, 0.0]  # column 1, row 0
     base = painted.detector_spec()
-    spec = Detector(
+    spec = DetectorSpec(
         file="x.onnx", input=base.input, decode="yolox", features=(), classes=base.classes,
         heads=(HeadSpec(name="out", shape=(1, 84, 8), strides=(8, 16, 32)),),
     )  # fmt: skip
@@ -64,7 +64,7 @@ def test_dfl_bins_by_hand():
     head[0, 3:, 2, 3] = sides.ravel()
     head[0, 0, 7, 7] = painted.logit(0.29)  # too weak
     base = painted.detector_spec()
-    spec = Detector(
+    spec = DetectorSpec(
         file="x.onnx", input=base.input, decode="dfl", features=(), classes=base.classes,
         heads=(HeadSpec(name="out", shape=(1, 35, 8, 8), strides=(8,)),),
     )  # fmt: skip
@@ -88,7 +88,7 @@ def test_one_place_has_one_name_by_the_votes_of_its_cells():
     put(12, 1, 0.8, (20, 20), 24)
     put(40, 1, 0.5, (24, 24), 12)
     base = painted.detector_spec()
-    spec = Detector(
+    spec = DetectorSpec(
         file="x.onnx", input=base.input, decode="yolox", features=(), classes=base.classes,
         heads=(HeadSpec(name="out", shape=(1, 84, 8), strides=(8, 16, 32)),),
     )  # fmt: skip

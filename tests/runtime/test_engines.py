@@ -12,7 +12,7 @@ from edgemap.runtime import engine_choice
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.decisions import Decisions
-from edgemap.runtime.engine_choice import best_engine, remembered_engine
+from edgemap.runtime.engine_choice import best_engine, stored_engine
 from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.network import Compute, Network
@@ -85,7 +85,7 @@ def test_another_engine_must_be_clearly_faster(monkeypatch, times, chosen):
             raise BundleError("other outputs")
         return engine
 
-    monkeypatch.setattr(engine_choice, "least_ms", times.__getitem__)
+    monkeypatch.setattr(engine_choice, "minimum_ms", times.__getitem__)
     assert best_engine(list(times), load) == chosen
 
 
@@ -98,11 +98,11 @@ def test_the_choice_is_tried_once_for_each_bundle(monkeypatch, tmp_path):
         loaded.append(engine)
         return Network({}, {}, lambda tensors: [])
 
-    first = remembered_engine("a", load)
+    first = stored_engine("a", load)
     assert loaded == ["onnxruntime", "openvino"]
-    assert remembered_engine("a", load) == first
+    assert stored_engine("a", load) == first
     assert len(loaded) == 2
-    remembered_engine("b", load)
+    stored_engine("b", load)
     assert len(json.loads((tmp_path / "engines.json").read_text())) == 2
     (tmp_path / "engines.json").write_text("[")
-    assert remembered_engine("a", load) in ("onnxruntime", "openvino")
+    assert stored_engine("a", load) in ("onnxruntime", "openvino")

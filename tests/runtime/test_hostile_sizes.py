@@ -212,7 +212,7 @@ def test_a_recording_that_says_it_was_made_from_itself(tmp_path):
 
 def test_a_first_picture_that_is_damaged_is_told(tmp_path):
     path = bag(tmp_path / "a.mcap", [("/image", "sensor_msgs/Image", 1, picture(encoding="yuyv", width=3, step=6))])
-    with pytest.raises(CameraError, match=r"/image has no whole picture, 1 damaged: .* Image of 3x4 px yuyv"):
+    with pytest.raises(CameraError, match=r"/image has no complete picture, 1 damaged: .* Image of 3x4 px yuyv"):
         RecordingCamera(str(path))
 
 

@@ -8,7 +8,7 @@ from support import painted
 from edgemap.runtime import bundle as session
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.errors import BundleError
-from edgemap.runtime.manifest import Variant, read_manifest, write_manifest
+from edgemap.runtime.manifest import BundleVariant, read_manifest, write_manifest
 from edgemap.runtime.precision import ROUNDS, WARM_UP, report_allows_int8, time_ratio
 from edgemap.runtime.processor import multiplies_int8
 
@@ -33,7 +33,7 @@ def test_int8_runs_its_own_file(tmp_path):
 @pytest.mark.parametrize(("file", "words"), [("../x.onnx", "leaves the bundle's folder"), ("x.onnx", "has no sha256")])
 def test_a_variants_file_is_checked_like_any_other(tmp_path, file, words):
     folder = painted.write_painted(tmp_path / "b", [CHAIR])
-    manifest = msgspec.structs.replace(read_manifest(folder), variants={"int8": Variant(file=file)})
+    manifest = msgspec.structs.replace(read_manifest(folder), variants={"int8": BundleVariant(file=file)})
     write_manifest(folder, manifest)
     with pytest.raises(BundleError, match=words):
         load_bundle(folder)

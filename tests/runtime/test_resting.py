@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion, no_motion
-from edgemap.runtime.odometry.resting import LEAST_M, LEAST_RAD, RestingOdometry
+from edgemap.runtime.odometry.resting import MINIMUM_M, MINIMUM_RAD, RestingOdometry
 
 FRAME = Frame(0, 0.0, np.zeros((2, 2, 3), dtype=np.uint8))
 
@@ -57,8 +57,8 @@ small = st.floats(-0.003, 0.003)
 @given(st.lists(st.builds(SE2, small, small, st.floats(-0.001, 0.001)), min_size=1, max_size=60))
 def test_the_end_of_the_way_is_missed_by_less_than_the_band(motions):
     missed = end_of(told(motions)).inverse() @ end_of(motions)
-    assert math.hypot(missed.x_m, missed.y_m) < LEAST_M + 1e-9
-    assert abs(missed.yaw_rad) < LEAST_RAD + 1e-9
+    assert math.hypot(missed.x_m, missed.y_m) < MINIMUM_M + 1e-9
+    assert abs(missed.yaw_rad) < MINIMUM_RAD + 1e-9
 
 
 def test_a_robot_at_rest_does_not_creep():

@@ -17,7 +17,7 @@ from edgemap.simulation.camera.shutter import exposed, flow_px_s, optical_twist
 from edgemap.simulation.envelope import LIGHTS, Envelope, light_of
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.scene import Probes
-from edgemap.simulation.robot.motion import Motion
+from edgemap.simulation.robot.motion import SampledDrive
 
 LENS = Intrinsics(160, 120, 150.0, 145.0, 81.0, 57.0)
 MOUNT = Mount.from_degrees(0.5, 12.0, roll_deg=3.0, forward_m=0.2, left_m=-0.05)
@@ -85,7 +85,7 @@ def test_noise_has_the_sensors_variance_and_repeats():
 def test_exposure_follows_a_switched_lamp_with_its_lag():
     """Without probes the room is as bright as its shares say; 0.7 s after the switch, with a lag of 0.5 s."""
     script = LightScript(day=0.0, lamp=0.8, switches_s=(10.0,), switched=0.1)
-    stands = Motion(np.zeros((2, 3)))
+    stands = SampledDrive(np.zeros((2, 3)))
     before, after, settled = gains(None, script, stands, np.array([9.5, 10.2 + 0.5, 20.0]), 0.5)
     assert before < after < settled
     share = math.log(after / before) / math.log(settled / before)

@@ -13,10 +13,10 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.camera.setup import CameraSetup
 from edgemap.simulation.robot import motion
 from edgemap.simulation.robot.explore import drive
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Motion
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.router import Router
-from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.robot.sight import VisibilityEstimate
 from edgemap.simulation.robot.wheels import Wheels, wheel_odometry
 
 LIMITS = Limits(speed_m_s=0.6, yaw_rate_rad_s=1.1)
@@ -41,7 +41,7 @@ def place():
     flat = home()
     grid = PlanGrid(flat)
     camera = CameraSetup()
-    return flat, grid, Sight(flat, grid, camera.intrinsics, camera.mount)
+    return flat, grid, VisibilityEstimate(flat, grid, camera.intrinsics, camera.mount)
 
 
 @pytest.fixture(scope="module", params=[0, 1, 2])
@@ -119,7 +119,7 @@ def test_a_wall_hides_and_a_table_hides_only_what_is_lower():
         ("wall", (chair,), ((2.4, 1.0, 2.5, 3.0),)),
     ):
         flat = home(pieces, walls, 6.0, 4.0)
-        sight = Sight(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
+        sight = VisibilityEstimate(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
         shares[name] = sight.shares(np.array([[0.5, 2.0, 0.0]]))[0, 0]
         assert sight.shares(np.array([[0.5, 2.0, np.pi]]))[0, 0] == 0.0, "behind the camera"
     assert shares["free"] == 1.0
@@ -141,12 +141,12 @@ def test_a_turn_and_a_straight_take_the_time_of_their_trapezium():
 def ahead(speed_m_s=0.4, seconds=20.0):
     samples = np.zeros((int(seconds / SAMPLE_S) + 1, 3))
     samples[:, 0] = np.arange(len(samples)) * SAMPLE_S * speed_m_s
-    return Motion(samples)
+    return SampledDrive(samples)
 
 
 def test_perfect_wheels_tell_the_truth_to_a_tick():
     perfect = Wheels(tick_m=1e-6, scale=0.0, unlike=0.0, base_scale=0.0, creep=0.0, slips_per_m=0.0)
-    turning = Motion(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
+    turning = SampledDrive(np.stack([0.5 * np.sin(t := np.arange(500) * 0.01), 0.5 * (1 - np.cos(t)), t], axis=1))
     rows = wheel_odometry(turning, np.arange(95) / 10.0, np.random.default_rng(0), perfect)
     np.testing.assert_allclose(rows[:, 1:3], turning.at(rows[:, 0])[:, :2], atol=2e-4)
     assert abs(SE2(0, 0, rows[-1, 3] - turning.at(rows[-1:, 0])[0, 2]).yaw_rad) < 2e-4

@@ -18,7 +18,7 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
-from edgemap.simulation.robot.motion import SAMPLE_S, Limits, Motion, stand, straight, turn
+from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive, stand, straight, turn
 from edgemap.simulation.robot.nodding import Nodding, lean, nodding_of
 
 MOUNT = Mount.from_degrees(0.5, 12.0, 1.0, 0.15, 0.02)
@@ -30,7 +30,7 @@ def driven(rounds=6):
     for _ in range(rounds):
         parts += [straight(parts[-1][-1], 2.0, Limits()), turn(parts[-1][-1], 0.0, Limits())]
         parts.append(turn(parts[-2][-1], math.pi / 2.0, Limits()))
-    return Motion(np.concatenate(parts))
+    return SampledDrive(np.concatenate(parts))
 
 
 def test_a_braking_robot_nods_forward_and_a_level_floor_lets_it_settle():
@@ -55,7 +55,7 @@ def test_a_threshold_lifts_front_and_rear_one_after_the_other():
 
 
 def test_a_longer_drive_begins_with_the_shorter():
-    long, short = driven(4), Motion(driven(4).samples[:800])
+    long, short = driven(4), SampledDrive(driven(4).samples[:800])
     assert nodding_of(long, (5,)).samples[:700] == pytest.approx(nodding_of(short, (5,)).samples[:700], abs=1e-5)
 
 

@@ -11,7 +11,7 @@ from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.apartment.placed import Placed
 from edgemap.simulation.camera.setup import CameraSetup
 from edgemap.simulation.robot.plan_grid import PlanGrid
-from edgemap.simulation.robot.sight import Sight
+from edgemap.simulation.robot.sight import VisibilityEstimate
 from edgemap.simulation.truth import object_records
 
 MODEL = Model("Scopia", "thing", "somebody", "thing.obj", 0.6, 0.4, 0.9)
@@ -48,8 +48,8 @@ def test_people_and_pets_are_no_objects_of_the_map():
 
 
 def test_a_drive_is_not_chosen_for_the_people_and_pets_in_view():
-    """What the contract counts comes from `Sight`: the cat on the carpet is none of it."""
+    """What the contract counts comes from `VisibilityEstimate`: the cat on the carpet is none of it."""
     flat = home((*PIECES, ("cat", 3.0, 1.8, 0.2, 0.4, 0.3, 0.0), ("person", 1.2, 2.0, 0.5, 0.4, 1.7, 0.0)))
     camera = CameraSetup()
-    sight = Sight(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
+    sight = VisibilityEstimate(flat, PlanGrid(flat), camera.intrinsics, camera.mount)
     assert sight.ids.tolist() == list(range(1, 10))

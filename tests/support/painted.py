@@ -13,15 +13,15 @@ from onnx import TensorProto, helper, numpy_helper
 from edgemap.runtime.manifest import (
     FORMAT,
     METADATA_KEY,
+    BundleVariant,
     ClassEntry,
-    Detector,
+    DetectorSpec,
     FeatureSpec,
     HeadSpec,
     InputSpec,
     Manifest,
     OdometryHead,
     StateSpec,
-    Variant,
     contract_metadata,
     read_manifest,
     sha256_file,
@@ -51,9 +51,9 @@ def head_with(boxes: list[tuple[str, float, float, float, float, float]], cells:
     return head
 
 
-def detector_spec(file: str = "backbone.onnx", resize: Resize = "stretch") -> Detector:
+def detector_spec(file: str = "backbone.onnx", resize: Resize = "stretch") -> DetectorSpec:
     shape = (1, 5 + len(NAMES), SIZE // STRIDE, SIZE // STRIDE)
-    return Detector(
+    return DetectorSpec(
         file=file,
         input=InputSpec(name="image", width=SIZE, height=SIZE, resize=resize, colour="rgb", scale=1 / 255, pad=127),
         decode="yolov3",
@@ -159,7 +159,7 @@ def with_int8(
     file = "backbone.int8.onnx"
     save(folder / file, backbone_model(head_with(boxes)), contract_metadata(manifest.detector))
     manifest.sha256[file] = sha256_file(folder / file)
-    manifest.variants["int8"] = Variant(file=file, measured=measured)
+    manifest.variants["int8"] = BundleVariant(file=file, measured=measured)
     write_manifest(folder, manifest)
     return folder
 

@@ -320,11 +320,11 @@ def test_a_deep_unknown_field_leaves_the_viewer_its_socket(serve):
 def test_there_is_an_end_to_how_many_may_look(serve):
     from contextlib import ExitStack
 
-    from edgemap.view.app import MOST_VIEWERS
+    from edgemap.view.app import MAXIMUM_VIEWERS
 
     served = serve()
     with ExitStack() as opened:
-        for _ in range(MOST_VIEWERS):
+        for _ in range(MAXIMUM_VIEWERS):
             opened.enter_context(raw_viewer(served.port))
         with pytest.raises(ConnectionClosed, match="viewers are looking already"), raw_viewer(served.port):
             pass

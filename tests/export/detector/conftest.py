@@ -12,14 +12,14 @@ def small():
     """A shipped bundle's network, its contract for pictures of 64 px: the same operators and weights, quick."""
     pytest.importorskip("torch")
     from edgemap import models
-    from edgemap.export.detector.network import Network, load_network
+    from edgemap.export.detector.network import TorchNetwork, load_network
 
     @cache
-    def load(name: str) -> Network:
+    def load(name: str) -> TorchNetwork:
         whole = load_network(str(Path(models.__file__).parent / name))
         spec = msgspec.structs.replace(whole.detector.input, width=64, height=64)
         detector = msgspec.structs.replace(whole.detector, input=spec)
-        return Network(whole.graph.model(), msgspec.structs.replace(whole.manifest, detector=detector))
+        return TorchNetwork(whole.graph.model(), msgspec.structs.replace(whole.manifest, detector=detector))
 
     return load
 

@@ -14,7 +14,7 @@ from edgemap import models  # noqa: E402
 from edgemap.export.detector.boxes import read_heads  # noqa: E402
 from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
 from edgemap.export.detector.graph import Graph  # noqa: E402
-from edgemap.export.detector.network import Network, load_network  # noqa: E402
+from edgemap.export.detector.network import TorchNetwork, load_network  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.exporter import export_backbone  # noqa: E402
 from edgemap.runtime.bundle import load_bundle  # noqa: E402
@@ -182,11 +182,11 @@ def test_graphs_that_cannot_be_trained_are_refused(start):
     odd.CopyFrom(model)
     next(node for node in odd.graph.node if node.op_type == "HardSwish").op_type = "Elu"
     with pytest.raises(ExportError, match=r"operator Elu .*cannot be trained"):
-        Network(odd, start.manifest)
+        TorchNetwork(odd, start.manifest)
     odd.CopyFrom(model)
     del odd.graph.initializer[:]
     with pytest.raises(ExportError, match="weights are not stored"):
-        Network(odd, start.manifest)
+        TorchNetwork(odd, start.manifest)
 
 
 def test_damaged_checkpoints_are_refused_by_name(tmp_path):

@@ -16,7 +16,7 @@ from edgemap.export.detector.boxes import generalised_iou, overlap, read_heads  
 from edgemap.export.detector.loader import Batches, collate, rarity  # noqa: E402
 from edgemap.export.detector.loss import detection_loss, distance_loss  # noqa: E402
 from edgemap.export.detector.store import Example, load_examples  # noqa: E402
-from edgemap.export.detector.train import Settings, Trainer  # noqa: E402
+from edgemap.export.detector.train import DetectorSettings, Trainer  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.runtime.drives.coco import COCO_NAMES  # noqa: E402
 
@@ -241,7 +241,7 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(start, drawn, tmp_path):
     mixed = [replace(one, kept=np.full(80, number % 2 == 0)) for number, one in enumerate(drawn)]
 
     def trainer(folder):
-        settings = Settings(batch=8, epochs=2, rate=1e-3, threads=1)
+        settings = DetectorSettings(batch=8, epochs=2, rate=1e-3, threads=1)
         return Trainer(start, mixed, {"drawn": drawn[:8]}, tmp_path / folder, settings)
 
     whole = trainer("whole")
@@ -269,7 +269,7 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(start, drawn, tmp_path):
 
 def test_training_learns_and_leaves_the_first_layers_alone(start, drawn, tmp_path):
     """Red squares are chairs: their loss falls in a few steps; what the flow head reads keeps its weights."""
-    settings = Settings(batch=8, epochs=9, rate=1e-3, threads=1, mosaic=0.0, keep=0.0)
+    settings = DetectorSettings(batch=8, epochs=9, rate=1e-3, threads=1, mosaic=0.0, keep=0.0)
     trainer = Trainer(start, drawn, {"drawn": drawn[:4]}, tmp_path, settings)
     losses = []
     for _ in trainer.take_steps():
@@ -293,7 +293,7 @@ def test_what_is_kept_to_may_be_another_network(start, drawn, tmp_path):
     bare = [replace(one, told=np.zeros(80, bool), kept=np.ones(80, bool), boxes=one.boxes[:0], labels=one.labels[:0],
                     visible=one.visible[:0]) for one in drawn]  # fmt: skip
     for known, far in ((None, False), (other, True)):
-        trainer = Trainer(start, bare, {}, tmp_path, Settings(batch=8, rate=1e-9, threads=1, mosaic=0.0), known)
+        trainer = Trainer(start, bare, {}, tmp_path, DetectorSettings(batch=8, rate=1e-9, threads=1, mosaic=0.0), known)
         next(iter(trainer.take_steps()))
         found = trainer.means()
         assert found["scores"] == found["box"] == 0.0

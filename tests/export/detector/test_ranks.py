@@ -17,14 +17,14 @@ STEP = """
 import sys
 from pathlib import Path
 import msgspec, numpy as np, torch
-from edgemap.export.detector.network import Network, load_network
+from edgemap.export.detector.network import TorchNetwork, load_network
 from edgemap.export.detector.store import Example
-from edgemap.export.detector.train import Settings, Trainer
+from edgemap.export.detector.train import DetectorSettings, Trainer
 
 whole = load_network(sys.argv[3])
 spec = msgspec.structs.replace(whole.detector.input, width=64, height=64)
 detector = msgspec.structs.replace(whole.detector, input=spec)
-start = Network(whole.graph.model(), msgspec.structs.replace(whole.manifest, detector=detector))
+start = TorchNetwork(whole.graph.model(), msgspec.structs.replace(whole.manifest, detector=detector))
 known = start.copy()
 for parameter in known.parameters():
     parameter.data.mul_(1.02)
@@ -40,7 +40,7 @@ for number in range(8):
     examples.append(Example(picture, boxes, labels, np.ones(count, np.float32), np.zeros(count, bool),
                             told=told & (count > 0), kept=~told | (count == 0)))
 batch = int(sys.argv[2])
-settings = Settings(batch=batch, epochs=1, threads=1, keep=0.5, mosaic=0.0, rate=1e-3)
+settings = DetectorSettings(batch=batch, epochs=1, threads=1, keep=0.5, mosaic=0.0, rate=1e-3)
 trainer = Trainer(start, examples, {"all": examples}, Path(sys.argv[1]), settings, known)
 trainer.optimizer = torch.optim.SGD(trainer.learning, lr=1e-3)  # AdamW makes much of the smallest gradients' rounding
 trainer.run()

@@ -8,22 +8,22 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from edgemap.export.odometry.correlation import correlate, offsets  # noqa: E402
-from edgemap.export.odometry.rigid import Cells, Sight, inverse3, solve  # noqa: E402
+from edgemap.export.odometry.rigid import CellGeometry, ShownCells, inverse3, solve  # noqa: E402
 from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics  # noqa: E402
 from edgemap.geometry.camera.mount import Mount  # noqa: E402
-from edgemap.geometry.odometry.flow_cells import Grid, flow_cells  # noqa: E402
+from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells  # noqa: E402
 from edgemap.geometry.se2 import SE2  # noqa: E402
 
 LENS = Intrinsics(640, 480, 500, 505, 317.0, 243.0, Distortion("brown_conrady", (-0.1, 0.02, 0.001, 0.0)))
 CAMERA = FloorCamera(LENS, Mount.from_degrees(0.6, 11.5, 1.0, 0.15, 0.03))
-GRID = Grid(26, 26, 16, (0.65, 0.65), 0, 0, 416, 312)
+GRID = CellGrid(26, 26, 16, (0.65, 0.65), 0, 0, 416, 312)
 MOTION = SE2(0.07, 0.01, 0.12)
 
 
-def geometry() -> Cells:
+def geometry() -> CellGeometry:
     cells, mount = flow_cells(CAMERA, GRID)
-    return Cells.of(torch.from_numpy(cells).double(), torch.from_numpy(mount).double())
+    return CellGeometry.of(torch.from_numpy(cells).double(), torch.from_numpy(mount).double())
 
 
 def vector(motion: SE2):
@@ -36,7 +36,7 @@ def test_floor_cells_were_seen_where_the_camera_model_projects_them():
     sees_floor = np.isfinite(floor).all(axis=1) & GRID.inside()
     before = CAMERA.project(MOTION.apply(floor[sees_floor]))
     cells = geometry()
-    found = Sight.of(cells, vector(MOTION)).bearings(cells.floor)
+    found = ShownCells.of(cells, vector(MOTION)).bearings(cells.floor)
     assert sees_floor.sum() > 200
     np.testing.assert_allclose(found[0].numpy().T[sees_floor], LENS.rays(before)[:, :2], atol=1e-6)
 
@@ -49,11 +49,11 @@ def test_cells_in_the_letterbox_tell_nothing():
 
 def test_slopes_are_the_derivatives():
     cells, depth = geometry(), torch.full((1, 1, 676), 0.4, dtype=torch.float64)
-    here, slopes = Sight.of(cells, vector(MOTION)).slopes(depth)
+    here, slopes = ShownCells.of(cells, vector(MOTION)).slopes(depth)
     for index in range(3):
         step = torch.zeros(1, 3, dtype=torch.float64)
         step[0, index] = 1e-6
-        moved = Sight.of(cells, vector(MOTION) + step).bearings(depth)
+        moved = ShownCells.of(cells, vector(MOTION) + step).bearings(depth)
         torch.testing.assert_close((moved - here) / 1e-6, slopes[:, :, index], atol=1e-5, rtol=1e-4)
 
 
@@ -66,7 +66,7 @@ def test_displacements_in_cells_and_bearings_go_back_and_forth():
 def test_least_squares_gets_the_motion_back_and_says_how_sure_it_is():
     cells = geometry()
     seen = (cells.floor > 0).double()
-    true = Sight.of(cells, vector(MOTION)).bearings(cells.floor)
+    true = ShownCells.of(cells, vector(MOTION)).bearings(cells.floor)
     sigma, generator = 1e-3, torch.Generator().manual_seed(0)
     weights = (seen / sigma**2).expand(-1, 2, -1)
     nothing = torch.zeros(1, 3, dtype=torch.float64)
@@ -75,7 +75,7 @@ def test_least_squares_gets_the_motion_back_and_says_how_sure_it_is():
         measured = true + sigma * torch.randn(true.shape, generator=generator, dtype=torch.float64)
         start = nothing
         for _ in range(3):
-            predicted, slopes = Sight.of(cells, start).slopes(cells.floor)
+            predicted, slopes = ShownCells.of(cells, start).slopes(cells.floor)
             found = solve(slopes, measured - predicted, weights, start, nothing, nothing + 1e-6)
             start = found.motion
         errors.append((found.motion - vector(MOTION))[0])
@@ -89,7 +89,7 @@ def test_least_squares_gets_the_motion_back_and_says_how_sure_it_is():
 def test_a_prior_decides_where_nothing_is_seen():
     cells = geometry()
     prior = torch.tensor([[0.05, 0.0, 0.02]], dtype=torch.float64)
-    predicted, slopes = Sight.of(cells, prior * 0).slopes(cells.floor)
+    predicted, slopes = ShownCells.of(cells, prior * 0).slopes(cells.floor)
     blind = torch.zeros_like(predicted)
     found = solve(slopes, predicted * 0, blind, prior * 0, prior, torch.full((1, 3), 100.0, dtype=torch.float64))
     torch.testing.assert_close(found.motion, prior)

@@ -8,7 +8,7 @@ from support.scenes import floor_board, held_board
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.calibration.board import Board, View
+from edgemap.runtime.calibration.board import Board, BoardView
 from edgemap.runtime.calibration.floor_board import fit_mount
 from edgemap.runtime.calibration.lens import fit_lens
 from edgemap.runtime.calibration.level import pitch_roll, up_optical
@@ -40,7 +40,7 @@ def poses(count, lean_deg=28.0):
 @pytest.fixture(scope="module")
 def held():
     images = [held_board(LENS, place, turn, seed) for seed, (place, turn) in enumerate(poses(16))]
-    return [View(f"{i}.png", corners_of(BOARD, image)) for i, image in enumerate(images)]
+    return [BoardView(f"{i}.png", corners_of(BOARD, image)) for i, image in enumerate(images)]
 
 
 def test_corners_are_found_to_a_tenth_of_a_pixel():
@@ -72,18 +72,18 @@ def test_the_lens_comes_out(held):
 
 def test_a_view_that_does_not_belong_is_left_out(held):
     crooked = held_board(LENS, (0.0, 0.0, 0.4), (5.0, 20.0, 0.0), 99, bend=1.5)
-    fit = fit_lens([*held, View("bent.png", corners_of(BOARD, crooked))], BOARD, (640, 480))
+    fit = fit_lens([*held, BoardView("bent.png", corners_of(BOARD, crooked))], BOARD, (640, 480))
     assert fit.dropped == ("bent.png",)
     assert fit.intrinsics.fx == pytest.approx(LENS.fx, rel=2e-3)
 
 
 def test_too_few_views_are_refused(held):
-    with pytest.raises(CalibrationError, match=r"^7 different views of the whole board found, need 8"):
+    with pytest.raises(CalibrationError, match=r"^7 different views of the complete board found, need 8"):
         fit_lens(held[:7], BOARD, (640, 480))
 
 
 def test_boards_in_the_middle_only_are_refused(held):
-    small = [View(view.name, (view.corners_px - [320, 240]) * 0.3 + [320, 240]) for view in held]
+    small = [BoardView(view.name, (view.corners_px - [320, 240]) * 0.3 + [320, 240]) for view in held]
     with pytest.raises(CalibrationError, match=r"cover \d+ % of the picture's width and \d+ % of its height"):
         fit_lens(small, BOARD, (640, 480))
 
@@ -94,14 +94,14 @@ def test_boards_that_never_lean_leave_the_focal_length_open():
         flat = BOARD.points_m() - BOARD.points_m().mean(axis=0)
         points = np.column_stack([flat + [x, y], np.full(54, z)])
         noise = np.random.default_rng(seed).normal(0, 0.1, (54, 2))
-        views.append(View(f"{seed}", LENS.project(points) + noise))
+        views.append(BoardView(f"{seed}", LENS.project(points) + noise))
     with pytest.raises(CalibrationError, match=r"^0 of 12 boards lean by 12 degrees or more, need 4"):
         fit_lens(views, BOARD, (640, 480))
 
 
 def test_corners_that_are_not_a_board_are_refused(held):
     random = np.random.default_rng(0)
-    views = [View(view.name, view.corners_px + random.normal(0, 3, (54, 2))) for view in held]
+    views = [BoardView(view.name, view.corners_px + random.normal(0, 3, (54, 2))) for view in held]
     with pytest.raises(CalibrationError, match=r"fit a lens to [3-6]\.\d\d px, expected at most 1.0 px"):
         fit_lens(views, BOARD, (640, 480))
 
@@ -112,7 +112,7 @@ def lying():
     # The second one needs the older detector.
     places = [((1.1, 0.05), 0.3), ((1.2, 0.4), 1.4), ((1.2, -0.4), 2.6), ((1.1, -0.1), -0.8), ((1.4, 0.0), 0.0)]
     images = [floor_board(camera, place, yaw, seed) for seed, (place, yaw) in enumerate(places)]
-    return [View(f"{i}.png", corners_of(TILE, image)) for i, image in enumerate(images)]
+    return [BoardView(f"{i}.png", corners_of(TILE, image)) for i, image in enumerate(images)]
 
 
 def test_the_mount_comes_out(lying):
@@ -134,7 +134,7 @@ def test_a_square_of_another_size_scales_the_height(lying):
 
 def test_a_board_on_a_box_is_refused_and_named(lying):
     low = FloorCamera(LENS, Mount(MOUNT.height_m - 0.08, MOUNT.pitch_rad, MOUNT.roll_rad))
-    odd = View("on-a-box.png", corners_of(TILE, floor_board(low, (1.1, 0.1), 0.4, 5)))
+    odd = BoardView("on-a-box.png", corners_of(TILE, floor_board(low, (1.1, 0.1), 0.4, 5)))
     with pytest.raises(CalibrationError, match=r"do not lie on one floor: \d+\.\d px off in on-a-box\.png"):
         fit_mount([*lying, odd], TILE, LENS)
 
@@ -146,13 +146,13 @@ def test_a_wrong_lens_is_refused(lying):
 
 
 def test_too_few_or_too_small_boards_are_refused(lying):
-    with pytest.raises(CalibrationError, match=r"^2 different views of the whole board found, need 3"):
+    with pytest.raises(CalibrationError, match=r"^2 different views of the complete board found, need 3"):
         fit_mount(lying[:2], TILE, LENS)
     random = np.random.default_rng(0)
     camera = FloorCamera(LENS, MOUNT)
     tiny = Board(3, 3, 0.005)
     flat = (tiny.points_m() - 0.005) * [1, -1]
-    far = [View(f"{i}", camera.project(flat + [1.6, 0.05 * i]) + random.normal(0, 0.3, (9, 2))) for i in range(3)]
+    far = [BoardView(f"{i}", camera.project(flat + [1.6, 0.05 * i]) + random.normal(0, 0.3, (9, 2))) for i in range(3)]
     with pytest.raises(CalibrationError, match=r"mount known to \d+\.\d cm and \d+\.\d\d deg only|horizon|impossible"):
         fit_mount(far, tiny, LENS)
 

@@ -41,7 +41,7 @@ def test_a_recording_of_a_realsense_with_depth_apart_from_colour(tmp_path):
     assert found is not None
     lens, pictures = found
     fit = fit_floor_depth(pictures, lens)
-    assert fit.pictures == fit.looked_at >= 4  # a colour picture may have no depth beside it
+    assert fit.pictures == fit.examined >= 4  # a colour picture may have no depth beside it
     assert fit.mount.height_m == pytest.approx(MOUNT.height_m + 0.015 * math.sin(MOUNT.roll_rad), abs=0.004)
     assert math.degrees(fit.mount.pitch_rad) == pytest.approx(17.0, abs=0.2)
 

@@ -23,7 +23,7 @@ from edgemap.runtime.map_file import load_map, map_document, save_map
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 import zenoh
 
-from edgemap.runtime.fleet.keeper import MOST_OBJECTS, PlaceKeeper
+from edgemap.runtime.fleet.keeper import MAXIMUM_OBJECTS, PlaceKeeper
 from edgemap.runtime.fleet.network import MAP_BYTES, MESSAGE_BYTES, open_session, packed, unpacked
 from edgemap.runtime.fleet.question import place_document
 from edgemap.runtime.fleet.sink import MAP_EVERY_S, FleetSink
@@ -178,7 +178,7 @@ HOSTILE = [
     packed({"format": "edgemap.map/1", "objects": [{"id": "a"}]}),
     packed({"format": "edgemap.map/1", "objects": [], "zones": "x" * 1000}),
     packed(map_document(mapped([("chair", 1001.0, 0.0)]))),
-    packed(map_document(mapped([("chair", float(k), 0.0) for k in range(MOST_OBJECTS + 1)]))),
+    packed(map_document(mapped([("chair", float(k), 0.0) for k in range(MAXIMUM_OBJECTS + 1)]))),
 ]
 
 
@@ -207,7 +207,7 @@ def test_what_no_robot_sends_is_refused_and_the_map_stays(tmp_path, address, ope
 
 
 def test_more_robots_than_a_place_has_are_not_kept(tmp_path, address, opened, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.fleet.keeper.MOST_ROBOTS", 2)
+    monkeypatch.setattr("edgemap.runtime.fleet.keeper.MAXIMUM_ROBOTS", 2)
     keeper = opened(PlaceKeeper("home", tmp_path, listen=address))
     for name in ("a", "b", "c", "d"):
         opened(FleetSink("home", name, address))

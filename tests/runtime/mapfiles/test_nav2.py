@@ -9,7 +9,7 @@ from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.mapfiles.grid import FREE, MOST_LIVE_CELLS, OCCUPIED, UNKNOWN, GridRule, grid_of, live_grid
+from edgemap.runtime.mapfiles.grid import FREE, MAXIMUM_LIVE_CELLS, OCCUPIED, UNKNOWN, GridRule, grid_of, live_grid
 from edgemap.runtime.mapfiles.nav2 import write_nav2
 from edgemap.runtime.mapfiles.nav2_vector import vector_text
 from edgemap.runtime.trajectory import Trajectory
@@ -59,7 +59,7 @@ def test_a_live_grid_is_bounded_however_far_objects_are():
     assert here.cells[row, column] == OCCUPIED
     assert here.cells[int((-1.0 - here.y_m) / 0.05), int((-1.0 - here.x_m) / 0.05)] == FREE
     far = live_grid(mapped([*CROOKED, ("chair", 1e6, -1e6)]), 0.0, 0.0)
-    assert far.cells.size <= MOST_LIVE_CELLS
+    assert far.cells.size <= MAXIMUM_LIVE_CELLS
     assert np.count_nonzero(far.cells == OCCUPIED) >= 2
     assert live_grid([], 3.0, 4.0).cells.max() == FREE
 

@@ -158,7 +158,7 @@ def test_a_killed_recording_still_opens(tmp_path):
     with open_camera(str(tmp_path / "a.mcap")) as camera:
         assert (camera.intrinsics, camera.mount, camera.rate_hz) == (LENS, MOUNT, 10.0)
         played = []
-        with pytest.raises(CameraError, match=r"a\.mcap: cut off, the \d+ whole pictures before it were read"):  # noqa: PT012
+        with pytest.raises(CameraError, match=r"a\.mcap: cut off, the \d+ complete pictures before it were read"):  # noqa: PT012
             while True:
                 played.append(camera.read())
         assert camera.frame_count == len(played)

@@ -14,7 +14,7 @@ from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.report.charts import duration, nice_top
-from edgemap.runtime.report.crops import MOST, SIDE_PX, BestCrops
+from edgemap.runtime.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCrops
 from edgemap.runtime.report.floor_svg import floor_svg
 from edgemap.runtime.report.history import MAX_POSES, MAX_WINDOWS, History
 from edgemap.runtime.report.labels import place_labels
@@ -71,10 +71,10 @@ def test_merged_objects_hand_on_their_picture_and_memory_is_bounded():
     crops.keep({"a-1"}, {"a-2": "a-1"})
     assert crops.of(["a-1", "a-2"]).keys() == {"a-1"}
     assert crops.of(["a-1"])["a-1"].frame == 2
-    for number in range(MOST + 50):
+    for number in range(MAXIMUM_CROPS + 50):
         crops.consider(seen(f"b-{number}", SMALL, index=9))
     crops.keep({"a-1", "b-7"}, {})
-    assert len(crops) == MOST
+    assert len(crops) == MAXIMUM_CROPS
     assert crops.of(["a-1", "b-7"]).keys() == {"a-1", "b-7"}
 
 

@@ -15,7 +15,7 @@ from edgemap.simulation.render.mesh import Material, Mesh, Part
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class BedFrame:
     """Metres. length, width: of the mattress, its middle at the origin; low, high: heights of its faces."""
 
     length: float
@@ -30,7 +30,7 @@ class Frame:
         return -self.length / 2.0 - 0.01
 
 
-def bedding(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
+def bedding(rng: np.random.Generator, frame: BedFrame) -> list[Mesh]:
     """Mattress, pillows, duvet or blanket drawn up or pulled back, a throw over the foot."""
     sheet = linen(rng)
     height = frame.high - frame.low
@@ -56,7 +56,7 @@ def bedding(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
 
 def duvet(
     rng: np.random.Generator,
-    frame: Frame,
+    frame: BedFrame,
     start: float,
     end: float,
     hang: tuple[float, float],
@@ -97,7 +97,7 @@ def duvet(
     return [Mesh(tuple(parts))]
 
 
-def _pillows(rng: np.random.Generator, frame: Frame, sheet: Material) -> list[Mesh]:
+def _pillows(rng: np.random.Generator, frame: BedFrame, sheet: Material) -> list[Mesh]:
     """One or two across, perhaps more in front; flat, or leaning against the head."""
     across = 2 if frame.width > 1.3 else 1
     cloth = sheet if rng.random() < 0.4 else linen(rng) if rng.random() < 0.6 else fabric(rng)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from edgemap.simulation.apartment.made.beds.bedding import Frame, bedding, duvet
+from edgemap.simulation.apartment.made.beds.bedding import BedFrame, bedding, duvet
 from edgemap.simulation.apartment.made.beds.boards import footboard, guard, headboard
 from edgemap.simulation.apartment.made.materials.cloths import fabric, linen
 from edgemap.simulation.apartment.made.materials.plain import metal, plastic, wood
@@ -30,7 +30,7 @@ def bed(rng: np.random.Generator) -> Mesh:
     style = rng.random()
     iron, padded = style < 0.2, 0.2 <= style < 0.45 and not child
     material = metal(rng) if iron else fabric(rng) if padded else plastic(rng) if style > 0.82 else wood(rng)
-    frame = Frame(length, width, low, high, material)
+    frame = BedFrame(length, width, low, high, material)
     if child and rng.random() < 0.2:
         return _bunk(rng, frame)
     if iron:
@@ -46,7 +46,7 @@ def bed(rng: np.random.Generator) -> Mesh:
     return joined(meshes + bedding(rng, frame))
 
 
-def _base(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
+def _base(rng: np.random.Generator, frame: BedFrame) -> list[Mesh]:
     """A box on the floor with or without drawers, rails on feet, or a wide platform."""
     length, width, way = frame.length, frame.width, rng.random()
     if way < 0.3:
@@ -75,7 +75,7 @@ def _base(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
     return meshes + _feet(rng, frame, under, 0.02)
 
 
-def _feet(rng: np.random.Generator, frame: Frame, height: float, inset: float) -> list[Mesh]:
+def _feet(rng: np.random.Generator, frame: BedFrame, height: float, inset: float) -> list[Mesh]:
     size, style, meshes = float(rng.uniform(0.04, 0.09)), rng.random(), []
     for x in (-frame.length / 2 + inset, frame.length / 2 - inset):
         for y in (-frame.width / 2 + inset, frame.width / 2 - inset):
@@ -86,7 +86,7 @@ def _feet(rng: np.random.Generator, frame: Frame, height: float, inset: float) -
     return meshes
 
 
-def _drawers(rng: np.random.Generator, frame: Frame, foot: float) -> list[Mesh]:
+def _drawers(rng: np.random.Generator, frame: BedFrame, foot: float) -> list[Mesh]:
     count, knob, meshes = int(rng.integers(2, 4)), metal(rng), []
     size = frame.length / count
     for side in (-1.0, 1.0):
@@ -98,7 +98,7 @@ def _drawers(rng: np.random.Generator, frame: Frame, foot: float) -> list[Mesh]:
     return meshes
 
 
-def _canopy(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
+def _canopy(rng: np.random.Generator, frame: BedFrame) -> list[Mesh]:
     top, size = float(rng.uniform(1.9, 2.15)), 0.06
     x, y = frame.length / 2 + 0.02, frame.width / 2 + 0.02
     meshes = [block(sx * x, sy * y, 0.0, size, size, top, frame.material) for sx in (-1, 1) for sy in (-1, 1)]
@@ -106,7 +106,7 @@ def _canopy(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
     return meshes + [block(s * x, 0.0, top - size, size, 2 * y, size, frame.material) for s in (-1, 1)]
 
 
-def _iron(rng: np.random.Generator, frame: Frame) -> list[Mesh]:
+def _iron(rng: np.random.Generator, frame: BedFrame) -> list[Mesh]:
     """A frame of tubes: arched or square ends with rods and knobs."""
     radius, arch = float(rng.uniform(0.013, 0.024)), float(rng.choice([0.0, 0.12, 0.2, 0.3]))
     head = frame.high + float(rng.uniform(0.3, 0.6))
@@ -139,7 +139,7 @@ def _cot(rng: np.random.Generator) -> Mesh:
     length, width = float(rng.uniform(1.15, 1.4)), float(rng.uniform(0.6, 0.74))
     top, low = float(rng.uniform(0.8, 1.0)), float(rng.uniform(0.25, 0.5))
     material = wood(rng) if rng.random() < 0.6 else plastic(rng)
-    frame = Frame(length, width, low, low + 0.11, material)
+    frame = BedFrame(length, width, low, low + 0.11, material)
     x, y, bar = length / 2 + 0.02, width / 2 + 0.02, float(rng.uniform(0.012, 0.02))
     foot = 0.12
     meshes = [block(sx * x, sy * y, 0.0, 0.045, 0.045, top, material) for sx in (-1, 1) for sy in (-1, 1)]
@@ -161,9 +161,9 @@ def _cot(rng: np.random.Generator) -> Mesh:
     return joined(meshes)
 
 
-def _bunk(rng: np.random.Generator, frame: Frame) -> Mesh:
+def _bunk(rng: np.random.Generator, frame: BedFrame) -> Mesh:
     """Two beds, one above the other, with a ladder."""
-    upper = Frame(frame.length, frame.width, 1.15, 1.15 + frame.high - frame.low, frame.material)
+    upper = BedFrame(frame.length, frame.width, 1.15, 1.15 + frame.high - frame.low, frame.material)
     x, y, top = frame.length / 2 + 0.02, frame.width / 2 + 0.03, 1.65
     meshes = [block(sx * x, sy * y, 0.0, 0.07, 0.07, top, frame.material) for sx in (-1, 1) for sy in (-1, 1)]
     for level in (frame, upper):

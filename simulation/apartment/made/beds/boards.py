@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from edgemap.simulation.apartment.made.beds.bedding import Frame
+from edgemap.simulation.apartment.made.beds.bedding import BedFrame
 from edgemap.simulation.apartment.made.shapes.bars import tube
 from edgemap.simulation.apartment.made.shapes.grids import surface
 from edgemap.simulation.apartment.made.shapes.lofts import sheet
@@ -12,7 +12,7 @@ from edgemap.simulation.apartment.made.shapes.solids import ball, block
 from edgemap.simulation.render.mesh import Array, Material, Mesh
 
 
-def headboard(rng: np.random.Generator, frame: Frame, padded: bool) -> list[Mesh]:
+def headboard(rng: np.random.Generator, frame: BedFrame, padded: bool) -> list[Mesh]:
     """None, a plain or curved panel, slats, planks, padding, or a shelf."""
     width = frame.width + float(rng.choice([0.0, 0.04, 0.06, 0.3 if rng.random() < 0.2 else 0.04]))
     top = frame.high + float(rng.uniform(0.2, 0.65))
@@ -34,7 +34,7 @@ def headboard(rng: np.random.Generator, frame: Frame, padded: bool) -> list[Mesh
     return meshes + [block(frame.back - 0.01, 0.0, 0.0, 0.02, width, frame.high - 0.05, frame.material)]
 
 
-def _board(rng: np.random.Generator, frame: Frame, x: float, width: float, top: float) -> list[Mesh]:
+def _board(rng: np.random.Generator, frame: BedFrame, x: float, width: float, top: float) -> list[Mesh]:
     """A panel with a straight, arched, humped or scalloped upper edge, posts and a cap or not."""
     y = np.linspace(-width / 2, width / 2, 33)
     bend, style = 2.0 * y / width, int(rng.integers(6))
@@ -70,7 +70,7 @@ def _panel(along: Array, low: Array, high: Array, x: float, thick: float, materi
     return sheet(np.stack([np.column_stack([np.full(along.shape, x), along, z]) for z in (low, high)]), thick, material)
 
 
-def _posts(rng: np.random.Generator, frame: Frame, x: float, width: float, top: float) -> list[Mesh]:
+def _posts(rng: np.random.Generator, frame: BedFrame, x: float, width: float, top: float) -> list[Mesh]:
     size, style, meshes = float(rng.uniform(0.045, 0.08)), rng.random(), []
     for y in (-width / 2, width / 2):
         if style < 0.6:
@@ -82,7 +82,7 @@ def _posts(rng: np.random.Generator, frame: Frame, x: float, width: float, top: 
     return meshes
 
 
-def _slatted(rng: np.random.Generator, frame: Frame, x: float, width: float, top: float) -> list[Mesh]:
+def _slatted(rng: np.random.Generator, frame: BedFrame, x: float, width: float, top: float) -> list[Mesh]:
     """Posts with bars between them, upright or level; the upper rail straight or arched."""
     meshes = _posts(rng, frame, x, width, top)
     low, thick = frame.low, float(rng.uniform(0.018, 0.03))
@@ -105,7 +105,7 @@ def _slatted(rng: np.random.Generator, frame: Frame, x: float, width: float, top
     return meshes
 
 
-def _padded(rng: np.random.Generator, frame: Frame, width: float, top: float) -> list[Mesh]:
+def _padded(rng: np.random.Generator, frame: BedFrame, width: float, top: float) -> list[Mesh]:
     """Upholstery: one pad, channels, cushions side by side, a chequer, or wings."""
     thick, way = float(rng.uniform(0.07, 0.16)), rng.random()
     x, low = frame.back - thick / 2, 0.05
@@ -132,7 +132,7 @@ def _padded(rng: np.random.Generator, frame: Frame, width: float, top: float) ->
     return meshes
 
 
-def footboard(rng: np.random.Generator, frame: Frame, padded: bool) -> list[Mesh]:
+def footboard(rng: np.random.Generator, frame: BedFrame, padded: bool) -> list[Mesh]:
     """Lower than the head: a pad, slats or a board."""
     x, top = frame.length / 2 + 0.07, frame.high + float(rng.uniform(-0.05, 0.25))
     width = frame.width + 0.04
@@ -141,7 +141,7 @@ def footboard(rng: np.random.Generator, frame: Frame, padded: bool) -> list[Mesh
     return (_slatted if rng.random() < 0.5 else _board)(rng, frame, x, width, top)
 
 
-def guard(frame: Frame, side: float) -> list[Mesh]:
+def guard(frame: BedFrame, side: float) -> list[Mesh]:
     """A rail along a side of a child's bed, so that nobody falls out."""
     y, top, start = side * (frame.width / 2 + 0.02), frame.high + 0.2, -frame.length / 2
     end = start + frame.length * 0.62
