@@ -26,6 +26,7 @@ GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
 _TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATES = 12
+_IDENTITY = np.eye(STATES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,11 +218,12 @@ def inertial_step(
 
 
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
-    """Velocities stay bounded; at rest there is none, and the mean rate is the bias: about the vertical only where no
-    odometry tells a slow turn from rest."""
+    """Velocities that no odometry measures stay bounded; at rest there is none, and the mean rate is the bias: about
+    the vertical only where no odometry tells a slow turn from rest."""
     selected = _selected(_VELOCITY)
-    variance = noise.speed**2 * max(2.0 * noise.speed_s / span_s, 1.0) * np.eye(3)
-    state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
+    if state.calm is None:
+        variance = noise.speed**2 * max(2.0 * noise.speed_s / span_s, 1.0) * np.eye(3)
+        state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
     if state.rest_s < noise.rest_window_s:
         return state
     state = _corrected(state, selected, -state.velocity, 0.05**2 * np.eye(3), learns_vertical_bias=False)
@@ -243,10 +245,10 @@ def _corrected(
         up = state.up_optical
         gain[_BIAS] -= np.outer(up, up @ gain[_BIAS])
     change = gain @ residual
-    left = np.eye(STATES) - gain @ selected
+    left = _IDENTITY - gain @ selected
     return replace(
         state,
-        rotation=rotation_of(change[_TILT][None])[0] @ state.rotation,
+        rotation=_small_rotation(*change[_TILT].tolist()) @ state.rotation,
         bias=state.bias + change[_BIAS],
         velocity=state.velocity + change[_VELOCITY],
         offset=state.offset + change[_OFFSET],
@@ -255,7 +257,15 @@ def _corrected(
 
 
 def _selected(part: slice) -> Array:
-    return np.eye(STATES)[part]
+    return _IDENTITY[part]
+
+
+def _small_rotation(x: float, y: float, z: float) -> Array:
+    """`rotation_of` one vector, in a fifth of its time."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    sine, rest = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-6 else (1.0, 0.5)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + sine * skew + rest * (skew @ skew)
 
 
 def _integrated(
