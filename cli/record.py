@@ -11,6 +11,7 @@ from edgemap.cli.options import (
     CameraSpec,
     IntrinsicsText,
     MountText,
+    WithoutDepth,
     at_least,
     open_described,
     read_intrinsics,
@@ -44,6 +45,7 @@ def command(
         ),
     ] = None,
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
+    without_depth: WithoutDepth = False,
 ) -> None:
     """Record a camera: pictures, lens, mount and odometry as ROS 2 messages in one MCAP file.
 
@@ -60,7 +62,7 @@ def command(
     at_least(1, frames=frames)
     check_name(out)
     track = wheel_track(wheel)
-    with open_described(camera, camera_file, realtime) as source:
+    with open_described(camera, camera_file, realtime, depth=not without_depth) as source:
         if track is None and isinstance(source.wheel, Path):
             track = wheel_track(source.wheel)
         lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics

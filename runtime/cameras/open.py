@@ -90,7 +90,7 @@ def _open(
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.cameras.recording import RecordingCamera
 
-        return RecordingCamera(spec, intrinsics, mount, topics)
+        return RecordingCamera(spec, intrinsics, mount, topics, depth)
     kinds = plugin_kinds()
     if kind in kinds:
         source = load_kind(kinds[kind]).open(rest, intrinsics, mount)

@@ -27,7 +27,7 @@ class Aligned:
         if not depth or not colour or abs(depth.get_timestamp() - colour.get_timestamp()) > 1000.0 * LATE_S:
             return None
         aligned = self._align.process(frames).get_depth_frame()
-        return np.asanyarray(aligned.get_data()).astype(np.float32) * np.float32(aligned.get_units())
+        return np.asanyarray(aligned.get_data()).astype(np.float32) / np.float32(round(1.0 / aligned.get_units()))
 
 
 class DepthBeside:

@@ -17,9 +17,10 @@ from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import ns_of, to_s
-from edgemap.runtime.messages.topics import EDITS, SEARCHED, STAMPS
+from edgemap.runtime.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import user_path
+from edgemap.runtime.recordings.depth import RecordedDepth
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import info_topics, lens_of, mount_of, tf_of
 from edgemap.runtime.recordings.imu import imu_of, recorded_imu
@@ -37,7 +38,8 @@ STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 class RecordingCamera(CameraBase):
     """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a ROS 2 bag; without a topic its first one with pictures.
 
-    topics: of the file, for wheel odometry and inertial samples, in place of those that it would take.
+    topics: of the file, for wheel odometry and inertial samples, in place of those that it would take. depth: whether
+    frames bring the depth that edgemap recorded.
     Stamps are the pictures' headers', or the time of recording where those are zero. A file that was cut off gives
     every complete picture and then a CameraError that says so. Raises CameraError.
     """
@@ -48,6 +50,7 @@ class RecordingCamera(CameraBase):
         intrinsics: Intrinsics | None = None,
         mount: Mount | None = None,
         topics: SensorTopics | None = None,
+        depth: bool = True,
     ) -> None:
         super().__init__(spec, intrinsics, mount)
         file, _, topic = spec.partition("#")
@@ -60,6 +63,8 @@ class RecordingCamera(CameraBase):
         try:
             self.topic = self._choose(topic)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
+            recorded = depth and RECORD in recording.metadata and DEPTH in recording.topics
+            self._depth = RecordedDepth(recording) if recorded else None
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
@@ -90,7 +95,8 @@ class RecordingCamera(CameraBase):
         if stamp_ns <= self._last_ns or stamp_s < self._last_s:  # a float may be the same for two nanoseconds
             raise CameraFault(FaultKind.CLOCK, f"{name}: at {stamp_s:.6f} s, not after {self._last_s:.6f} s, skipped")
         self._last_ns, self._last_s = stamp_ns, stamp_s
-        return replace(self.frame(image, stamp_s, name), search=stamp_ns not in self._unsearched)
+        depth = None if self._depth is None else self._depth.at(stamp_ns)
+        return replace(self.frame(image, stamp_s, name, depth), search=stamp_ns not in self._unsearched)
 
     def close(self) -> None:
         """Close the file."""
@@ -99,7 +105,7 @@ class RecordingCamera(CameraBase):
 
     def _choose(self, topic: str) -> str:
         topics = self._recording.topics
-        pictures = [name for name, found in topics.items() if found.kind in PICTURE_KINDS and found.count]
+        pictures = [n for n, found in topics.items() if found.kind in PICTURE_KINDS and found.count and n != DEPTH]
         if topic in pictures:
             return topic
         has = ", ".join(pictures) or "none"

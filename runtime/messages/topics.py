@@ -6,6 +6,7 @@ PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/ca
 SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
 WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"
 IMU = "/imu"
+DEPTH = "/camera/depth/compressed"  # of the picture's pixels, at its stamp
 EDITS = "/edits"  # lines of edits.jsonl
 POSE, ODOMETRY, BOXES = "/pose", "/odometry", "/detections"
 OBJECTS, MARKERS, GRID = "/map/objects", "/map/markers", "/map/grid"
@@ -20,6 +21,7 @@ KINDS = {
     TF: "tf2_msgs/msg/TFMessage",
     TF_STATIC: "tf2_msgs/msg/TFMessage",
     IMU: "sensor_msgs/msg/Imu",
+    DEPTH: "sensor_msgs/msg/CompressedImage",
     EDITS: "std_msgs/msg/String",
     POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     ODOMETRY: "nav_msgs/msg/Odometry",

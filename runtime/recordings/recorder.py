@@ -11,7 +11,8 @@ from edgemap.runtime.messages import build
 from edgemap.runtime.messages.build import IDS, FrameIds
 from edgemap.runtime.messages.stamps import to_ns, to_s
 from edgemap.runtime.messages.stream import MessageStream, Outgoing
-from edgemap.runtime.messages.topics import EDITS, GRID, IMU, KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
+from edgemap.runtime.messages.topics import DEPTH, EDITS, GRID, IMU, KINDS, OBJECTS, SEARCHED, STAMPS, TRUTH, WHEEL
+from edgemap.runtime.recordings.depth import encoded_depth
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record, trajectory_file
 from edgemap.runtime.recordings.writer import McapFile
 from edgemap.runtime.slam import StepResult
@@ -64,6 +65,10 @@ class Recorder:
                 continue  # before a stream that starts at zero: no ROS time
             at_ns = to_ns(float(at_s))
             self._file.write(IMU, KINDS[IMU], at_ns, build.imu(at_ns, gyro.tolist(), accel.tolist()))
+        if frame.depth is not None:
+            self._file.write(
+                DEPTH, KINDS[DEPTH], stamp_ns, build.compressed_image(stamp_ns, *encoded_depth(frame.depth))
+            )
         for outgoing in self._stream.picture(frame):
             self._write(outgoing)
         self.frames += 1

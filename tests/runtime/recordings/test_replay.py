@@ -24,6 +24,8 @@ from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.errors import CameraError, RecordingError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import to_ns, to_s
+from edgemap.runtime.recordings import recorder as recorder_module
+from edgemap.runtime.recordings.depth import encoded_depth
 from edgemap.runtime.recordings.facts import Facts, facts_record, read_facts
 from edgemap.runtime.recordings.recorder import Recorder
 from edgemap.runtime.recordings.wheel import read_wheel
@@ -256,3 +258,45 @@ def test_inertial_samples_are_replayed_bit_for_bit(tmp_path):
         np.testing.assert_array_equal(again.imu.stamps_s, frame.imu.stamps_s)
         np.testing.assert_array_equal(again.imu.gyro_rad_s, frame.imu.gyro_rad_s)
         np.testing.assert_array_equal(again.imu.accel_m_s2, frame.imu.accel_m_s2)
+
+
+def with_depth(frames):
+    """Millimetres, tenths of them, any floats with what is no number, and none."""
+    random = np.random.default_rng(2)
+    raw = random.integers(0, 65536, (48, 64)).astype(np.float32)
+    wild = random.normal(size=(48, 64)).astype(np.float32)
+    wild[0, :3] = np.nan, np.inf, 7e6
+    depths = [raw / np.float32(1000), raw / np.float32(10000), wild, None, np.zeros((48, 64), np.float32)]
+    return [replace(frame, depth=depth) for frame, depth in zip(frames, depths, strict=True)]
+
+
+def test_depth_is_replayed_bit_for_bit_or_left_out(tmp_path):
+    frames = with_depth(noise(5))
+    path = str(record(tmp_path / "a.mcap", FACTS, frames))
+    with open_camera(path) as camera:
+        assert camera.size == (64, 48)
+        played = drain(camera)
+    for frame, again in zip(frames, played, strict=True):
+        if frame.depth is None:
+            assert again.depth is None
+        else:
+            assert again.depth.dtype == np.float32
+            np.testing.assert_array_equal(again.depth.view(np.uint32), frame.depth.view(np.uint32))
+    with open_camera(path, depth=False) as camera:
+        assert all(frame.depth is None for frame in drain(camera))
+
+
+def test_a_damaged_depth_picture_is_none_and_the_next_is_read(tmp_path, monkeypatch):
+    frames = [replace(frame, depth=np.full((48, 64), 1.5, np.float32)) for frame in noise(3)]
+    whole = recorder_module.encoded_depth
+    sizes = iter([None, 40, None])
+    monkeypatch.setattr(recorder_module, "encoded_depth", lambda d: (whole(d)[0][: next(sizes)], whole(d)[1]))
+    with open_camera(str(record(tmp_path / "a.mcap", FACTS, frames))) as camera:
+        assert [frame.depth is not None for frame in drain(camera)] == [True, False, True]
+
+
+def test_depth_of_a_metre_is_a_thousand_steps_for_everybody(tmp_path):
+    """REP 118: 16UC1, millimetres."""
+    data, form = encoded_depth(np.full((4, 6), 1.25, np.float32))
+    assert form.split(";")[0] == "16UC1"
+    assert (cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) == 1250).all()
