@@ -51,7 +51,11 @@ def command(
     precision: PrecisionName = "default",
     engine: EngineName = "default",
     plot: Annotated[
-        Path | None, arg(metavar="DIR", help="Draw both maps with the true objects into this folder.")
+        Path | None,
+        arg(
+            metavar="DIR",
+            help="Draw the maps with the true objects, and how true their confidences are, into this folder.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -61,7 +65,8 @@ def command(
     Objects are matched by class, one to one, within 0.5 m, in the start-pose frame, without alignment. True objects
     seen in fewer than 10 frames (30 % visible, 24 px) do not count; a mapped object that is not on the floor is wrong.
     covered95 is the share of true positions inside the mapped 95 % ellipse; ANEES (1 is consistent) and the mean area
-    of that ellipse are over all mapped objects with a true one of their class within 1.5 m.
+    of that ellipse are over all mapped objects with a true one of their class within 1.5 m. ECE is the mean difference
+    of confidence and share of real objects.
     """
     from dataclasses import replace
     from itertools import pairwise
@@ -111,7 +116,9 @@ def command(
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map
+                from edgemap.plots.reliability import plot_reliability
 
+                plot_reliability(plot / f"{name}-confidence.png", document[name]["reliability"])
                 places = [(item.label, item.x_m, item.y_m) for item in wanted]
                 plot_map(plot / f"{name}.png", objects, trajectory=drive.truth, truth=places)
     if json:
@@ -124,17 +131,19 @@ def command(
     for name in variants:
         figures = document[name]
         poses = {"true": "true poses", "estimated": f"{odometry} poses"}.get(name, "without wheels")
-        print(f"  {poses:<14} {_line(figures)}")
+        print(f"  {poses:<14} {_line(figures)}  ECE {_number(figures['reliability']['ece'])}")
         for label, own in figures["per_class"].items():
             print(f"    {label:<14} {_line(own)}")
 
 
 def _line(figures: dict[str, Any]) -> str:
-    def number(key: str, unit: str = "") -> str:
-        return "   –" if figures[key] is None else f"{figures[key]:.2f}{unit}"
-
     return (
-        f"F1 {number('f1')}  precision {number('precision')}  recall {number('recall')}  "
-        f"median error {number('median_error_m', ' m')}  p90 {number('p90_error_m', ' m')}  "
-        f"covered95 {number('covered95')}  ANEES {number('anees')}  ellipse {number('ellipse_m2', ' m2')}"
+        f"F1 {_number(figures['f1'])}  precision {_number(figures['precision'])}  recall {_number(figures['recall'])}  "
+        f"median error {_number(figures['median_error_m'], ' m')}  p90 {_number(figures['p90_error_m'], ' m')}  "
+        f"covered95 {_number(figures['covered95'])}  ANEES {_number(figures['anees'])}  "
+        f"ellipse {_number(figures['ellipse_m2'], ' m2')}"
     )
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "   –" if value is None else f"{value:.2f}{unit}"

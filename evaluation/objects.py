@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
+CONFIDENCE_BINS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away tells nothing of its covariance
 
 
@@ -48,24 +49,48 @@ def score_map(
     false positive. Gives precision, recall, f1, median_error_m, p90_error_m, covered95 (share of true positions inside
     the 95 % ellipse), counts, and the same per class; figures without data are null. anees (normalised: 1 is
     consistent) and ellipse_m2 (mean area of the 95 % ellipse) are over all mapped objects with a true one of their
-    class on the floor within 1.5 m, the nearest, matched or not and however seldom seen.
+    class on the floor within 1.5 m, the nearest, matched or not and however seldom seen. reliability: of `reliability`.
     """
     labels = sorted({item.label for item in objects} | {item.label for item in truth})
     matches = {label: _match(label, objects, truth, radius_m, minimum_frames) for label in labels}
     figures = _figures(list(matches.values()))
+    figures["reliability"] = reliability([told for match in matches.values() for told in match.told])
     figures["per_class"] = {label: _figures([match]) for label, match in matches.items() if match.counts}
     return figures
+
+
+def reliability(told: Sequence[tuple[float, bool]]) -> dict[str, Any]:
+    """How true confidences are, from (confidence, whether it was matched) of mapped objects.
+
+    Gives `bins`, those with any objects: from and to, how many there are, how many of them are real, and their mean
+    confidence; and `ece`, the expected calibration error (Guo et al. 2017), null without objects.
+    """
+    confidences, real = np.array(told, dtype=np.float64).reshape(-1, 2).T
+    places = np.clip(np.searchsorted(CONFIDENCE_BINS, confidences, side="right") - 1, 0, len(CONFIDENCE_BINS) - 2)
+    bins = [
+        {
+            "from": CONFIDENCE_BINS[place],
+            "to": CONFIDENCE_BINS[place + 1],
+            "objects": int((places == place).sum()),
+            "real": int(real[places == place].sum()),
+            "mean_confidence": round(float(confidences[places == place].mean()), 4),
+        }
+        for place in sorted(set(places.tolist()))
+    ]
+    error = sum(abs(one["real"] - one["objects"] * one["mean_confidence"]) for one in bins)
+    return {"ece": round(error / len(told), 4) if told else None, "bins": bins}
 
 
 @dataclass(frozen=True, slots=True)
 class _Match:
     """Errors and coverage of the pairs found; mapped and true: how many count. nees and ellipses_m2: of every mapped
-    object near a true one."""
+    object near a true one. told: confidence of every mapped object that counts, and whether it was matched."""
 
     errors_m: list[float]
     covered: list[bool]
     nees: list[float]
     ellipses_m2: list[float]
+    told: list[tuple[float, bool]]
     mapped: int
     true: int
 
@@ -81,14 +106,17 @@ def _match(
     standing = [item for item in truth if item.label == label and item.on_floor]
     wanted = scored(standing, minimum_frames)
     pairs = pairs_within(mapped, wanted, radius_m)
-    left = [item for row, item in enumerate(mapped) if row not in {row for row, _ in pairs}]
+    found = {row for row, _ in pairs}
+    left = [item for row, item in enumerate(mapped) if row not in found]
     ignored = pairs_within(left, [item for item in standing if item.frames < minimum_frames], radius_m)
     errors = [float(np.linalg.norm(_offset_m(mapped[row], wanted[column]))) for row, column in pairs]
     covered = [_mahalanobis2(mapped[row], wanted[column]) <= CHI2_95 for row, column in pairs]
     near = [(item, real) for item in mapped if (real := _nearest(item, standing)) is not None]
     nees = [_mahalanobis2(item, real) / 2.0 for item, real in near]
     ellipses = [np.pi * CHI2_95 * float(np.sqrt(np.linalg.det(item.covariance_m2))) for item, _ in near]
-    return _Match(errors, covered, nees, ellipses, len(mapped) - len(ignored), len(wanted))
+    unjudged = {id(left[row]) for row, _ in ignored}
+    told = [(item.confidence, row in found) for row, item in enumerate(mapped) if id(item) not in unjudged]
+    return _Match(errors, covered, nees, ellipses, told, len(mapped) - len(ignored), len(wanted))
 
 
 def _offset_m(item: MapObject, real: TrueObject) -> NDArray[np.float64]:

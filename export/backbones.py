@@ -208,4 +208,5 @@ def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sou
         licence=known.licence if known else "not stated",
         sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
         confidence=known.confidence if known else 0.3,
+        sure_confidence=known.sure_confidence if known else 0.0,
     )

@@ -31,7 +31,7 @@ class SourceArchive:
 class KnownModel:
     """A file that `edgemap pull` can fetch. sums: SHA-256 values, any of which is right; bytes: more than its size.
 
-    confidence: least score of a box, as in the manifest.
+    confidence, sure_confidence: as in the manifest.
     """
 
     name: str
@@ -41,6 +41,7 @@ class KnownModel:
     licence: str
     sources: tuple[Web | SourceArchive, ...]
     confidence: float = 0.3
+    sure_confidence: float = 0.0
 
 
 KNOWN = {
@@ -82,6 +83,7 @@ KNOWN = {
             bytes=4_000_000,
             licence="Apache-2.0 (Megvii, YOLOX)",
             sources=(Web("https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx"),),
+            sure_confidence=0.35,
         ),
         KnownModel(
             name="picodet-s",

@@ -130,6 +130,12 @@ class SightingSums:
         """1 - product of (1 - score) over every fourth sighting."""
         return -math.expm1(self.miss)
 
+    @property
+    def score_log_odds(self) -> float:
+        """Log-odds of the mean score of the sightings: one less the geometric mean of (1 - score)."""
+        missed = min(4.0 * self.miss / self.count, -1e-9)
+        return math.log(-math.expm1(missed)) - missed
+
     def as_object(self, identity: str, label: str, position_m: Array, covariance_m2: Array) -> MapObject:
         """The object that these sums describe."""
         return MapObject(

@@ -307,6 +307,7 @@ def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):
     document = json.loads(result.stdout)
     assert document["odometry"] == "hybrid"  # as `run` has it
     assert (document["objects_true"], document["path_m"]) == (2, 0.0)
+    assert [one["real"] for one in document["true"]["reliability"]["bins"]] == [1]
     for name in ("true", "estimated"):
         assert (document[name]["precision"], document[name]["recall"]) == (1.0, 0.5)
         assert document[name]["median_error_m"] < 0.1

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from edgemap.evaluation.objects import TrueObject, score_map
+from edgemap.evaluation.objects import TrueObject, reliability, score_map
 from edgemap.geometry.objects.map_object import MapObject
 
 
@@ -73,3 +73,20 @@ def test_normalised_nees_is_one_where_covariances_are_right():
     ]
     figures = score_map(objects, [true("bed", 10.0 * i, 0) for i in range(400)])
     assert figures["anees"] == pytest.approx(1.0, abs=0.15)
+
+
+def test_reliability_by_hand():
+    """Two of 0.95 and 0.93 of which one is real, one of 0.55 that is, one of 1.0 that is: |1 - 1.88| in a bin of its
+    own with the 1.0, so |2 - 2.88| + |1 - 0.55| of four."""
+    told = reliability([(0.95, True), (0.93, False), (0.55, True), (1.0, True)])
+    assert [(one["from"], one["objects"], one["real"]) for one in told["bins"]] == [(0.5, 1, 1), (0.9, 3, 2)]
+    assert told["ece"] == pytest.approx((abs(2 - 2.88) + abs(1 - 0.55)) / 4, abs=1e-3)
+    assert reliability([]) == {"ece": None, "bins": []}
+
+
+def test_a_map_tells_how_true_its_confidences_are():
+    """What was hardly seen is not judged; what is matched is real, and a second object on it is not."""
+    objects = [mapped("chair", 1, 0), mapped("chair", 1.2, 0), mapped("chair", 7, 0)]
+    truth = [true("chair", 1, 0), true("chair", 7, 0, frames=3)]
+    (one,) = score_map(objects, truth)["reliability"]["bins"]
+    assert (one["objects"], one["real"], one["mean_confidence"]) == (2, 1, 1.0)

@@ -17,6 +17,7 @@ from edgemap.runtime.trajectory import Trajectory
 pytest.importorskip("matplotlib", reason="figures need the extra 'plot'")
 from edgemap.plots import floor_map
 from edgemap.plots.floor_map import SeenAt, plot_map
+from edgemap.plots.reliability import plot_reliability
 
 PLACES = [(0.0, 0.0), (0.15, 0.1), (-0.1, 0.2), (0.1, -0.25), (3.0, 1.0), (3.1, 1.3)]
 LABELS = ["chair", "dining table", "potted plant", "chair", "refrigerator", "vase"]
@@ -96,3 +97,10 @@ def test_plates_of_boxes_that_share_a_corner_stay_apart(monkeypatch):
     )
     assert len(plates) == 3
     assert not [pair for pair in combinations(plates, 2) if overlap(*pair)]
+
+
+def test_a_reliability_diagram_is_drawn_without_objects_too(tmp_path):
+    bins = [{"from": 0.9, "to": 1.0, "objects": 4, "real": 3, "mean_confidence": 0.95}]
+    for name, told in (("some", {"ece": 0.2, "bins": bins}), ("none", {"ece": None, "bins": []})):
+        drawing = cv2.imread(str(plot_reliability(tmp_path / f"{name}.png", told)))
+        assert drawing.std() > 1.0
