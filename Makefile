@@ -51,7 +51,7 @@ lint: setup
 	$(BIN)/pyright
 	PYTHONPATH=.typing $(BIN)/lint-imports  # .typing/ shows every room under one package
 
-# Which changes of the code that places objects no test would notice: a seeded sample, an hour at most, on demand.
+# Mutation testing of the code that places objects: a seeded sample, an hour at most, on demand.
 MUTANTS ?= --sample 300 --seed 1 --minutes 60
 mutants: setup
 	$(BIN)/python scripts/mutants.py $(MUTANTS)
@@ -87,7 +87,7 @@ PAPER_OUT ?= runs/paper-tables
 paper-tables: setup
 	$(BIN)/python -m edgemap.benchmarks.paper_tables --seeds $(PAPER_SEEDS) -o $(PAPER_OUT)
 
-# Renders the demo drive anew (runtime/demo/); some minutes.
+# Renders the demo drive again (runtime/demo/); some minutes.
 demo: setup
 	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/demo
 

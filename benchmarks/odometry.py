@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.benchmarks.odometry_replay import FeatureSource, Followed, follow
 from edgemap.evaluation.attitude import attitude_figures
 from edgemap.evaluation.availability import availability
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
@@ -26,7 +27,6 @@ from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives import READERS, open_drive
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.odometry_replay import FeatureSource, Followed, follow
 
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 

@@ -36,7 +36,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 
-USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help tells all of a command's options)"
+USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help lists a command's options)"
 
 
 def overview() -> str:

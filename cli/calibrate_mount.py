@@ -40,7 +40,7 @@ def command(
     thickness: Annotated[float, arg(metavar="METRES", help="Of the board, added to the height.")] = 0.0,
     height: Annotated[
         float | None,
-        arg(metavar="METRES", help="Lens above the floor, by ruler, where neither depth nor wheels tell it."),
+        arg(metavar="METRES", help="Lens above the floor, by ruler, for sources with neither depth nor wheels."),
     ] = None,
     out: OutYaml = Path("camera.yaml"),
     frames: Pictures = None,
@@ -128,7 +128,7 @@ def _by_edges(
     from edgemap.runtime.odometry import wheel_trajectory
 
     if height is None and wheel is None:
-        raise OptionError(f"{camera} has neither depth nor wheels to tell the height: pass --height METRES")
+        raise OptionError(f"{camera} has neither depth nor wheels to measure the height: pass --height METRES")
     with open_described(camera, camera_file) as source, stop_on_signals() as stop:
         count = min(frames or source.frame_count or 10 * EDGES, source.frame_count or 10 * EDGES)
         every = max(1, math.ceil(count / EDGES))

@@ -167,17 +167,14 @@ def _draw(
 
 
 def _trajectory(folder: Path) -> Trajectory | None:
-    """The run's trajectory; None where it is missing, empty or damaged, which is said."""
-    from edgemap.geometry.errors import MapError
+    """The run's trajectory; None where it is missing or empty, and where it is damaged, with a message."""
     from edgemap.runtime.errors import OdometryError
+    from edgemap.runtime.mapfiles.trajectory import trajectory_of
     from edgemap.runtime.reading import tell
-    from edgemap.runtime.sightings_file import complete_lines
-    from edgemap.runtime.trajectory import parse_tum
 
-    path = folder / "trajectory.tum"
     try:
-        return parse_tum(b"".join(complete_lines(path)), str(path))
-    except (MapError, OdometryError) as error:
+        return trajectory_of(folder)
+    except OdometryError as error:
         tell(f"(the trajectory is not drawn: {error})")
         return None
 

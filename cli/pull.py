@@ -38,7 +38,7 @@ def command(
         if source.startswith("http:"):
             tell(
                 f"{source}: plain http has no authenticity: whoever is on the way can send another bundle; its sums "
-                "only tell that it arrived complete"
+                "only show that it arrived complete"
             )
         folder = install_url(source)
     elif not known(source) and user_path(source).exists():

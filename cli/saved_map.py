@@ -18,7 +18,7 @@ SavedMap = Annotated[
         name="map",
         metavar="SAVED",
         help="Go on with a saved map (map.json or run folder): its objects keep their ids. Where in it the robot is, "
-        "is found by its objects once enough of them are seen, or told by --start.",
+        "is found by its objects once enough of them are seen, or given by --start.",
     ),
 ]
 StartText = Annotated[

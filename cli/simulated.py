@@ -32,7 +32,7 @@ def open_simulated(
 
 
 def simulated(spec: str, frames: int | None = None) -> SimCamera:
-    """The world of `sim:SEED` as a camera; 450 frames unless told otherwise.
+    """The world of `sim:SEED` as a camera; 450 frames unless --frames is given.
 
     Raises OptionError for a seed that is no number, and MissingExtraError where the extra is missing.
     """

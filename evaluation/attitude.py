@@ -13,7 +13,7 @@ from edgemap.geometry.se2 import wrap_angle
 
 
 def attitude_figures(found: Sequence[Attitude | None], true: Sequence[Attitude] | None) -> dict[str, Any]:
-    """`sources`: share of the frames in which each told the attitude. Against true ones, where they are known:
+    """`sources`: share of the frames in which each gave the attitude. Against true ones, where they are known:
     `pitch_rms_deg`, `roll_rms_deg`, `max_deg`, and `nees` (2 on average where consistent); else null.
     """
     names = Counter("none" if attitude is None else attitude.source for attitude in found)

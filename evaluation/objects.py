@@ -14,7 +14,7 @@ from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 CONFIDENCE_BINS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away tells nothing of its covariance
+CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away says nothing about its covariance
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ SHAPES: dict[str, Polygon] = {
 }
 
 # Two sets of three colours, each 3:1 against white and against the dark page's cards (WCAG 2.2, 1.4.11). Within a set
-# they stay apart for every kind of colour blindness, so two marks differ by shape or by a colour that all can tell.
+# they stay apart for every kind of colour blindness, so two marks differ by shape or by a colour that all can see.
 _SETS = (("#0072b2", "#857a00", "#d0255f"), ("#c77700", "#2f8a7a", "#7766cc"))
 MARKS = tuple(
     Mark(shape, _SETS[number % 2][(number // 2 + turn) % 3]) for turn in range(3) for number, shape in enumerate(SHAPES)

@@ -33,7 +33,7 @@ class ConfigError(EdgemapError):
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The step's tuned numbers by stage; each class tells meaning, unit and reason of its own.
+    """The step's tuned numbers by stage; each class documents meaning, unit and reason of its own.
 
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
     landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera: when a live one is
@@ -78,7 +78,7 @@ def load_config(path: Path) -> tuple[Config, dict[str, Any]]:
 
 
 def load_efforts(path: Path) -> list[Effort]:
-    """What a budget decided in the run that a run.json tells of, in order; none for a YAML file. Raises ConfigError."""
+    """The decisions of a budget in the run of a run.json, in order; none for a YAML file. Raises ConfigError."""
     path = _file(path)
     if path.suffix != ".json":
         return []

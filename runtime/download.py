@@ -30,7 +30,7 @@ TIMEOUT_S = 10.0  # to connect, and between two pieces
 LOOK_EVERY_S = 0.1
 PIECE = 1 << 16  # bytes
 LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # a transfer may take the former, and a second for so many bytes besides
-LARGEST_BYTES = 1 << 30  # of a file whose size nobody told
+LARGEST_BYTES = 1 << 30  # of a file of unknown size
 NOTES_BYTES = 4096
 
 
@@ -215,7 +215,7 @@ def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int
         same, validator = noted.url == url, noted.validator
     except DownloadError:
         same, validator = False, ""
-    # Without the server's mark only a sum at the end tells whether both halves belong together.
+    # Without the server's mark only a sum at the end shows whether both halves belong together.
     if not part.is_file() or not same or not (validator or checked):
         return 0, ""
     return part.stat().st_size, validator

@@ -99,7 +99,7 @@ class Edits:
         return failed
 
     def _note(self, edit: Edit, frames: int) -> None:
-        """Record it; a disk that is full gets it with the next one, and the run folder tells of it."""
+        """Record it; a full disk gets it with the next one, and the run folder reports it."""
         line = json.dumps({"frames": frames} | _changed_fields(edit))
         for record in self.recorders:
             record(line)

@@ -42,4 +42,4 @@ class Ros2Error(EdgemapError):
 
 
 class CalibrationError(EdgemapError):
-    """Pictures from which a lens or a mount cannot be told well enough."""
+    """Pictures from which a lens or a mount cannot be determined well enough."""

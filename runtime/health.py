@@ -60,7 +60,7 @@ class PictureHealth:
 
     @property
     def blind(self) -> bool:
-        """Whether the picture tells nothing new."""
+        """Whether the picture has no information."""
         return bool(self.kind)
 
 

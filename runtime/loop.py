@@ -29,19 +29,19 @@ def steps(
 ) -> Generator[StepResult, None, None]:
     """Drive until the camera ends, `frames` are done, `stop` is set or the iterator is closed; one result a frame.
 
-    A camera fault is told to the sinks and driving goes on; strict: it ends the run. While a live camera is away the
-    pose is carried on by what needs no picture. beat: called with one line at every step, and every half second without
-    a frame. edits: taken between two steps. A sink that fails is a fault that is told (`SinkGroup`). Sinks are closed
-    whatever happens, so the map gathered so far is on disk. A known failure on the way is told to the sinks before it
-    is raised again.
+    Camera faults are reported to the sinks and driving goes on; strict: the first one ends the run. While a live camera
+    is away the pose is carried on by sources that need no picture. beat: called with one line at every step, and every
+    half second without a frame. edits: applied between two steps. A sink that fails is reported as a fault
+    (`SinkGroup`). Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure is reported
+    to the sinks before it is raised again.
     """
     done = 0
     faults: list[CameraFault] = []
-    told, edits = SinkGroup(sinks), edits or Edits()
+    group, edits = SinkGroup(sinks), edits or Edits()
 
     def take_edits() -> None:
         for text in edits.apply(slam.mapper, done):
-            told.fault(text)
+            group.fault(text)
 
     try:
         while (frames is None or done < frames) and not (stop and stop.is_set()):
@@ -57,23 +57,23 @@ def steps(
                 if strict and fault.counted:
                     raise
                 faults.append(fault)
-                told.fault(str(fault))
+                group.fault(str(fault))
                 continue
             if frame is None:
                 break
             result = slam.step(frame, faults)
             faults.clear()
             objects = slam.objects()
-            told.write(result, objects)
+            group.write(result, objects)
             done += 1
             beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
             yield result
         take_edits()
     except EdgemapError as error:
-        told.fault(str(error))
+        group.fault(str(error))
         raise
     finally:
-        told.close()
+        group.close()
 
 
 def run(

@@ -1,4 +1,4 @@
-"""Loop closure: landmarks observed again tell how far odometry has drifted, and correct trajectory and map."""
+"""Loop closure: landmarks observed again measure the drift of odometry, and correct trajectory and map."""
 
 from __future__ import annotations
 

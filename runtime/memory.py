@@ -13,7 +13,7 @@ STATM = Path("/proc/self/statm")  # its first number: pages of address space
 @contextmanager
 def bounded_memory(more_bytes: int) -> Iterator[None]:
     """Let the process take at most so much address space beyond what it has; allocations over that fail as on a machine
-    without memory. Holds for all threads; for one user at a time. No bound where the system does not tell the size."""
+    without memory. Holds for all threads; for one user at a time. No bound where the system reports no size."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     try:
         limit = int(STATM.read_text().split(maxsplit=1)[0]) * resource.getpagesize() + more_bytes

@@ -30,7 +30,7 @@ def _flags(cpuinfo: Path) -> set[str]:
 
 
 def processor_name() -> str:
-    """The processor's name as the system tells it, else its architecture."""
+    """The processor's name as the system reports it, else its architecture."""
     if CPUINFO.is_file():
         for line in CPUINFO.read_text().splitlines():
             if line.startswith("model name"):

@@ -16,7 +16,7 @@ Array = NDArray[np.float32]
 
 SIZE = 64, 48  # px that pictures are averaged down to
 SMALL_PX, LARGE_PX = 8, 16  # tiles of it, for what changes and for what shifts
-VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to tell a gain
+VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estimate a gain
 
 
 @dataclass(frozen=True, slots=True)

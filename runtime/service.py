@@ -1,4 +1,4 @@
-"""What systemd is told of a run that it supervises: `sd_notify` (3), a datagram to the socket in `$NOTIFY_SOCKET`."""
+"""Messages to systemd about a run that it supervises: `sd_notify` (3), a datagram to the socket in `$NOTIFY_SOCKET`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
-BEATS = 4  # told this often within the time that the watchdog allows
+BEATS = 4  # messages within the time that the watchdog allows
 
 
 class ServiceNotifier:

@@ -1,4 +1,4 @@
-"""The HTTP API of a run: what it maps and how it goes, to be read by any program. docs/http-api.md tells the same."""
+"""The HTTP API of a run: what it maps and how it goes, to be read by any program. docs/http-api.md documents it."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
 
 TRAIL_STEP_M = 0.03
-MOVED_M = 0.1  # of loop corrections since the trail was last told
+MOVED_M = 0.1  # of loop corrections since the trail was last sent
 RATE_OVER = 20  # frames over which the frame rate is averaged
 
 
@@ -72,7 +72,7 @@ class LivePage:
         self.effort: Callable[[], Effort] = Effort  # what a budget has the run do
         self.newest: Moment | None = None
         self.revision = 0
-        self.epoch = 0  # counts how often everything told before has moved
+        self.epoch = 0  # counts how often everything sent before has moved
         self.finished = False
         self.trail: Tail[tuple[float, float]] = Tail(20_000)
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
@@ -82,7 +82,7 @@ class LivePage:
         self._moved_m = 0.0
         self._arrivals_s: deque[float] = deque(maxlen=RATE_OVER)
         self._last_fault = ""
-        self.last_fault: Fault | None = None  # that somebody else than the step told
+        self.last_fault: Fault | None = None  # reported by something else than the step
         self._trail_end: tuple[float, float] | None = None
         self._wake: Callable[[], None] | None = None
 
@@ -174,7 +174,7 @@ class LivePage:
         return path
 
     def _tell_again(self, trajectory: PoseJournal) -> None:
-        """Trail and sightings so far are elsewhere than told."""
+        """Trail and sightings sent so far have moved."""
         self._moved_m = 0.0
         if not self._trail_s:
             return

@@ -25,7 +25,7 @@ START_LIMIT_S = 10.0
 class PageServer:
     """Serves a page until `close`. host: a name or address of this machine; beyond loopback a token is demanded.
 
-    port: 0 for any free one. told: called with one line where the server dies; the run goes on.
+    port: 0 for any free one. report: called with one line where the server dies; the run goes on.
     Raises ViewError, one line, where the address cannot be had.
     """
 

@@ -14,7 +14,7 @@ from edgemap.view.page import LivePage
 
 SILENT_S = 2.0  # without a step
 SLOW_SHARE = 0.85  # of the camera's rate; below it pictures are dropped or come late
-NEWS_S = 15.0  # a fault that was told stays among the problems this long
+NEWS_S = 15.0  # a reported fault stays among the problems this long
 UNSURE_M, UNSURE_RAD = 0.5, math.radians(15.0)  # one sigma of the pose at which the map cannot be trusted
 
 Level = Literal["ok", "degraded", "fault"]
@@ -75,7 +75,7 @@ def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
     found = []
     if result.health.blind:
         level: Level = "degraded" if result.health.stale else "fault"
-        found.append(Alert(level, "picture", f"The picture tells nothing new: {result.health.reason}."))
+        found.append(Alert(level, "picture", f"The picture has no information: {result.health.reason}."))
     if result.motion.fault:
         found.append(Alert("degraded", "odometry", f"Odometry: {result.motion.fault}."))
     effort, rate_hz = page.effort(), page.rate_hz()

@@ -72,7 +72,7 @@ class Cursor:
         self.revision = -1
         self._with_sightings = False
         self._frame: Frame | None = None
-        self._zones: list[dict[str, Any]] | None = None  # as told
+        self._zones: list[dict[str, Any]] | None = None  # as sent
         self._objects: dict[str, MapObject] = {}
         self._trail = self._sightings = self._faults = self._epoch = 0
 

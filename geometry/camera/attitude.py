@@ -32,7 +32,7 @@ class Attitude:
     positive leaning right.
 
     covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
-    height_m: the lens above the floor in this frame, None for the mount's. rotation: None where no gyro tells it.
+    height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: what it comes from, for people. fault: one line where it shows that the mount is wrong, once.
     """
 

@@ -15,7 +15,7 @@ from edgemap.geometry.errors import GeometryError
 
 Array = NDArray[np.float64]
 
-FARTHEST_HEIGHTS = 20.0  # of the nearest floor in the picture; at 3 degrees below the horizon boxes tell no distance
+FARTHEST_HEIGHTS = 20.0  # of the nearest floor in the picture; at 3 degrees below the horizon boxes give no distance
 LOWEST_M = 0.02  # of a lens above the floor in one frame
 STEEPEST_RAD = math.radians(89.0)  # beyond it a picture has no floor ahead
 

@@ -23,7 +23,7 @@ NOISE_M, NOISE_PER_M = 0.01, 0.005  # of a point's height over the floor: consta
 BAND = 2.5  # standard deviations about a plane that count as on it
 FOLLOW_BANDS = ((0.05, 0.06), (0.03, 0.03), *[(0.0, 0.0)] * 4)  # m and rad about the expected plane, beside noise
 CORRELATED = 30.0  # neighbouring depths err together: so many points count as one
-SURE_RAD, SURE_M = math.radians(0.4), 0.02  # a plane that is known less well than this is not told
+SURE_RAD, SURE_M = math.radians(0.4), 0.02  # a less certain plane is not returned
 QUIETEST = 0.15  # of that noise, when the plane's own points scatter less: else what stands on the floor lifts it
 
 

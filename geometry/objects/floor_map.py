@@ -36,7 +36,7 @@ from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrec
 
 Array = NDArray[np.float64]
 
-MERGED_IDS = 4096  # ids that are no more, told until so many newer ones are
+MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 
 
 @dataclass(slots=True, eq=False)

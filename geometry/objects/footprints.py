@@ -1,4 +1,4 @@
-"""How much floor an object takes, as far as its class and its apparent size tell; its heading is not known."""
+"""Floor area of an object by its class and its apparent size; its heading is unknown."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ class SightingSums:
         self.weight += sighting.weight
         self.width_m += sighting.width_m
         self.height_m += sighting.height_m
-        self.miss += math.log1p(-min(sighting.score, 0.999)) / 4.0  # four in a row tell about as much as one
+        self.miss += math.log1p(-min(sighting.score, 0.999)) / 4.0  # four in a row weigh about as much as one
         self.first_seen_s = min(self.first_seen_s, sighting.stamp_s)
         self.last_seen_s = max(self.last_seen_s, sighting.stamp_s)
 

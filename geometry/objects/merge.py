@@ -83,7 +83,7 @@ def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs:
 def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObject:
     """One object of two sightings of it by different maps, in one frame; id and label of the first.
 
-    What a box does not tell of the footprint is the same error in both maps: it does not shrink. Where the two differ
+    The part of a footprint that no box shows is the same error in both maps: it does not shrink. Where the two differ
     by more than their covariances allow (99 %), these are scaled until they agree (Birge ratio).
     """
     difference = theirs.position_m - ours.position_m

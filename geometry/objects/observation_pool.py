@@ -26,7 +26,7 @@ CELL_M = 0.25  # side of the cells: under the distance of two chairs, over a goo
 SIDES = 8  # of an object: sightings from one side share what the class's shape gets wrong
 VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
 MAXIMUM_VIEWS = 16  # of a pool: old ones were placed by poses that are known less well by now
-DIRECTIONS = 24  # from an object, in each of which the farthest place that it was seen from is told
+DIRECTIONS = 24  # from an object; for each the farthest position that it was seen from is reported
 SAVED_SIDE = -1
 
 
@@ -89,7 +89,7 @@ class ObservationPool:
         return known
 
     def is_apart(self, other: ObservationPool) -> bool:
-        """Whether the two are certainly two objects: seen in one frame, or told apart by an earlier map."""
+        """Whether the two are certainly two objects: seen in one frame, or separate in an earlier map."""
         return other in self.beside or (self.saved is not None and other.saved is not None)
 
     def add(self, placed: PlacedSighting, frame: int) -> None:

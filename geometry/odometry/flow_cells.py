@@ -1,4 +1,4 @@
-"""What a learned odometry is told of lens and mount: the floor's geometry at each cell of its grid."""
+"""Input of a learned odometry about lens and mount: the floor's geometry at each cell of its grid."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
 
-SHORTEST_M = 0.7  # nearer objects tell too little of the turn
+SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
 MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first
 MAXIMUM_MODES = 16  # clearly different motions that are looked at closely
 SAME_PLACE_M, SAME_TURN_RAD = 0.4, 0.2  # motions that differ by less are one

@@ -16,7 +16,7 @@ def open_attitude(
 ) -> AttitudeSource:
     """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
     frames bring any and `imu` allows it, else the mount; either about a mount that the room's edges check. Where a
-    frame brings depth, the floor in it tells attitude and height."""
+    frame brings depth, the floor in it gives attitude and height."""
     if odometry == "truth" and camera.attitudes is not None:
         return RecordedAttitude(camera.attitudes, floor.mount)
     rule = rule or AttitudeRule()

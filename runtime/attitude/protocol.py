@@ -1,4 +1,4 @@
-"""What tells the step how the camera is tilted."""
+"""Sources of the camera's tilt in each step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chessboard: finding its inner corners in pictures, and keeping pictures that tell something new."""
+"""The chessboard: finding its inner corners in pictures, and keeping pictures with new views."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def fit_floor_depth(
 ) -> FloorDepthFit:
     """The mount whose floor the depth pictures, (H, W) metres along the optical axis, show; NaN or 0 where unknown.
 
-    lens: of these pictures. up: (3,) in the optical frame by gravity, where an IMU tells it. Medians over the pictures.
+    lens: of these pictures. up: (3,) in the optical frame by gravity, where there is an IMU. Medians over the pictures.
     Raises CalibrationError with the numbers for too few pictures with a floor and for pictures that do not agree.
     """
     rng, examined = np.random.default_rng(seed), 0

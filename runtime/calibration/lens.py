@@ -1,4 +1,4 @@
-"""Intrinsics from views of a chessboard, and whether the views could tell them."""
+"""Intrinsics from views of a chessboard, and whether the views determine them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class LensFit:
 
 
 def fit_lens(views: list[BoardView], board: Board, size: tuple[int, int]) -> LensFit:
-    """Focal lengths, principal point and Brown-Conrady's k1, k2, p1, p2 (k3 = 0: boards seldom tell it).
+    """Focal lengths, principal point and Brown-Conrady's k1, k2, p1, p2 (k3 = 0: boards seldom determine it).
 
     Zhang's method, by OpenCV. Views that fit three times worse than the median are left out once. size: (width, height)
     of the pictures. Raises CalibrationError, one line with the numbers, where views are too few, see too little of the

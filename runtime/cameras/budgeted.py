@@ -15,7 +15,7 @@ from edgemap.runtime.frame import Frame
 
 
 class BudgetedCamera(CameraAround):
-    """Frames are taken and marked as a budget decides; a change is told as a `CameraFault` that counts as none.
+    """Frames are taken and marked as a budget decides; a change is reported as a `CameraFault` that is not counted.
 
     replayed: what another run's budget decided, which is then kept to. efforts: all decisions so far, as plain values.
     """

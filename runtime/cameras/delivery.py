@@ -18,7 +18,7 @@ DARKEST, BRIGHTEST = 8.0, 247.0  # mean levels beyond which a colour picture may
 class DeliveryCheck:
     """Turns a device's pictures into those of one stream. size: (width, height) in px that every one must have.
 
-    tell: called with each fault. What is wrong for several frames on end is told once, when it begins.
+    report: called with each fault. A fault that lasts several frames is reported once, when it begins.
     """
 
     def __init__(self, name: str, size: tuple[int, int], report: Callable[[CameraFault], None]) -> None:

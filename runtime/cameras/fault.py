@@ -1,4 +1,4 @@
-"""What can go wrong with the delivery of frames, as types: each fault is counted and told, and reading goes on."""
+"""Faults in the delivery of frames, as types: each is counted and reported, and reading goes on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from edgemap.runtime.errors import CameraError
 
 
 class FaultKind(StrEnum):
-    """What was wrong. `RECOVERED` tells of the end of an outage, `EFFORT` of a budget's decision: news, no faults."""
+    """What was wrong. `RECOVERED`: the end of an outage; `EFFORT`: a budget's decision; both are no faults."""
 
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error

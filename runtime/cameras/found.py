@@ -85,7 +85,7 @@ def _captures(node: Path) -> bool:
     try:
         handle = os.open(node, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
-        return True  # busy, say: opening it will tell
+        return True  # busy, for instance: opening it will show
     try:
         fcntl.ioctl(handle, QUERYCAP, answer)
     except OSError:

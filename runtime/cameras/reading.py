@@ -12,7 +12,7 @@ from edgemap.runtime.frame import Frame
 def next_frame(
     camera: Camera, report: Callable[[CameraFault], None], stopped: Callable[[], bool] = lambda: False
 ) -> Frame | None:
-    """The next frame; None at the end, or when `stopped` says so while there is none. Each fault before it is told."""
+    """The next frame; None at the end, or when `stopped` says so while there is none. Reports each fault before it."""
     while not stopped():
         try:
             return camera.read()

@@ -62,7 +62,7 @@ def recorded_motion(rs: ModuleType, path: Path) -> ImuSamples | None:
     """All inertial samples of a recording; None where it has no gyro and accelerometer.
 
     They are read through the playback's own sensor: waiting for frame sets gives one sample a picture only.
-    Its status is asked for: a callback that tells it would be Python on the thread that is waited for at the end.
+    Its status is polled: a callback would be Python on the thread that is joined at the end.
     """
     context = rs.context()
     device = context.load_device(str(path))

@@ -120,7 +120,7 @@ class RecordingCamera(CameraBase):
         return pictures[0]
 
     def _first_complete(self) -> tuple[int, Any, str]:
-        """The first picture that can be decoded; those before it are told when the frames are read."""
+        """The first picture that can be decoded; those before it are reported when the frames are read."""
         self._damaged: list[CameraFault] = []
         while len(self._damaged) < MAXIMUM_DAMAGED:
             try:

@@ -18,7 +18,7 @@ RETRY_S = 0.05  # between two grabs, the first of which failed
 class Supervisor:
     """Grabs from a device that its driver opened, and opens it again where it fails.
 
-    `poll` belongs to one thread. tell: called with every fault. clock_s, wait: seconds that only go forward, and
+    `poll` belongs to one thread. report: called with every fault. clock_s, wait: seconds that only go forward, and
     waiting them or until `wake`; tests pass their own.
     """
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import msgspec
 import yaml
 from msgspec import Meta
 
@@ -38,9 +39,29 @@ Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
 Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
 
 
-class _Distortion(Strict):
+class DistortionRecord(Strict):
+    """As `geometry.camera.intrinsics.Distortion`."""
+
     model: Name = "none"
     coefficients: Annotated[tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], ...], Meta(max_length=5)] = ()
+
+
+class LensRecord(Strict):
+    """As `geometry.camera.intrinsics.Intrinsics`, px."""
+
+    width: Side
+    height: Side
+    fx: Focal
+    fy: Focal
+    cx: Coordinate
+    cy: Coordinate
+    distortion: DistortionRecord | None = None
+
+    def intrinsics(self) -> Intrinsics:
+        """The lens. Raises GeometryError."""
+        distortion = self.distortion or DistortionRecord()
+        lens = Distortion(distortion.model, distortion.coefficients)
+        return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy, lens)
 
 
 class _Mount(Strict):
@@ -51,14 +72,7 @@ class _Mount(Strict):
     left_m: Arm = 0.0
 
 
-class _CameraYaml(Strict):
-    width: Side
-    height: Side
-    fx: Focal
-    fy: Focal
-    cx: Coordinate
-    cy: Coordinate
-    distortion: _Distortion | None = None
+class _CameraYaml(LensRecord):
     fps: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
     world_up: UpAxis | None = None
     mount: _Mount | None = None
@@ -72,24 +86,9 @@ def read_camera_yaml(path: Path) -> CameraFile:
     """
     # Lax, because YAML 1.1 reads 1e-3 as text.
     record = convert(read_yaml(path, CameraError), _CameraYaml, path, CameraError, strict=False)
-    distortion = record.distortion or _Distortion()
     try:
-        intrinsics = Intrinsics(
-            record.width,
-            record.height,
-            record.fx,
-            record.fy,
-            record.cx,
-            record.cy,
-            Distortion(distortion.model, distortion.coefficients),
-        )
-        mount = record.mount and Mount.from_degrees(
-            record.mount.height_m,
-            record.mount.pitch_deg,
-            record.mount.roll_deg,
-            record.mount.forward_m,
-            record.mount.left_m,
-        )
+        intrinsics = record.intrinsics()
+        mount = record.mount and Mount.from_degrees(**msgspec.structs.asdict(record.mount))
     except GeometryError as error:
         raise CameraError(f"{path}: {error}") from None
     return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {})

@@ -83,7 +83,7 @@ def decoded(data: bytes, name: str, flags: int) -> MatLike | None:
 
 
 def _is_cut_short(data: bytes) -> bool:
-    # Decoders fill what is missing with grey and say nothing; the end markers tell.
+    # Decoders fill what is missing with grey, without an error; the end markers show it.
     if data.startswith(b"\xff\xd8"):
         return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
     return data.startswith(b"\x89PNG") and b"IEND" not in data

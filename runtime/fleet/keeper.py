@@ -79,7 +79,7 @@ class PlaceKeeper:
     """Takes each robot's latest map, and merges when `update` is called; `folder/map.json` is the place's.
 
     Robots' maps are kept in `folder/robots/NAME.json`, so that a robot that is away stays in the map, through a
-    restart too. A damaged or too large message is refused and its reason told; the map before it stays.
+    restart too. A damaged or too large message is refused with the reason; the map before it stays.
     Raises PublishError, MissingExtraError, MapError for a map in the folder that is none, or DiskError.
     """
 

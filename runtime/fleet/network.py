@@ -73,7 +73,7 @@ def open_session(connect: str = "", listen: str = "", wait_s: float | None = Non
 
 
 def rounded(pose: SE2) -> list[float]:
-    """x, y and yaw as messages tell them: to a millimetre and a tenth of a milliradian."""
+    """x, y and yaw as in messages: to a millimetre and a tenth of a milliradian."""
     return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 4)]
 
 

@@ -15,7 +15,7 @@ from edgemap.runtime.trajectory import Trajectory
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
 CORNERS = 32
-STEP_M = 0.05  # the way is told no finer
+STEP_M = 0.05  # spacing of the trajectory's points
 
 
 def geojson_text(

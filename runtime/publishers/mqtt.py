@@ -14,7 +14,7 @@ from edgemap.runtime.extras import need
 from edgemap.runtime.map_file import object_record
 from edgemap.runtime.slam import StepResult
 
-MOVED_M = 0.25  # an object has moved when it stands so far from where it was last told to be
+MOVED_M = 0.25  # an object has moved when it is so far from its last published position
 STATE_EVERY_S = 1.0  # of stream
 CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
@@ -97,7 +97,7 @@ class MqttPublisher:
         self._client.loop_stop()
 
     def _begin(self) -> None:
-        """A new connection: what is retained, told in full. Objects of an earlier run answer to `_on_message`."""
+        """A new connection: all retained messages again. Objects of an earlier run answer to `_on_message`."""
         self._client.publish(*discovery(self._robot, self.root, self._version), qos=1, retain=True)
         self._publish("status", "online", retain=True)
         for item in self._published.values():
@@ -153,7 +153,7 @@ class MqttPublisher:
         self._refused = "cannot be reached"
 
     def _on_message(self, client: Any, userdata: Any, message: Any) -> None:  # noqa: ARG002
-        """An object that is retained at the broker: taken away unless this run has told it."""
+        """An object that is retained at the broker: removed unless this run has published it."""
         with self._objects:
             topics = {f"{self.root}/objects/{topic_level(identity)}" for identity in self._published}
             if message.retain and message.payload and message.topic not in topics:

@@ -14,14 +14,15 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.decisions import Decisions
+from edgemap.runtime.drives.camera_yaml import LensRecord
 from edgemap.runtime.errors import CameraError, OdometryError
 from edgemap.runtime.number_rows import ROW_LIMIT
-from edgemap.runtime.reading import Coordinate, Name, Side, Stamp, Strict, decode_json, one_line
+from edgemap.runtime.reading import Coordinate, Stamp, Strict, decode_json, one_line
 from edgemap.runtime.trajectory import Trajectory
 
 RECORD = "edgemap.recording"  # name of the MCAP metadata record
@@ -53,21 +54,6 @@ def facts_record(facts: Facts) -> dict[str, str]:
     }
 
 
-class _RecordedDistortion(Strict):
-    model: Name
-    coefficients: Annotated[tuple[Coordinate, ...], Meta(max_length=5)]
-
-
-class _Lens(Strict):
-    width: Side
-    height: Side
-    fx: Coordinate
-    fy: Coordinate
-    cx: Coordinate
-    cy: Coordinate
-    distortion: _RecordedDistortion
-
-
 class _RecordedMount(Strict):
     height_m: Coordinate
     pitch_rad: Coordinate
@@ -77,7 +63,7 @@ class _RecordedMount(Strict):
 
 
 _DECISIONS: Any = Decisions | None
-_LENS: Any = _Lens | None
+_LENS: Any = LensRecord | None
 _MOUNT: Any = _RecordedMount | None
 _RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
 
@@ -96,14 +82,11 @@ def read_facts(record: dict[str, str], where: str) -> Facts:
     try:
         return Facts(
             one_line(record["camera"]),
-            lens and Intrinsics(
-                lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
-                Distortion(lens.distortion.model, lens.distortion.coefficients),
-            ),
+            lens and lens.intrinsics(),
             mount and Mount(**msgspec.structs.asdict(mount)),
             rate_hz,
             decode_json(record.get("decisions", "null"), _DECISIONS, f"{where}: decisions", CameraError),
-        )  # fmt: skip
+        )
     except GeometryError as error:
         raise CameraError(f"{where}: {error}") from None
 

@@ -145,7 +145,7 @@ def _zone(sheet: Sheet, zone: Zone) -> Markup:
 
 
 def _name(item: MapObject, spot: tuple[float, float, str]) -> Markup:
-    """The name beside its object; of an id on a narrow screen the number alone, its mark tells the label."""
+    """The name beside its object; of an id on a narrow screen the number alone, its mark shows the label."""
     x, y, anchor = spot
     if item.name:
         return el("text", item.name, x=x, y=y, text_anchor=anchor, class_="name")
@@ -186,7 +186,7 @@ def _line(sheet: Sheet, trajectory: Sequence[SE2], name: str, title: str) -> Mar
     points = sheet.at(np.array([[pose.x_m, pose.y_m] for pose in trajectory]))
     kept = [points[0]]
     for point in points[1:]:
-        if np.abs(point - kept[-1]).max() >= 1.0:  # less than a pixel further on tells nothing
+        if np.abs(point - kept[-1]).max() >= 1.0:  # less than a pixel further on is not visible
             kept.append(point)
     return el("polyline", el("title", title), points=polyline([*kept, points[-1]]), class_=name)
 

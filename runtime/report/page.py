@@ -28,7 +28,7 @@ _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """All that a report tells. record: what run.json holds. truth: of the base from its start, None where unknown.
+    """All contents of a report. record: what run.json holds. truth: of the base from its start, None where unknown.
     evaluation_rows: empty where no truth is known. mount_jpeg: the first picture with horizon and metre grid."""
 
     record: dict[str, Any]

@@ -25,11 +25,11 @@ Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 
 
 class ReportFile:
-    """Writes `report.html` into a run folder. Put it AFTER the folder's own sink: the page tells what that has saved.
+    """Writes `report.html` into a run folder. Put it AFTER the folder's own sink: the page shows what that has saved.
 
     truth: the drive's own poses from its start, None where unknown. judge: given the map and the number of frames,
     what the truth says of it; None where no truth is known. crops: gathers the pictures, for others to read. A report
-    that fails never costs the run: `failure` tells why in one line, and `evaluation_rows` are there all the same.
+    that fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are there either way.
     """
 
     name = "report"

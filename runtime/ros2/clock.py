@@ -6,7 +6,7 @@ NEAR_S = 5.0
 
 
 def ros_offset_s(stamp_s: float, wall_s: float, monotonic_s: float) -> float:
-    """What to add to a stream's stamps, told from one frame that was there just now.
+    """Offset to add to a stream's stamps, from one frame that has just arrived.
 
     Cameras stamp by the wall clock or by the monotonic one; what is near neither (a file, a device's own clock)
     counts as taken now.

@@ -1,4 +1,4 @@
-"""RIHS01 hashes of the message types (REP-2011), by which ROS 2 tells types apart from Iron on."""
+"""RIHS01 hashes of the message types (REP-2011), by which ROS 2 distinguishes types from Iron on."""
 
 from __future__ import annotations
 

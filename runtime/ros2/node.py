@@ -191,6 +191,6 @@ def _qos(kind: str, reliability: Reliability, depth: int) -> Any:
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
     ]
-    if kind in HASHES:  # ROS 2 from Iron on tells types apart by it, and warns where it is missing
+    if kind in HASHES:  # ROS 2 from Iron on distinguishes types by it, and warns where it is missing
         policies.append(Policy.Userdata(f"typehash=RIHS01_{HASHES[kind]};".encode()))
     return Qos(*policies)

@@ -10,7 +10,7 @@ from edgemap.runtime.messages.tf_tree import TfTree
 from edgemap.runtime.messages.topics import KINDS, TF, TF_STATIC
 from edgemap.runtime.ros2.node import Node, Reliability
 
-WAIT_S = 6.0  # Fast DDS tells late readers of what is latched every 3 s
+WAIT_S = 6.0  # Fast DDS announces latched topics to late readers every 3 s
 Answer = TypeVar("Answer")
 
 

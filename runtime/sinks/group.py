@@ -1,4 +1,4 @@
-"""The rule for sinks that fail, in one place: it is told, the run goes on, and it is told when they work again."""
+"""The rule for sinks that fail, in one place: the run goes on, and failure and recovery are reported."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class SinkGroup:
                 _log.debug("%s: %s", sink.name, error)
 
     def close(self) -> None:
-        """Close every sink, in order, each failure told to all; then raise the first one."""
+        """Close every sink, in order, each failure reported to all; then raise the first one."""
         failure: Exception | None = None
         for sink in self._sinks:
             try:

@@ -12,11 +12,11 @@ class Sink(Protocol):
     """Takes results while a run lasts: a file, a page, a publisher. All calls come from the run's own thread.
 
     To write one: give it a `name` and the three methods; raise whatever goes wrong. `SinkGroup` holds the rule for
-    every sink: one that raises never ends the run. Its failure is told to all sinks once, as a fault with its name;
-    later results are offered all the same, and the first one that it takes again is told too. So a sink
+    every sink: one that raises never ends the run. Its failure is reported to all sinks once, as a fault with its name;
+    later results are offered all the same, and the first one that it takes again is reported too. So a sink
     - never waits: what may block (a network, a slow disk) goes to a thread or a bounded queue of its own;
     - raises an EdgemapError of one line with what, where and the numbers (an unknown error keeps its traceback in the
-      log), in every `write` that finds it still failing, and does not tell the fault itself;
+      log), in every `write` that finds it still failing, and does not report the fault itself;
     - recovers inside `write` (connects again, opens the file again), at its own pace;
     - keeps references and never changes what it is given.
 

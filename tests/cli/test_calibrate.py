@@ -118,7 +118,7 @@ def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
         (("intrinsics", "--camera", plain, "--board", "nine"), "expected COLSxROWS, like 9x6"),
         (("mount", "--camera", plain, "--square", "0.06", "--camera-file", lens), "0 different views"),
         (("mount", "--camera", plain, "--square", "0.06"), "does not know its lens: calibrate it first"),
-        (("mount", "--camera", plain, "--camera-file", lens), "has neither depth nor wheels to tell the height"),
+        (("mount", "--camera", plain, "--camera-file", lens), "has neither depth nor wheels to measure the height"),
         (("mount", "--camera", plain, "--camera-file", lens, "--height", "1"), "0 pictures with straight edges"),
         (("tilt", "--camera", plain, "--camera-file", lens), "does not know its height above the floor"),
         (("tilt", "--camera", plain, "--camera-file", lens, "--height", "1"), "0 pictures with straight edges"),

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from edgemap.benchmarks.odometry_replay import FeatureSource
 from edgemap.cli.options import chosen_engine, chosen_precision
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime import engine_choice
@@ -17,7 +18,6 @@ from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.network import Compute, Network
 from edgemap.runtime.odometry.learned import LearnedOdometry
-from edgemap.runtime.odometry_replay import FeatureSource
 from edgemap.runtime.store import bundle_folder
 
 NANO = bundle_folder("edgemap-nano")

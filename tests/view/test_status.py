@@ -75,7 +75,7 @@ def test_a_blind_picture_is_a_fault_and_a_repeated_one_is_not(tmp_path, clock):
         result, objects = steps.next()
         clock[0] += 0.1
         page.write(replace(result, observed=replace(result.observed, health=PictureHealth(kind, "why"))), objects)
-        assert told(page) == [(level, "picture", "The picture tells nothing new: why.")]
+        assert told(page) == [(level, "picture", "The picture has no information: why.")]
 
 
 def test_an_uncertain_pose_is_told(tmp_path, clock):

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from edgemap.benchmarks.odometry_replay import Features, follow
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.odometry_replay import Features, follow
 from edgemap.runtime.trajectory import Trajectory
 
 COUNT = 12
