@@ -76,6 +76,28 @@ def test_a_table_that_fills_the_picture_is_no_floor():
     assert found is Other.attitude
 
 
+def faults_of(mounted, believed=MOUNT, frames=45):
+    """Of a camera that nods a little on its mount, 10 pictures a second."""
+    source = DepthAttitude(FloorCamera(LENS, believed), MountAttitude(believed))
+    told = []
+    for index in range(frames):
+        nod = Mount(mounted.height_m, mounted.pitch_rad + math.radians(0.4) * math.sin(index), mounted.roll_rad)
+        told.append(source.step(Frame(index, index / 10, BLANK, depth=depth_room(nod))).fault)
+    return [fault for fault in told if fault]
+
+
+def test_a_mount_that_depth_shows_to_be_wrong_is_a_fault_once():
+    (fault,) = faults_of(Mount.from_degrees(0.6, 15.0))
+    assert fault.startswith("mount: height 0.50 m, pitch 15.0 and roll 0.0 deg given, the floor in 31 depth pictures")
+    assert "says height 0.60 m, pitch 15." in fault or "says height 0.60 m, pitch 14." in fault
+    (fault,) = faults_of(Mount.from_degrees(0.5, 19.0))
+    assert "says height 0.50 m, pitch 19." in fault or "says height 0.50 m, pitch 18." in fault
+
+
+def test_a_mount_that_depth_shows_to_be_right_is_none():
+    assert not faults_of(Mount.from_degrees(0.52, 16.0, 1.0))
+
+
 LEVEL = FloorCamera(LENS, Mount(1.0, 0.0, 0.0, 0.2, 0.0))
 
 
