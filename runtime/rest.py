@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -42,27 +43,34 @@ class RestRule:
     textured: int = 4
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Reference:
-    """The first of unchanged pictures. centred: without its mean. across, down: its gradients, energy (2, tiles) their
-    mean squares. textured: how many tiles show a shift."""
+    """The first of unchanged pictures. centred: without its mean."""
 
     stamp_s: float
     picture: Array
     centred: Array
-    across: Array
-    down: Array
-    energy: Array
     variance: float
-    textured: int
 
     @classmethod
-    def of(cls, picture: Array, stamp_s: float, texture: float) -> _Reference:
-        down, across = (np.asarray(slope, dtype=np.float32) for slope in np.gradient(picture))
-        energy = np.stack([_tiles(across**2, LARGE_PX), _tiles(down**2, LARGE_PX)])
-        textured = int((energy.min(axis=0) > texture).sum())
+    def of(cls, picture: Array, stamp_s: float) -> _Reference:
         centred = picture - picture.mean()
-        return cls(stamp_s, picture, centred, across, down, energy, float((centred**2).mean()), textured)
+        return cls(stamp_s, picture, centred, float((centred**2).mean()))
+
+    @cached_property
+    def slopes(self) -> tuple[Array, Array]:
+        """Its gradients across and down; a robot that drives never asks for them."""
+        down, across = (np.asarray(slope, dtype=np.float32) for slope in np.gradient(self.picture))
+        return across, down
+
+    @cached_property
+    def energy(self) -> Array:
+        """Mean squares of the gradients, (2, tiles)."""
+        return np.stack([_tiles(slope**2, LARGE_PX) for slope in self.slopes])
+
+    def textured(self, texture: float) -> int:
+        """How many tiles show a shift."""
+        return int((self.energy.min(axis=0) > texture).sum())
 
 
 class RestMonitor:
@@ -81,11 +89,11 @@ class RestMonitor:
             return False
         reference, picture = self._reference, _averaged(frame.image)
         if reference is None or health.blind or still is False or _moved(reference, picture, self.rule):
-            self._reference, self._frames = _Reference.of(picture, frame.stamp_s, self.rule.texture), 0
+            self._reference, self._frames = _Reference.of(picture, frame.stamp_s), 0
             return False
         self._frames += 1
         rested_s = frame.stamp_s - reference.stamp_s
-        if still is None and reference.textured < self.rule.textured:
+        if still is None and reference.textured(self.rule.texture) < self.rule.textured:
             return False
         return self._frames >= self.rule.frames and rested_s >= (self.rule.told_s if still else self.rule.seen_s)
 
@@ -112,7 +120,7 @@ def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
     if float(squared.max()) > rule.changed**2:
         return True
     noise = math.sqrt(float(np.median(squared)))
-    slopes = np.stack([_tiles(change * reference.across, LARGE_PX), _tiles(change * reference.down, LARGE_PX)])
+    slopes = np.stack([_tiles(change * slope, LARGE_PX) for slope in reference.slopes])
     energy = reference.energy + rule.texture
     doubt = rule.sigmas * noise / (LARGE_PX * np.sqrt(energy))
     return bool((np.abs(slopes) / energy > rule.shifted_px + doubt).any())

@@ -20,6 +20,7 @@ from edgemap.geometry.odometry.landmarks import (
     Viewpoint,
     excess_scale,
     locate,
+    medians,
     new_landmarks,
     project,
     reduce_tilt,
@@ -312,7 +313,7 @@ class PlanarOdometry:
             self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
         small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
         shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
-        surprise = SHIFT_PX * np.array(shift) - np.median(expected - self._corners, axis=0)
+        surprise = SHIFT_PX * np.array(shift) - medians(expected - self._corners)
         clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
 
@@ -325,8 +326,8 @@ class PlanarOdometry:
         if missing < self._rule.corners // 5:
             return
         free = np.full(grey.shape, 255, dtype=np.uint8)
-        for x, y in self._corners:
-            cv2.circle(free, (int(x), int(y)), self._rule.corners_apart_px, 0, -1)
+        for corner in self._corners.astype(np.intp).tolist():
+            cv2.circle(free, corner, self._rule.corners_apart_px, 0, -1)
         columns, rows = self._corners.astype(np.intp).T
         floors = int((self._landmarks.floor | (self._landmarks.measured & (self._mask[rows, columns] > 0))).sum())
         for mask, have, share in (
