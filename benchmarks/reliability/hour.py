@@ -77,7 +77,7 @@ def inverted(motion: Motion) -> Motion:
     back = motion.motion.inverse()
     c, s = np.cos(motion.motion.yaw_rad), np.sin(motion.motion.yaw_rad)
     wrt_motion: NDArray[np.float64] = np.array([[-c, -s, back.y_m], [s, -c, -back.x_m], [0.0, 0.0, -1.0]])
-    return replace(motion, motion=back, covariance=wrt_motion @ motion.covariance @ wrt_motion.T)
+    return Motion(back, wrt_motion @ motion.covariance @ wrt_motion.T, motion.fault, motion.blind)
 
 
 def _rendered(folder: Path, seed: int, frames: int) -> Drive:

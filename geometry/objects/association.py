@@ -27,7 +27,8 @@ class AssociationRule:
     side. min_count (of what its sightings count, see FloorRule), min_confidence: what an object needs to show
     on the map (chosen on simulated homes). forget_after: frames after which one that does not is dropped.
     maximum_pools: of one object, the least recent ones of more are joined. budget: pools that moved, or were only seen
-    better, associated again in one frame. still_m: what moves by less needs no association.
+    better, associated again in one frame. still_m: what moves by less needs no association; grown: nor what was not yet
+    seen so many times as often as when it was associated last.
     real_log_odds, real_slope, real_score: that an object is real, after one full sighting with a mean score of 0.5, per
     e-fold of full sightings, and per unit of the mean score's log-odds, as a box's score is about its precision on
     photographs (logistic regression on the 199 objects that two detectors map in seven tuning drives).
@@ -44,6 +45,7 @@ class AssociationRule:
     maximum_pools: int = 8
     budget: int = 8
     still_m: float = 0.02
+    grown: float = 1.25
     real_log_odds: float = -3.05
     real_slope: float = 0.98
     real_score: float = 1.5

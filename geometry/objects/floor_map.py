@@ -8,6 +8,7 @@ keeps its id. Everything moves with the pose that it was seen from.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -229,7 +230,8 @@ class FloorMap:
         else:
             for pool in pools:
                 self._change(self._owner[pool].id)
-                self._pending[pool] = None
+                if pool.sums.count >= pool.due:
+                    self._pending[pool] = None
         return [self._owner[pool].id for pool in pools]
 
     def _associate_pending(self) -> None:
@@ -249,6 +251,8 @@ class FloorMap:
         affected = sorted(self._around(index, rows), key=lambda row: index.pool(row).key)
         before = {owner.id: owner for row in affected if (owner := self._owner.get(index.pool(row)))}
         groups = [[index.pool(row) for row in group] for group in self._groups(index, affected)]
+        for pool in (pool for group in groups for pool in group):
+            pool.due = math.ceil(pool.sums.count * self.rule.grown)
         groups.sort(key=lambda group: min((pool.sums.first_seen_s, pool.key) for pool in group))
         homes = self._homes(groups, list(before))
         for group, names in zip(groups, homes, strict=True):

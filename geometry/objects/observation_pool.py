@@ -53,10 +53,11 @@ class ObservationPool:
     landmark: of loop closure, that they are observations of; -1 for none. beside: pools seen in one frame with it.
     views: squares they were seen from, each with the newest place in it, the newest `MAXIMUM_VIEWS` only. saved: the
     earlier map's object this is, if it is one. row: in its index. updated: number of the last frame.
+    due: sightings at which it is associated again.
     """
 
     __slots__ = (
-        "anchor_s", "beside", "extent_m", "first_m2", "information", "key", "landmark", "row", "saved", "shared",
+        "anchor_s", "beside", "due", "extent_m", "first_m2", "information", "key", "landmark", "row", "saved", "shared",
         "sums", "updated", "variance_m2", "vector", "views", "weight",
     )  # fmt: skip
 
@@ -69,7 +70,7 @@ class ObservationPool:
         self.beside: dict[ObservationPool, None] = {}
         self.row, self.landmark = -1, key[3]
         self.views: dict[tuple[int, int], View] = {}
-        self.updated, self.anchor_s = 0, 0.0
+        self.updated, self.anchor_s, self.due = 0, 0.0, 0
 
     @classmethod
     def of_saved(cls, number: int, item: MapObject, systematic_m: float, correlated: float) -> ObservationPool:

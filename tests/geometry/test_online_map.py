@@ -12,10 +12,12 @@ from support.batch import batch_objects
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import id_order
+from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
-UNBOUNDED = AssociationRule(maximum_pools=10**6)  # what is joined to stay bounded, no later frame parts again
+# What is joined to stay bounded, no later frame parts again; what is due later is not associated yet.
+UNBOUNDED = AssociationRule(maximum_pools=10**6, grown=1.0)
 
 
 def agree(online, batch):
@@ -241,3 +243,20 @@ def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
 def test_how_much_a_score_counts(score, weight):
     assert FloorRule(full_weight_score=0.8).weight(score) == pytest.approx(weight)
     assert FloorRule().weight(score) == 1.0
+
+
+def test_what_is_seen_again_and_again_is_associated_ever_less_often(placed, monkeypatch):
+    """Two chairs 400 times: as in a map that associates them every time, with a tenth of the work."""
+    counts = []
+    agglomerated = PoolIndex.agglomerated
+    monkeypatch.setattr(PoolIndex, "agglomerated", lambda *args: counts.append(1) or agglomerated(*args))
+    maps, done = [], []
+    for grown in (1.0, 1.25):
+        floor_map, rng = FloorMap(AssociationRule(grown=grown)), np.random.default_rng(0)
+        for frame in range(400):
+            here = rng.normal([[2.0, 0.5], [3.0, -1.0]], 0.03)
+            floor_map.update([placed("chair", *spot, frame) for spot in here])
+        maps.append(floor_map.objects())
+        done.append(len(counts) - sum(done))
+    agree(*maps)
+    assert done[1] < 0.2 * done[0]
