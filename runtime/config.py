@@ -25,6 +25,21 @@ from edgemap.runtime.rest import RestRule
 
 MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long list of faults
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
+# Names that files of before 2026-11-22 use, by part of the tree: their values are taken under today's.
+RENAMED = {
+    "forgetting": {
+        "surest": "highest",
+        "gone": "lowest",
+        "look_m": "same_m",
+        "look_rad": "same_rad",
+        "look_frames": "same_frames",
+        "prior_looks": "prior_observations",
+    },
+    "hybrid": {
+        f"{member}_doubt": f"{member}_covariance_scale"
+        for member in ("flow", "planar", "wheels", "gyro", "outside_flow", "outside_planar")
+    },
+}
 
 
 class ConfigError(EdgemapError):
@@ -106,10 +121,13 @@ def _merged(default: Any, given: Any, where: str) -> Any:
     if not isinstance(given, dict):
         raise ConfigError(f"{where} is {_shown(given)}, not a mapping")
     known = {item.name for item in fields(default)}
-    derived = DERIVED.get(where.rpartition(".")[2], ())
+    part = where.rpartition(".")[2]
+    derived, renamed = DERIVED.get(part, ()), RENAMED.get(part, {})
     changed: dict[str, Any] = {}
-    for name, value in given.items():
-        here = f"{where}.{one_line(name, 40)}"
+    for told, value in given.items():
+        here, name = f"{where}.{one_line(told, 40)}", renamed.get(told, told)
+        if name in changed:
+            raise ConfigError(f"{here}: {name} is given twice, by this name and by its old one")
         if name not in known or name in derived:
             raise ConfigError(f"{here} is unknown (known: {', '.join(sorted(known - set(derived)))})")
         before = getattr(default, name)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import edgemap
-from edgemap.runtime.config import Config, ConfigError, config_arguments, config_document, load_config
+from edgemap.runtime.config import RENAMED, Config, ConfigError, config_arguments, config_document, load_config
 from edgemap.runtime.rest import RestRule
 
 
@@ -32,6 +32,24 @@ def test_the_resolved_tree_gives_itself_back(tmp_path):
     config, _ = load_config(written(tmp_path, {"config": {"odometry": {"wheels": {"per_metre": 0.05}}}}))
     again, _ = load_config(written(tmp_path, {"config": config_document(config)}, "run.json"))
     assert again == config
+
+
+def test_a_run_from_before_its_keys_were_renamed_is_read(tmp_path):
+    document = {"forgetting": {"surest": 3.5, "look_frames": 9}, "odometry": {"hybrid": {"planar_doubt": 7.0}}}
+    config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
+    assert (config.forgetting.highest, config.forgetting.same_frames) == (3.5, 9)
+    assert config.odometry.hybrid.planar_covariance_scale == 7.0
+    both = written(tmp_path, {"config": {"forgetting": {"surest": 3.5, "highest": 3.0}}})
+    with pytest.raises(ConfigError, match=r"config\.forgetting\.\w+: highest is given twice"):
+        load_config(both)
+
+
+def test_every_old_name_stands_for_a_name_of_today():
+    tree = config_document(Config())
+    for part, names in RENAMED.items():
+        rule = tree["odometry"][part] if part == "hybrid" else tree[part]
+        assert set(names.values()) <= set(rule)
+        assert not set(names) & set(rule)
 
 
 @pytest.mark.parametrize(
