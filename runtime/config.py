@@ -40,6 +40,8 @@ RENAMED = {
         for member in ("flow", "planar", "wheels", "gyro", "outside_flow", "outside_planar")
     },
 }
+# Of before 2026-11-22 too: numbers that nothing uses any more, passed over.
+RETIRED = {"attitude": ("offset_rad",)}
 
 
 class ConfigError(EdgemapError):
@@ -125,6 +127,8 @@ def _merged(default: Any, given: Any, where: str) -> Any:
     derived, renamed = DERIVED.get(part, ()), RENAMED.get(part, {})
     changed: dict[str, Any] = {}
     for told, value in given.items():
+        if told in RETIRED.get(part, ()):
+            continue
         here, name = f"{where}.{one_line(told, 40)}", renamed.get(told, told)
         if name in changed:
             raise ConfigError(f"{here}: {name} is given twice, by this name and by its old one")
