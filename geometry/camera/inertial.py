@@ -157,7 +157,9 @@ def inertial_moved(
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False)
     now, was = state.rotation[:2, 2], before.rotation[:2, 2]
     turned = math.atan2(was[0] * now[1] - was[1] * now[0], float(was @ now))
-    own = covariance[2, 2] + noise.gyro**2 * span_s + noise.turned**2 + (noise.turned_share * motion.yaw_rad) ** 2
+    own = covariance[2, 2] + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
+    if motion.vector().any():  # at rest nothing turns at all
+        own += noise.turned**2
     about = np.zeros((1, STATES))
     about[0, _BIAS] = moved.up_optical
     off = np.array([wrap_angle(turned - motion.yaw_rad) / span_s])

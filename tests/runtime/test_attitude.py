@@ -18,6 +18,7 @@ from edgemap.runtime.drives.imu_csv import read_imu_csv, write_imu_csv
 from edgemap.runtime.drives.planarise import base_attitudes
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.protocol import Motion, no_motion
 
 BLANK = np.zeros((4, 4, 3), np.uint8)
 
@@ -200,3 +201,19 @@ def test_the_robots_own_acceleration_is_no_tilt():
     errors, before = (np.degrees([a.pitch_rad - mount.pitch_rad for a in told[50:]]) for told in (found, alone))
     assert np.abs(errors).max() < 0.5
     assert np.abs(before).max() > 2.0 * np.abs(errors).max()
+
+
+def test_three_seconds_of_rest_that_the_odometry_tells_leave_a_degree_of_yaw_a_minute():
+    """1.3 deg/s of bias and a datasheet's noise; then 20 s of driving whose yaw the odometry hardly knows."""
+    stamps, mount = np.arange(0.0, 23.0, 0.005), Mount.from_degrees(0.5, 10.0)
+    up, random = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0], np.random.default_rng(3)
+    rates = math.radians(1.3) * up + random.normal(0.0, math.radians(0.014) * math.sqrt(200.0), (len(stamps), 3))
+    forces = 9.81 * up + random.normal(0.0, 0.02, (len(stamps), 3))
+    source, yaws, last_s = InertialAttitude(mount, MountAttitude(mount)), [], None
+    for frame in frames_of(ImuSamples(stamps, rates, forces), 10.0):
+        rest = no_motion() if frame.stamp_s < 3.2 else Motion(SE2(0.05, 0.0, 0.0), np.diag([1e-4, 1e-4, 0.1]))
+        found = source.step(frame if last_s is None else replace(frame, moved=rest.moved()))
+        last_s = frame.stamp_s
+        if frame.stamp_s > 3.2 and found.rotation is not None:
+            yaws.append(found.rotation.yaw_rad)
+    assert abs(math.degrees(sum(yaws))) * 60.0 / 20.0 < 1.5
