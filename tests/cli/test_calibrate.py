@@ -114,7 +114,7 @@ def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
     for i in range(4):
         cv2.imwrite(str(plain / f"{i}.png"), np.full((480, 640, 3), 90, np.uint8))
     cases = [
-        (("intrinsics", "--camera", plain), "0 different views of the whole board found, need 8"),
+        (("intrinsics", "--camera", plain), "0 different views of the complete board found, need 8"),
         (("intrinsics", "--camera", plain, "--board", "nine"), "expected COLSxROWS, like 9x6"),
         (("mount", "--camera", plain, "--square", "0.06", "--camera-file", lens), "0 different views"),
         (("mount", "--camera", plain, "--square", "0.06"), "does not know its lens: calibrate it first"),
