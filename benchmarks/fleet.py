@@ -131,8 +131,8 @@ def main() -> None:
 
 def _f1(objects: list[Any], start: SE2, truth: list[Any]) -> float:
     """Of a map in the frame of a pose of the drive."""
-    turn = Alignment.known(start)
-    return round(score_map([moved(item, turn) for item in objects], truth)["f1"] or 0.0, 3)
+    alignment = Alignment.exact(start)
+    return round(score_map([moved(item, alignment) for item in objects], truth)["f1"] or 0.0, 3)
 
 
 if __name__ == "__main__":

@@ -105,7 +105,7 @@ def _command(words: str, rest: list[str]) -> None:
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    from edgemap.runtime.reading import tell
+    from edgemap.runtime.reading import print_message
 
-    tell(message)
+    print_message(message)
     sys.exit(exit_code)

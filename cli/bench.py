@@ -82,9 +82,9 @@ def command(
         raise OptionError(f"--soak {soak}: must be a positive number of minutes")
     paced = find_bundle(bundle, threads, precision, camera, pace="camera", engine=engine)
 
-    def open_drive(loaded: Bundle = paced, standing: bool = False) -> tuple[Camera, SemanticSlam]:
+    def open_drive(loaded: Bundle = paced, at_rest: bool = False) -> tuple[Camera, SemanticSlam]:
         source = open_described(camera, camera_file)
-        source = StandingCamera(source, rate[0]) if standing else source
+        source = StandingCamera(source, rate[0]) if at_rest else source
         floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
         return source, build_slam(source, loaded, floor)
 
@@ -145,24 +145,24 @@ def command(
     if soak is not None:
         document["soak"] = bench.soak(open_drive, soak, rate[0])
     if at_rest:
-        document["at_rest"] = measure_at_rest(lambda: open_drive(standing=True), seconds, rate[0])
+        document["at_rest"] = measure_at_rest(lambda: open_drive(at_rest=True), seconds, rate[0])
     if plot is not None:
         from edgemap.plots.bench import plot_bench
-        from edgemap.runtime.reading import tell
+        from edgemap.runtime.reading import print_message
 
-        tell(f"see it:  {plot_bench(plot / 'bench.png', document)}")
+        print_message(f"see it:  {plot_bench(plot / 'bench.png', document)}")
     if json:
         import json as json_module
 
         print(json_module.dumps(document, indent=1))
     else:
-        _tell(document)
+        _print_figures(document)
 
 
 PACED = ("cpu_ms_per_frame", "cpu_percent", "latency_ms", "fps", "other_cpu_percent")
 
 
-def _tell(document: dict[str, Any]) -> None:
+def _print_figures(document: dict[str, Any]) -> None:
     how = f"{document['threads']} threads, {document['precision']}, {document['processor']}"
     print(f"{document['bundle']} on {document['camera']}, {how}")
     if not document["quiet"]:

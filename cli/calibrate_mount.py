@@ -76,7 +76,7 @@ def _by_board(
         fit = fit_mount(views_of(source, chessboard, frames), chessboard, lens, thickness)
         known = source.mount
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
-    _tell(fit.mount, *fit.sigma)
+    _print_result(fit.mount, *fit.sigma)
     return lens, (_with_lever_arm(fit.mount, known), fit.record())
 
 
@@ -103,7 +103,7 @@ def _by_room(
             f"{fit.pictures} of {fit.examined} depth pictures show a floor, {100 * fit.share:.0f} % of the points lie "
             f"on it, {1000 * fit.rms_m:.1f} mm off (root mean square)"
         )
-        _tell(fit.mount, *fit.sigma)
+        _print_result(fit.mount, *fit.sigma)
         _compare_gravity(fit.mount, up)
         return lens, (_with_lever_arm(fit.mount, known), fit.record())
     recorded = wheel if isinstance(wheel, Path) else None
@@ -157,7 +157,7 @@ def _by_edges(
         tilted, sigma_m = replace(tilted, height_m=rolled.height_m), rolled.sigma_m
         print(f"height by {rolled.windows} windows of wheel travel, {rolled.travelled_m:.1f} m in all")
         record |= {"height": "wheels and floor", "sigma_height_m": round(sigma_m, 5)}
-    _tell(tilted, sigma_m, *sigma)
+    _print_result(tilted, sigma_m, *sigma)
     _compare_gravity(tilted, up)
     return tilted, record
 
@@ -168,7 +168,7 @@ def _with_lever_arm(mount: Mount, known: Mount | None) -> Mount:
     return mount if known is None else replace(mount, forward_m=known.forward_m, left_m=known.left_m)
 
 
-def _tell(mount: Mount, height_m: float, pitch_rad: float, roll_rad: float) -> None:
+def _print_result(mount: Mount, height_m: float, pitch_rad: float, roll_rad: float) -> None:
     given = f"+- {height_m:.4f} m" if height_m else "m as given"
     print(f"  height {mount.height_m:7.4f} {given}")
     print(f"  pitch  {math.degrees(mount.pitch_rad):7.3f} +- {math.degrees(pitch_rad):.3f} deg (positive down)")

@@ -89,7 +89,7 @@ def command(
                 document["plot"] = str(plot_frame(plot / f"{path.stem}.png", picture, detections, sightings, camera))
             documents.append(document)
             if not json:
-                _tell(document)
+                _print_result(document)
     finally:  # a picture that cannot be read does not lose those before it
         if json:
             import json as json_module
@@ -156,7 +156,7 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
     return FloorCamera(lens, camera_mount), guessed
 
 
-def _tell(document: dict) -> None:
+def _print_result(document: dict) -> None:
     from edgemap.runtime.reading import one_line
 
     print(f"{one_line(document['image'])}: {len(document['detections'])} objects")

@@ -170,12 +170,12 @@ def _trajectory(folder: Path) -> Trajectory | None:
     """The run's trajectory; None where it is missing or empty, and where it is damaged, with a message."""
     from edgemap.runtime.errors import OdometryError
     from edgemap.runtime.mapfiles.trajectory import trajectory_of
-    from edgemap.runtime.reading import tell
+    from edgemap.runtime.reading import print_message
 
     try:
         return trajectory_of(folder)
     except OdometryError as error:
-        tell(f"(the trajectory is not drawn: {error})")
+        print_message(f"(the trajectory is not drawn: {error})")
         return None
 
 

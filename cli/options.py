@@ -201,12 +201,12 @@ def find_bundle(
         raise OptionError(f"--threads {threads}: at most {MAXIMUM_THREADS}")
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.default_bundle import default_bundle
-    from edgemap.runtime.reading import tell
+    from edgemap.runtime.reading import print_message
     from edgemap.runtime.store import bundle_folder
 
     if name is None:
         name, reason = default_bundle(*specs)
-        tell(f"bundle {name}: {reason}")
+        print_message(f"bundle {name}: {reason}")
     folder = bundle_folder(name)
     if folder.suffix == ".onnx" or folder.is_file():
         made = folder.stem
@@ -234,12 +234,12 @@ def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions 
     """What is asked for, else what was recorded and is installed, else onnxruntime."""
     from importlib.util import find_spec
 
-    from edgemap.runtime.reading import tell
+    from edgemap.runtime.reading import print_message
 
     if asked != "default":
         return asked
     if recorded and recorded.engine != "onnxruntime" and find_spec("openvino") is None:
-        tell(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly")
+        print_message(f"recorded with {recorded.engine}, which is not installed: the map may differ slightly")
         return "onnxruntime"
     return recorded.engine if recorded else "onnxruntime"
 

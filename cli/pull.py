@@ -31,12 +31,12 @@ def command(
     transfer goes on where it stopped.
     """
     from edgemap.runtime.download import is_url
-    from edgemap.runtime.reading import tell, user_path
+    from edgemap.runtime.reading import print_message, user_path
     from edgemap.runtime.store import install_folder, install_url
 
     if is_url(source):
         if source.startswith("http:"):
-            tell(
+            print_message(
                 f"{source}: plain http has no authenticity: whoever is on the way can send another bundle; its sums "
                 "only show that it arrived complete"
             )

@@ -55,7 +55,7 @@ def command(
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.cameras.reading import next_frame
     from edgemap.runtime.loop import stop_on_signals
-    from edgemap.runtime.reading import tell
+    from edgemap.runtime.reading import print_message
     from edgemap.runtime.recordings.facts import Facts
     from edgemap.runtime.recordings.recorder import Recorder
 
@@ -71,7 +71,7 @@ def command(
             recorder = Recorder(out, facts, lossless=lossless, wheel=track, truth=source.truth)
             try:
                 while (frames is None or recorder.frames < frames) and not stop.is_set():
-                    frame = next_frame(source, tell, stop.is_set)
+                    frame = next_frame(source, print_message, stop.is_set)
                     if frame is None:
                         break
                     recorder.picture(frame)

@@ -49,11 +49,11 @@ def object_lines(objects: Sequence[MapObject], evaluation_rows: Sequence[Evaluat
 
     from edgemap.geometry.objects.evaluation_row import tally
 
-    verdict_of = {row.object_id: row for row in evaluation_rows if row.object_id}
+    row_of = {row.object_id: row for row in evaluation_rows if row.object_id}
     lines = []
     for item in objects:
         x_m, y_m = item.position_m
-        row = verdict_of.get(item.id)
+        row = row_of.get(item.id)
         state = f"  {row.state}" if row else ""
         state += f", {row.error_m:.2f} m off" if row and row.error_m is not None else ""
         seen = f"seen {item.count:4d} times  conf {item.confidence:.2f}"

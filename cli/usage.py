@@ -32,9 +32,9 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
             tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as error:
         if error.code == 2 and said.getvalue():
-            from edgemap.runtime.reading import tell
+            from edgemap.runtime.reading import print_message
 
-            tell(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)")
+            print_message(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)")
         raise
 
 

@@ -17,14 +17,14 @@ class Mark:
     colour: str
 
 
-def _turned(polygon: Polygon, by_rad: float) -> Polygon:
+def _rotated(polygon: Polygon, by_rad: float) -> Polygon:
     c, s = math.cos(by_rad), math.sin(by_rad)
     return tuple((c * x - s * y, s * x + c * y) for x, y in polygon)
 
 
 def _star(points: int, inner: float, outer: float) -> Polygon:
-    turns = ((math.pi * k / points - math.pi / 2, inner if k % 2 else outer) for k in range(2 * points))
-    return tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle, radius in turns)
+    polar = ((math.pi * k / points - math.pi / 2, inner if k % 2 else outer) for k in range(2 * points))
+    return tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle, radius in polar)
 
 
 _ARM, _REACH = 0.42, 1.2
@@ -43,14 +43,16 @@ SHAPES: dict[str, Polygon] = {
     "wedge": tuple((x, -y) for x, y in _TRIANGLE),
     "plus": _PLUS,
     "star": _star(5, 0.6, 1.4),
-    "cross": _turned(_PLUS, math.pi / 4),
+    "cross": _rotated(_PLUS, math.pi / 4),
 }
 
 # Two sets of three colours, each 3:1 against white and against the dark page's cards (WCAG 2.2, 1.4.11). Within a set
 # they stay apart for every kind of colour blindness, so two marks differ by shape or by a colour that all can see.
 _SETS = (("#0072b2", "#857a00", "#d0255f"), ("#c77700", "#2f8a7a", "#7766cc"))
 MARKS = tuple(
-    Mark(shape, _SETS[number % 2][(number // 2 + turn) % 3]) for turn in range(3) for number, shape in enumerate(SHAPES)
+    Mark(shape, _SETS[number % 2][(number // 2 + shift) % 3])
+    for shift in range(3)
+    for number, shape in enumerate(SHAPES)
 )
 PALETTE = _SETS[0] + _SETS[1]
 

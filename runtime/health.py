@@ -93,7 +93,7 @@ class HealthMonitor:
     def reset(self) -> None:
         """Forget the last picture."""
         self._last: NDArray[np.uint8] | None = None
-        self._changed_s = self._told_s = -math.inf
+        self._changed_s = self._reported_s = -math.inf
         self._kind = self._reason = ""
 
     def _found(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
@@ -101,10 +101,10 @@ class HealthMonitor:
             self._kind = ""
             return PictureHealth()
         if kind != self._kind:
-            self._kind, self._reason, self._told_s = kind, f"blind: picture {kind} ({detail})", -math.inf
-        news = kind != "repeated" and stamp_s - self._told_s >= self._rule.repeated_s
+            self._kind, self._reason, self._reported_s = kind, f"blind: picture {kind} ({detail})", -math.inf
+        news = kind != "repeated" and stamp_s - self._reported_s >= self._rule.repeated_s
         if news:
-            self._told_s = stamp_s
+            self._reported_s = stamp_s
         return PictureHealth(kind, self._reason, self._reason if news else "")
 
 

@@ -151,7 +151,7 @@ class Mapper:
     def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
         """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
         motion = motion.checked("this")
-        self._blind = motion if self._blind is None else _then(self._blind, motion)
+        self._blind = motion if self._blind is None else _composed(self._blind, motion)
         covariance = compose_covariance(
             self.pose_map_base, self.pose_covariance, self._blind.motion, self._blind.covariance
         )
@@ -246,7 +246,7 @@ def new_mapper(
     )
 
 
-def _then(first: Motion, second: Motion) -> Motion:
+def _composed(first: Motion, second: Motion) -> Motion:
     """Two motions, one after the other, as one."""
     covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
     fault = "; ".join(dict.fromkeys(filter(None, (first.fault, second.fault))))
@@ -274,4 +274,4 @@ def _numbers(sighting: Sighting) -> tuple[Array, ...]:
 
 
 def _after(blind: Motion | None, observed: FrameObservations) -> FrameObservations:
-    return observed if blind is None else replace(observed, motion=_then(blind, observed.motion))
+    return observed if blind is None else replace(observed, motion=_composed(blind, observed.motion))

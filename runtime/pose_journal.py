@@ -79,8 +79,10 @@ class PoseJournal:
         if not self._count or not len(poses):
             return poses
         kept, first, group = np.unique(self._kept(stamps_s), return_index=True, return_inverse=True)
-        known = [SE2(*now) @ SE2(*then).inverse() for now, then in zip(self._rows[kept, 1:], poses[first], strict=True)]
-        return composed(np.array([move.vector() for move in known])[group], poses)
+        poses_now = [
+            SE2(*now) @ SE2(*before).inverse() for now, before in zip(self._rows[kept, 1:], poses[first], strict=True)
+        ]
+        return composed(np.array([move.vector() for move in poses_now])[group], poses)
 
     def stamps_near(self, points_m: ArrayLike) -> Array:
         """Stamps (N,) of the poses nearest to points (N, 2) of the map; 0 before the first pose."""

@@ -35,11 +35,11 @@ def time_ratio(
 ) -> float:
     """Median time of `one` over that of `other`, run in turn on this processor."""
     repeats: list[list[float]] = [[], []]
-    for turn in range(WARM_UP + rounds):
+    for order in range(WARM_UP + rounds):
         for call, times in zip((one, other), repeats, strict=True):
             time.sleep(rest_s)
             before = clock()
             call()
-            if turn >= WARM_UP:
+            if order >= WARM_UP:
                 times.append(clock() - before)
     return float(np.median(repeats[0]) / np.median(repeats[1]))

@@ -53,7 +53,7 @@ def printable(text: object) -> str:
     return line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}"
 
 
-def tell(text: object) -> None:
+def print_message(text: object) -> None:
     """Print a message to standard error, as `printable` makes it: all that edgemap says there comes from here."""
     print(printable(text), file=sys.stderr)
 

@@ -26,7 +26,7 @@ class ServiceNotifier:
         allowed_us = environment.get("WATCHDOG_USEC", "")
         self._every_s = int(allowed_us) / 1e6 / BEATS if allowed_us.isdecimal() and ours else 0.0
         self._clock_s = clock_s
-        self._told_s = -1e9
+        self._sent_s = -1e9
         self._status = ""
         self._ready = False
 
@@ -36,14 +36,14 @@ class ServiceNotifier:
             return
         lines = [] if self._ready else ["READY=1"]
         now_s = self._clock_s()
-        due = now_s - self._told_s >= (self._every_s or 1.0)
+        due = now_s - self._sent_s >= (self._every_s or 1.0)
         if due and self._every_s:
             lines.append("WATCHDOG=1")
         if status != self._status and (due or not self._ready):
             lines.append(f"STATUS={status}")
             self._status = status
         if due or lines:
-            self._told_s = now_s if due else self._told_s
+            self._sent_s = now_s if due else self._sent_s
             self._ready = True
             self._send(lines)
 

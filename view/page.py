@@ -29,11 +29,11 @@ RATE_OVER = 20  # frames over which the frame rate is averaged
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What went wrong, in one line, and the number of the frame at which it began. told_s: `time.monotonic`."""
+    """What went wrong, in one line, and the number of the frame at which it began. reported_s: `time.monotonic`."""
 
     frame: int
     text: str
-    told_s: float
+    reported_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class LivePage:
         self._arrivals_s.append(now_s)
         self._moved_m += result.correction.moved_m if result.correction else 0.0
         if result.relocated is not None or self._moved_m > MOVED_M:
-            self._tell_again(result.trajectory)
+            self._send_again(result.trajectory)
         self._extend_trail(result)
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             x_m, y_m = placed.position_map_m
@@ -173,7 +173,7 @@ class LivePage:
         save_map(path, self.objects, self.annotations)
         return path
 
-    def _tell_again(self, trajectory: PoseJournal) -> None:
+    def _send_again(self, trajectory: PoseJournal) -> None:
         """Trail and sightings sent so far have moved."""
         self._moved_m = 0.0
         if not self._trail_s:
@@ -183,7 +183,7 @@ class LivePage:
         if self._sightings_base:
             rows = np.array(self._sightings_base)
             seen_at = iter(trajectory.points(rows[:, 0], rows[:, 1:]).tolist())
-            self.sightings.replace(lambda told: (*told[:2], *_pair(next(seen_at))))
+            self.sightings.replace(lambda items: (*items[:2], *_pair(next(seen_at))))
         self.epoch += 1
 
     def _extend_trail(self, result: StepResult) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import psutil
 import uvicorn
 
-from edgemap.runtime.reading import tell
+from edgemap.runtime.reading import print_message
 from edgemap.view.app import make_app
 from edgemap.view.connections import WaitingLimited
 from edgemap.view.errors import ViewError
@@ -34,7 +34,7 @@ class PageServer:
         page: LivePage,
         host: str,
         port: int,
-        report: Callable[[str], None] = tell,
+        report: Callable[[str], None] = print_message,
     ) -> None:
         self._socket = _bind(host, port)
         self._report = report

@@ -45,7 +45,7 @@ def problems(page: LivePage) -> list[Alert]:
         found.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s."))
     found += _of_step(page, moment.result)
     last = page.last_fault
-    if last is not None and time.monotonic() - last.told_s < NEWS_S:
+    if last is not None and time.monotonic() - last.reported_s < NEWS_S:
         found.append(Alert("degraded", "report", _sentence(last.text)))
     return sorted(found, key=lambda problem: problem.level != "fault")
 

@@ -75,13 +75,15 @@ def merge_place(
         known.update(found)
     to_place = place.members[min(place.members)].pose_place_map
     assert to_place is not None
-    turn = Alignment.known(to_place.inverse())
+    to_reference = Alignment.exact(to_place.inverse())
     members = {name: MergedRobot(None, reason=str(reason)) for name, reason in reasons.items()}
     for name, member in place.members.items():
         if name and member.pose_place_map is not None:
-            members[name] = replace(member, pose_place_map=turn.pose_a_b @ member.pose_place_map)
-    objects = tuple(moved(item, turn) for item in place.objects)
-    return PlaceMap(objects, NO_ANNOTATIONS.with_zones(place.annotations.zones, turn), dict(sorted(members.items())))
+            members[name] = replace(member, pose_place_map=to_reference.pose_a_b @ member.pose_place_map)
+    objects = tuple(moved(item, to_reference) for item in place.objects)
+    return PlaceMap(
+        objects, NO_ANNOTATIONS.with_zones(place.annotations.zones, to_reference), dict(sorted(members.items()))
+    )
 
 
 def _outside(maps: Mapping[str, RobotMap], groups: list[_Group]) -> list[str]:
@@ -99,7 +101,7 @@ class _Group:
 
     @classmethod
     def of(cls, name: str, single: RobotMap) -> _Group:
-        annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment.known(SE2()))
+        annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment.exact(SE2()))
         return cls((single.key,), list(single.objects), annotations, {name: MergedRobot(SE2())})
 
     def joined(self, name: str, single: RobotMap, alignment: Alignment) -> _Group:

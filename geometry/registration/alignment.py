@@ -64,7 +64,7 @@ class Alignment:
     rms_m: float
 
     @classmethod
-    def known(cls, pose_a_b: SE2) -> Alignment:
+    def exact(cls, pose_a_b: SE2) -> Alignment:
         """A pose that is certain without any pairs."""
         return cls(pose_a_b, np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
 
@@ -189,10 +189,10 @@ def _paired(pose: SE2, first: Sequence[MapObject], second: Sequence[MapObject], 
 
 def _distance2(pose: SE2, ours: MapObject, theirs: MapObject) -> float:
     difference = ours.position_m - pose.apply(theirs.position_m)
-    return float(difference @ np.linalg.solve(_spread(pose, ours, theirs), difference))
+    return float(difference @ np.linalg.solve(_pair_covariance(pose, ours, theirs), difference))
 
 
-def _spread(pose: SE2, ours: MapObject, theirs: MapObject) -> Array:
+def _pair_covariance(pose: SE2, ours: MapObject, theirs: MapObject) -> Array:
     rotation = pose.rotation()
     return ours.covariance_m2 + rotation @ theirs.covariance_m2 @ rotation.T
 
@@ -205,7 +205,7 @@ def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequenc
         for i, j in pairs:
             residual = first[i].position_m - pose.apply(second[j].position_m)
             wrt_pose = jacobian(pose, second[j].position_m)
-            weighted = wrt_pose.T @ np.linalg.inv(_spread(pose, first[i], second[j]))
+            weighted = wrt_pose.T @ np.linalg.inv(_pair_covariance(pose, first[i], second[j]))
             information += weighted @ wrt_pose
             vector += weighted @ residual
         # Above what rounding takes: of objects a thousand kilometres off, 1e-9 would be lost in it.
@@ -220,8 +220,8 @@ def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequenc
 
 def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
     """How a motion's (x, y, yaw) moves a point (2,) of frame b in frame a, (2, 3)."""
-    turned = pose_a_b.rotation() @ point_b_m
-    return np.array([[1.0, 0.0, -turned[1]], [0.0, 1.0, turned[0]]])
+    rotated = pose_a_b.rotation() @ point_b_m
+    return np.array([[1.0, 0.0, -rotated[1]], [0.0, 1.0, rotated[0]]])
 
 
 def _chance(
@@ -239,13 +239,13 @@ def _chance(
             area_m2 = math.pi * rule.gate * float(np.sqrt(np.linalg.det(alike)).sum())
             probabilities.append(min(1.0, area_m2 / float(np.prod(span))))
     probability = float(np.mean(probabilities))
-    least = math.inf
+    minimum = math.inf
     others = shared - 2
     for rank, distance2 in enumerate(np.sort(fit.distances2), start=1):
         if rank > 2:
             near = min(1.0, probability * float(distance2) / rule.gate)
-            least = min(least, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
-    return least
+            minimum = min(minimum, others * max(tried, 1) * float(bdtrc(rank - 3, others, near)))
+    return minimum
 
 
 def _words(pose: SE2) -> str:

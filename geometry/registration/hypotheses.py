@@ -31,7 +31,7 @@ class Motions:
     middle_a_m: Array
     middle_b_m: Array
     place_m2: Array
-    turn_rad2: Array
+    yaw_variance_rad2: Array
 
     def apply(self, points_b_m: Array) -> Array:
         """Points (K, 2) of the second map in the first one's frame, by each motion: (N, K, 2)."""
@@ -43,14 +43,14 @@ class Motions:
         """Some of the motions."""
         return Motions(
             self.yaw_rad[chosen], self.middle_a_m[chosen], self.middle_b_m[chosen], self.place_m2[chosen],
-            self.turn_rad2[chosen],
+            self.yaw_variance_rad2[chosen],
         )  # fmt: skip
 
     def pose(self, row: int) -> SE2:
         """One of them as a pose of the second map in the first."""
-        turn = SE2(0.0, 0.0, float(self.yaw_rad[row]))
-        x_m, y_m = self.middle_a_m[row] - turn.apply(self.middle_b_m[row])
-        return SE2(x_m, y_m, turn.yaw_rad)
+        rotation = SE2(0.0, 0.0, float(self.yaw_rad[row]))
+        x_m, y_m = self.middle_a_m[row] - rotation.apply(self.middle_b_m[row])
+        return SE2(x_m, y_m, rotation.yaw_rad)
 
 
 def hypotheses(first: Sequence[MapObject], second: Sequence[MapObject], gate: float) -> Motions:
@@ -87,8 +87,8 @@ def best_modes(
     while alive.any() and len(modes) < MAXIMUM_MODES:
         row = int(np.argmax(np.where(alive, scores, -1.0)))
         modes.append(motions.pose(row))
-        turn = np.abs(np.angle(np.exp(1j * (motions.yaw_rad - motions.yaw_rad[row]))))
-        alive &= (((centre - centre[row]) ** 2).sum(axis=1) > SAME_PLACE_M**2) | (turn > SAME_TURN_RAD)
+        rotation = np.abs(np.angle(np.exp(1j * (motions.yaw_rad - motions.yaw_rad[row]))))
+        alive &= (((centre - centre[row]) ** 2).sum(axis=1) > SAME_PLACE_M**2) | (rotation > SAME_TURN_RAD)
     return modes
 
 
@@ -106,10 +106,10 @@ def _scores(
         placed = chunk.apply(b)
         apart2 = ((placed[:, None] - a[None, :, None]) ** 2).sum(axis=-1)
         lever2 = ((b[None] - chunk.middle_b_m[:, None]) ** 2).sum(axis=-1)
-        vague_m2 = chunk.place_m2[:, None] + chunk.turn_rad2[:, None] * lever2
-        spread_m2 = pair_m2[None] + vague_m2[:, None]
-        near = 1.0 - apart2 / (gate * spread_m2)
-        near *= pair_m2[None] / spread_m2  # a vague motion explains much, and says little by it
+        vague_m2 = chunk.place_m2[:, None] + chunk.yaw_variance_rad2[:, None] * lever2
+        variance_m2 = pair_m2[None] + vague_m2[:, None]
+        near = 1.0 - apart2 / (gate * variance_m2)
+        near *= pair_m2[None] / variance_m2  # a vague motion explains much, and says little by it
         near[(apart2 > reach_m**2) | ~same[None]] = 0.0
         near = np.maximum(near, 0.0)
         scores[start : start + size] = np.minimum(near.max(axis=1).sum(axis=1), near.max(axis=2).sum(axis=1))

@@ -112,10 +112,10 @@ def _pose_of(view: BoardView, board: Board, lens: Intrinsics) -> tuple[Array, fl
     """Up, (3,) in the optical frame, the lens's height over the board, m, and the board's centre, from one view."""
     rays = np.ascontiguousarray(lens.rays(view.corners_px)[:, :2])  # so every lens model of ours will do
     flat = np.column_stack([board.points_m() - board.points_m().mean(axis=0), np.zeros(len(rays))])
-    good, turn, place = cv2.solvePnP(flat, rays, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE)
+    good, rotation_vector, place = cv2.solvePnP(flat, rays, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE)
     if not good:
         raise CalibrationError(f"{view.name}: no pose fits the board's corners")
-    rotation, _ = cv2.Rodrigues(turn)
+    rotation, _ = cv2.Rodrigues(rotation_vector)
     centre = np.asarray(place, dtype=np.float64).ravel()
     normal = np.asarray(rotation, dtype=np.float64)[:, 2]
     height_m = -float(normal @ centre)

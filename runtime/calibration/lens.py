@@ -98,13 +98,13 @@ def _calibrate(views: list[BoardView], board: Board, size: tuple[int, int]) -> _
     corners = [view.corners_px.astype(np.float32).reshape(-1, 1, 2) for view in views]
     extended: Any = cv2.calibrateCameraExtended
     try:
-        rms, matrix, distortion, turns, _, sigma, _, errors = extended(
+        rms, matrix, distortion, rotation_vectors, _, sigma, _, errors = extended(
             [flat.reshape(-1, 1, 3)] * len(views), corners, size, None, None, flags=cv2.CALIB_FIX_K3
         )
     except cv2.error as error:
         raise CalibrationError(f"no lens fits the {len(views)} boards ({error.err})") from None
     fx, fy, cx, cy = np.asarray(sigma).ravel()[:4].tolist()
-    facing = [abs(float(np.asarray(cv2.Rodrigues(turn)[0])[2, 2])) for turn in turns]
+    facing = [abs(float(np.asarray(cv2.Rodrigues(rotation_vector)[0])[2, 2])) for rotation_vector in rotation_vectors]
     lean_deg = np.degrees(np.arccos(np.clip(facing, 0.0, 1.0)))
     errors = np.asarray(errors).ravel()
     return _Result(float(rms), matrix, np.asarray(distortion).ravel(), (fx, fy, cx, cy), errors, lean_deg)

@@ -23,8 +23,8 @@ def read_kitti(folder: Path) -> Drive:
     poses = read_matrices(path, 12)
     check_count(path, len(poses), len(images), pictures_folder)
     stamps = stamps_for(folder, ("times.txt",), len(images), pictures_folder, setup.rate_hz)
-    way = poses, setup.world_up, setup.mount
-    truth, full = trajectory(path, stamps, planarise_camera(*way)), upright_camera(*way)
+    recorded = poses, setup.world_up, setup.mount
+    truth, full = trajectory(path, stamps, planarise_camera(*recorded)), upright_camera(*recorded)
     return Drive(
         "kitti", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, full_poses=full,
         notes=setup.notes,

@@ -53,14 +53,14 @@ def _read_listed(folder: Path, setup: Setup) -> Drive:
         return _drive(folder, images, stamps, setup, None)
     truth_stamps, poses = read_tum_3d(truth_path)
     check_increasing(truth_path, truth_stamps)
-    way = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
+    recorded = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
     known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
     if not known:
         raise CameraError(
             f"{truth_path}: covers {truth_stamps[0]:.3f} to {truth_stamps[-1]:.3f} s, "
             f"no picture of {listing} ({stamps[0]:.3f} to {stamps[-1]:.3f} s) lies in it"
         )
-    poses_at: tuple[SE2, ...] = tuple(way.at(float(stamps[i]), MAX_GAP_S) for i in known)
+    poses_at: tuple[SE2, ...] = tuple(recorded.at(float(stamps[i]), MAX_GAP_S) for i in known)
     dropped = len(images) - len(known)
     notes = {"pictures_without_truth": dropped} if dropped else {}
     kept = stamps[known]

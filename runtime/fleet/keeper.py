@@ -90,7 +90,7 @@ class PlaceKeeper:
         self.robots: dict[str, Robot] = {}
         self.merged = PlaceMap()
         self._reference = _robot_map(*load_annotated_map(reference)) if reference else None
-        self._known: Alignments = {}
+        self._alignments: Alignments = {}
         self._stale = True
         try:
             (folder / "robots").mkdir(parents=True, exist_ok=True)
@@ -129,7 +129,7 @@ class PlaceKeeper:
         changed, self._stale = self._stale, False
         if changed:
             latest = {name: robot.latest for name, robot in self.robots.items() if robot.latest is not None}
-            self.merged = merge_place(latest, self._reference, self._known)
+            self.merged = merge_place(latest, self._reference, self._alignments)
             text = json.dumps(self.document(), indent=1) + "\n"
             read_map(text.encode(), f"map of {self.place}")  # robots may send any numbers; what is saved can be read
             write_atomically(self.folder / "map.json", text)

@@ -52,7 +52,7 @@ class FleetSink:
         if not 0.0 <= stamp_s - self._map_s < MAP_EVERY_S:
             self._map_s = stamp_s
             due = not 0.0 <= stamp_s - self._sent_s < UNCHANGED_EVERY_S
-            if self._tell_map(objects, annotations, due):
+            if self._send_map(objects, annotations, due):
                 self._sent_s = stamp_s
         self._objects, self._annotations = objects, annotations
         if not 0.0 <= stamp_s - self._pose_s < POSE_EVERY_S:
@@ -68,10 +68,10 @@ class FleetSink:
     def close(self) -> None:
         """Send the last map and leave; may be called twice."""
         if not self._session.is_closed():
-            self._tell_map(self._objects, self._annotations)
+            self._send_map(self._objects, self._annotations)
             self._session.close()
 
-    def _tell_map(self, objects: list[MapObject], annotations: Annotations, again: bool = False) -> bool:
+    def _send_map(self, objects: list[MapObject], annotations: Annotations, again: bool = False) -> bool:
         if not self._message and not objects:
             return False
         message = packed(map_document(objects, annotations))

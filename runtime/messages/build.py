@@ -79,11 +79,11 @@ def imu(stamp_ns: int, gyro_rad_s: list[float], accel_m_s2: list[float], ids: Fr
 
 def mount_transform(stamp_ns: int, mount: Mount, ids: FrameIds = IDS) -> Message:
     """`geometry_msgs/TransformStamped` base_link -> camera_optical_frame."""
-    return _transform(stamp_ns, ids.base, ids.optical, mount.position_base_m().tolist(), _turn_base_optical(mount))
+    return _transform(stamp_ns, ids.base, ids.optical, mount.position_base_m().tolist(), _rotation_base_optical(mount))
 
 
 @lru_cache(maxsize=8)
-def _turn_base_optical(mount: Mount) -> tuple[float, float, float, float]:
+def _rotation_base_optical(mount: Mount) -> tuple[float, float, float, float]:
     x, y, z, w = Rotation.from_matrix(mount.rotation_base_optical()).as_quat().tolist()
     return x, y, z, w
 

@@ -49,7 +49,7 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         red, green, blue = _colour(item.label)
         tint = {"r": red, "g": green, "b": blue}
         length_m, width_m, yaw_rad = _ellipse(item)
-        turned = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
+        rotated = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
         common = {"header": header(stamp_ns, ids.map), "id": number}
         box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
         found.append(common | box | {"ns": "objects", "type": CUBE, "color": tint | {"a": 0.5}})
@@ -57,7 +57,7 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         white = {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}
         found.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
         ellipse = {
-            "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": turned},
+            "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": rotated},
             "scale": {"x": length_m, "y": width_m, "z": FLAT_M},
         }
         found.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})

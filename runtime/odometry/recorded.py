@@ -36,10 +36,10 @@ class DriftRate:
 
     def covariance(self, motion: SE2) -> NDArray[np.float64]:
         """Of one motion, (3, 3)."""
-        way_m, turn_rad = math.hypot(motion.x_m, motion.y_m), abs(motion.yaw_rad)
-        rolled_m = way_m + self.half_track_m * turn_rad
-        place = (self.per_metre * way_m) ** 2 + self.still_m**2 + self.roughness_m**2 * rolled_m
-        heading = (self.per_radian * turn_rad) ** 2 + self.still_rad**2 + self.roughness_rad**2 * rolled_m
+        path_m, rotation_rad = math.hypot(motion.x_m, motion.y_m), abs(motion.yaw_rad)
+        rolled_m = path_m + self.half_track_m * rotation_rad
+        place = (self.per_metre * path_m) ** 2 + self.still_m**2 + self.roughness_m**2 * rolled_m
+        heading = (self.per_radian * rotation_rad) ** 2 + self.still_rad**2 + self.roughness_rad**2 * rolled_m
         return np.diag([place, place, heading])
 
 

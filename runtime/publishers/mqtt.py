@@ -83,7 +83,7 @@ class MqttPublisher:
         stamp_s = result.frame.stamp_s
         if not 0.0 <= stamp_s - self._state_s < STATE_EVERY_S:
             self._state_s = stamp_s
-            self._tell_state(result, objects)
+            self._publish_state(result, objects)
 
     def fault(self, text: str) -> None:
         """Part of the next state."""
@@ -101,7 +101,7 @@ class MqttPublisher:
         self._client.publish(*discovery(self._robot, self.root, self._version), qos=1, retain=True)
         self._publish("status", "online", retain=True)
         for item in self._published.values():
-            self._tell_object(item)
+            self._publish_object(item)
         self._client.subscribe(f"{self.root}/objects/+", qos=1)
         self._state_s = -math.inf
 
@@ -112,14 +112,14 @@ class MqttPublisher:
                 self._publish(f"objects/{topic_level(item.id)}", "", retain=True)
             else:
                 self._published[item.id] = item
-                self._tell_object(item)
+                self._publish_object(item)
         record = {key: value for key, value in object_record(item).items() if key in ("id", "label", "x_m", "y_m")}
         self._publish("events", json.dumps({"event_type": kind} | record | more))
 
-    def _tell_object(self, item: MapObject) -> None:
+    def _publish_object(self, item: MapObject) -> None:
         self._publish(f"objects/{topic_level(item.id)}", json.dumps(object_record(item)), retain=True)
 
-    def _tell_state(self, result: StepResult, objects: list[MapObject]) -> None:
+    def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
         pose = result.pose_map_base
         state = {
             "stamp_s": round(result.frame.stamp_s, 3),

@@ -161,10 +161,10 @@ class RerunStream:
     def _transforms(self, message: Message) -> None:
         for item in message["transforms"]:
             path = self._paths[item["child_frame_id"]]
-            moved, turned = item["transform"]["translation"], item["transform"]["rotation"]
-            if self._same(path, [round(value, 9) for value in (*_xyz(moved), *_xyz(turned))]):
+            moved, rotated = item["transform"]["translation"], item["transform"]["rotation"]
+            if self._same(path, [round(value, 9) for value in (*_xyz(moved), *_xyz(rotated))]):
                 continue
-            transform = self._rr.Transform3D(translation=_xyz(moved), quaternion=[*_xyz(turned), turned["w"]])
+            transform = self._rr.Transform3D(translation=_xyz(moved), quaternion=[*_xyz(rotated), rotated["w"]])
             self._record.log(path, transform)
 
     def _same(self, path: str, value: Any) -> bool:
@@ -203,8 +203,8 @@ class RerunStream:
             if kind == CUBE:
                 options["labels"] = [marker["text"] for marker in kinds[TEXT]]
             else:
-                turns = [marker["pose"]["orientation"] for marker in markers]
-                options["quaternions"] = [[*_xyz(turn), turn["w"]] for turn in turns]
+                rotations = [marker["pose"]["orientation"] for marker in markers]
+                options["quaternions"] = [[*_xyz(rotation), rotation["w"]] for rotation in rotations]
             self._record.log(f"map/{path}", shape(**options))
 
 

@@ -116,7 +116,7 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
     x, y = sheet.at(item.position_m)
     long, short, angle = _axes(item.covariance_m2)
     colour, scale = label_colour(item.label), sheet.px_per_m
-    turned = f"translate({x:.1f} {y:.1f}) rotate({angle:.1f})"
+    rotated = f"translate({x:.1f} {y:.1f}) rotate({angle:.1f})"
     title = (
         f"{item.id}: x {item.position_m[0]:.2f} m, y {item.position_m[1]:.2f} m, seen {item.count} times, "
         f"confidence {item.confidence:.2f}"
@@ -125,7 +125,7 @@ def _object(sheet: Sheet, item: MapObject) -> Markup:
         "g",
         el("title", title),
         el("circle", cx=x, cy=y, r=radius_m(item) * scale, class_="size"),
-        el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=turned),
+        el("ellipse", rx=long * scale, ry=short * scale, class_="bound", transform=rotated),
         class_="object",
         style=f"color:{colour}",
     )  # fmt: skip
@@ -196,17 +196,17 @@ def _robot(sheet: Sheet, trajectory: Sequence[SE2]) -> Markup | None:
         return None
     start_x, start_y = sheet.at([trajectory[0].x_m, trajectory[0].y_m])
     x, y = sheet.at([trajectory[-1].x_m, trajectory[-1].y_m])
-    turn = -math.degrees(trajectory[-1].yaw_rad)
+    rotation = -math.degrees(trajectory[-1].yaw_rad)
     return joined(
         el("circle", el("title", "start"), cx=start_x, cy=start_y, r=6.0, class_="start"),
         el("path", el("title", "end, and where it faces"), d="M0 -12L8.5 9L0 4.5L-8.5 9Z", class_="robot",
-           transform=f"translate({x:.1f} {y:.1f}) rotate({turn:.1f})"),
+           transform=f"translate({x:.1f} {y:.1f}) rotate({rotation:.1f})"),
     )  # fmt: skip
 
 
-def step_m(px_per_m: float, least_px: float) -> float:
+def step_m(px_per_m: float, minimum_px: float) -> float:
     """The smallest round length that is drawn at least this long."""
-    return next((step for step in _STEPS_M if step * px_per_m >= least_px), _STEPS_M[-1])
+    return next((step for step in _STEPS_M if step * px_per_m >= minimum_px), _STEPS_M[-1])
 
 
 def _grid(sheet: Sheet) -> Markup:

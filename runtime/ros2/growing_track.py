@@ -26,7 +26,7 @@ class GrowingTrack:
     def __init__(self) -> None:
         self._stamps: list[float] = []
         self._poses: list[SE2] = []
-        self._began_anew = False
+        self._restarted = False
 
     @property
     def _newest_s(self) -> float:
@@ -54,7 +54,7 @@ class GrowingTrack:
             if step_s < 0.0 or jump_m > max(FASTEST_M_S * step_s, JUMP_M):
                 self._stamps.clear()
                 self._poses.clear()
-                self._began_anew = True
+                self._restarted = True
         self._stamps.append(stamp_s)
         self._poses.append(pose)
         if len(self._stamps) > 2 * KEPT:
@@ -63,8 +63,8 @@ class GrowingTrack:
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
         """The pose at a stamp, interpolated, and beyond the newest one for `AHEAD_S` extrapolated. Raises
         OdometryError, also once where it restarted. tolerance_s: before the oldest one."""
-        if self._began_anew:
-            self._began_anew = False
+        if self._restarted:
+            self._restarted = False
             raise OdometryError(f"poses began again at {self._stamps[0]:.3f} s")
         if not self._stamps:
             raise OdometryError("no pose has come yet")

@@ -26,10 +26,10 @@ class Served:
         from edgemap.view.server import PageServer
 
         self.steps = Steps()
-        self.told = []
+        self.items = []
         self._stepping = threading.Lock()
         self.page = LivePage(ABOUT | {"live": live}, folder, None if live else Pause())
-        self.server = PageServer(self.page, host, port, self.told.append)
+        self.server = PageServer(self.page, host, port, self.items.append)
         self._over = threading.Event()
         threading.Thread(target=self._take_edits, daemon=True).start()
         self.port, self.token = self.server.port, self.server.token

@@ -129,9 +129,9 @@ def test_wrong_bodies_are_refused_in_one_line(robot):
     served, api = robot
     wrong = [b"", b"no json", b"[]", b'{"paused":3}', b'{"paused":true,"more":1}', b'{"paused":"\xff"}', b"[" * 5000]
     for body in wrong:
-        status, _, told = api("POST", "/api/pause", body, Content_Type="application/json")
+        status, _, items = api("POST", "/api/pause", body, Content_Type="application/json")
         assert status == 400, body
-        assert "\n" not in told["error"]
+        assert "\n" not in items["error"]
     too_long = b'{"paused":' + b" " * BODY_BYTES + b"true}"
     assert api("POST", "/api/pause", too_long, Content_Type="application/json")[0] == 413
     for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):  # what a form can send
@@ -187,8 +187,8 @@ def test_the_stream_is_as_the_page_says(robot):
         viewer.say("stream")
         update = viewer.update()
     assert update["zones"] == []
-    told = re.findall(r"^\| `(\w+)`", DOCS.read_text().split("## Stream")[1], re.M)
-    assert set(told) == set(update) - {"jpeg"} | {"sightings"}
+    items = re.findall(r"^\| `(\w+)`", DOCS.read_text().split("## Stream")[1], re.M)
+    assert set(items) == set(update) - {"jpeg"} | {"sightings"}
 
 
 def test_a_person_edits_the_map(robot):
@@ -255,9 +255,9 @@ def test_edits_that_cannot_be_are_refused_in_one_line(robot):
     ]
     before = served.page.map_text()
     for method, path, body, expected in wrong:
-        status, _, told = api(method, path, body)
-        assert status == expected, (method, path, body, told)
-        assert "\n" not in told["error"]
+        status, _, items = api(method, path, body)
+        assert status == expected, (method, path, body, items)
+        assert "\n" not in items["error"]
     assert served.page.map_text() == before
 
 

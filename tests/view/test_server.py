@@ -341,7 +341,7 @@ def test_a_server_that_dies_says_so_in_one_line(serve, monkeypatch):
     monkeypatch.setattr(uvicorn.Server, "run", die)
     served = serve()
     served.server._thread.join(10)
-    assert served.told == ["the live page is gone (OSError: too many open files); the run goes on"]
+    assert served.items == ["the live page is gone (OSError: too many open files); the run goes on"]
     served.step(2)
 
 

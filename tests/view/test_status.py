@@ -30,7 +30,7 @@ def page_of(tmp_path, clock, count=RATE_OVER, rate_hz=10.0, **more):
     return page, steps
 
 
-def told(page):
+def items(page):
     return [(problem.level, problem.what, problem.text) for problem in status(page)["problems"]]
 
 
@@ -42,7 +42,7 @@ def test_all_well_is_said_with_its_rate(tmp_path, clock):
 def test_overload_is_told_with_its_figures(tmp_path, clock):
     page, _ = page_of(tmp_path, clock, rate_hz=6.0)
     text = "Overloaded: 6.0 of 10 pictures a second, 11 ms each."
-    assert told(page) == [("degraded", "speed", text)]
+    assert items(page) == [("degraded", "speed", text)]
     assert status(page)["headline"] == text
 
 
@@ -50,11 +50,11 @@ def test_a_budget_is_told_and_is_no_overload(tmp_path, clock):
     page, _ = page_of(tmp_path, clock, rate_hz=5.0)
     page.effort = lambda: Effort(0, search_every=2, take_every=2)
     text = "Less is done, to stay within the run's budget: 1 of 2 frames taken, 1 of 2 searched."
-    assert told(page) == [("degraded", "speed", text)]
+    assert items(page) == [("degraded", "speed", text)]
 
 
 def test_too_few_steps_are_no_overload(tmp_path, clock):
-    assert told(page_of(tmp_path, clock, count=RATE_OVER - 1, rate_hz=6.0)[0]) == []
+    assert items(page_of(tmp_path, clock, count=RATE_OVER - 1, rate_hz=6.0)[0]) == []
 
 
 def test_a_camera_that_is_away_comes_before_everything_else(tmp_path, clock):
@@ -62,7 +62,7 @@ def test_a_camera_that_is_away_comes_before_everything_else(tmp_path, clock):
     page, steps = page_of(tmp_path, clock, camera_state=lambda: state[0])
     page.write(*steps.next("planar odometry: 3 corners on the floor"))
     clock[0] += 7.0
-    assert [problem[:2] for problem in told(page)] == [("fault", "camera"), ("degraded", "odometry")]
+    assert [problem[:2] for problem in items(page)] == [("fault", "camera"), ("degraded", "odometry")]
     state[0] = "degraded"
     assert status(page)["headline"] == "No picture for 7 s. The camera is being restarted."
     state[0] = "lost"
@@ -75,7 +75,7 @@ def test_a_blind_picture_is_a_fault_and_a_repeated_one_is_not(tmp_path, clock):
         result, objects = steps.next()
         clock[0] += 0.1
         page.write(replace(result, observed=replace(result.observed, health=PictureHealth(kind, "why"))), objects)
-        assert told(page) == [(level, "picture", "The picture has no information: why.")]
+        assert items(page) == [(level, "picture", "The picture has no information: why.")]
 
 
 def test_an_uncertain_pose_is_told(tmp_path, clock):
@@ -83,7 +83,7 @@ def test_an_uncertain_pose_is_told(tmp_path, clock):
     result, objects = steps.next()
     update = replace(result.update, pose_covariance=np.diag([0.64, 0.64, 0.01]))
     page.write(replace(result, update=update), objects)
-    assert told(page) == [("degraded", "pose", "The position is uncertain: ± 0.8 m, ± 6°.")]
+    assert items(page) == [("degraded", "pose", "The position is uncertain: ± 0.8 m, ± 6°.")]
 
 
 def test_what_somebody_reports_stays_for_a_while(tmp_path, clock):
@@ -93,7 +93,7 @@ def test_what_somebody_reports_stays_for_a_while(tmp_path, clock):
     for _ in range(RATE_OVER):
         clock[0] += status_module.NEWS_S / RATE_OVER
         page.write(*steps.next())
-    assert "report" not in {what for _, what, _ in told(page)}
+    assert "report" not in {what for _, what, _ in items(page)}
 
 
 def test_a_held_and_a_finished_run_have_no_problems(tmp_path, clock):
