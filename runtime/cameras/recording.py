@@ -20,7 +20,7 @@ from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import DEPTH, EDITS, SEARCHED, STAMPS
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import user_path
-from edgemap.runtime.recordings.depth import RecordedDepth
+from edgemap.runtime.recordings.depth import ALIGNED, RecordedDepth, depth_of
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import info_topics, lens_of, mount_of, tf_of
 from edgemap.runtime.recordings.imu import imu_of, recorded_imu
@@ -39,7 +39,7 @@ class RecordingCamera(CameraBase):
     """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a ROS 2 bag; without a topic its first one with pictures.
 
     topics: of the file, for wheel odometry and inertial samples, in place of those that it would take. depth: whether
-    frames bring the depth that edgemap recorded.
+    frames bring the depth that edgemap recorded, or that a bag has aligned to the colour picture.
     Stamps are the pictures' headers', or the time of recording where those are zero. A file that was cut off gives
     every complete picture and then a CameraError that says so. Raises CameraError.
     """
@@ -63,8 +63,8 @@ class RecordingCamera(CameraBase):
         try:
             self.topic = self._choose(topic)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
-            recorded = depth and RECORD in recording.metadata and DEPTH in recording.topics
-            self._depth = RecordedDepth(recording) if recorded else None
+            own = DEPTH in recording.topics and RECORD in recording.metadata
+            self._depth = (RecordedDepth(recording, DEPTH) if own else depth_of(recording)) if depth else None
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
@@ -105,7 +105,8 @@ class RecordingCamera(CameraBase):
 
     def _choose(self, topic: str) -> str:
         topics = self._recording.topics
-        pictures = [n for n, found in topics.items() if found.kind in PICTURE_KINDS and found.count and n != DEPTH]
+        shown = {name: found for name, found in topics.items() if name != DEPTH and ALIGNED not in name}
+        pictures = [name for name, found in shown.items() if found.kind in PICTURE_KINDS and found.count]
         if topic in pictures:
             return topic
         has = ", ".join(pictures) or "none"

@@ -1,4 +1,4 @@
-"""Depth pictures in a recording: `sensor_msgs/CompressedImage` beside the pictures, at the same stamps, bit for bit.
+"""Depth pictures in a recording; in ours `sensor_msgs/CompressedImage` at the pictures' stamps, bit for bit.
 
 16 bits where they hold every value, as ROS has it (REP 118: `16UC1`, millimetres) or in the finer unit that the format
 names; else the four bytes of each float32.
@@ -7,7 +7,7 @@ names; else the four bytes of each float32.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.runtime.drives.depth import Depth
+from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
 from edgemap.runtime.drives.pictures import decoded
 from edgemap.runtime.errors import CameraError
-from edgemap.runtime.messages.topics import DEPTH
+from edgemap.runtime.messages.stamps import ns_of
+from edgemap.runtime.reading import one_line
 from edgemap.runtime.recordings.reader import McapReading
 
 PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and of the near-range ones
 FLOATS = "32FC1 in bytes; png"
+ALIGNED = "aligned_depth_to_color"  # in the topic's name
+APART_S = 0.01  # between the stamps of a picture and its depth
 
 
 def encoded_depth(depth: Depth) -> tuple[bytes, str]:
@@ -45,30 +49,62 @@ def decoded_depth(data: bytes, form: str, name: str) -> Depth:
     raise CameraError(f"{name}: not a depth picture that edgemap recorded")
 
 
-class RecordedDepth:
-    """The depth pictures of a recording in order of time; one that is damaged is none: depth is never needed."""
+def raw_depth(message: Any, name: str) -> Depth:
+    """A decoded `sensor_msgs/Image` of REP 118: `16UC1`, millimetres, or `32FC1`, metres. Raises CameraError."""
+    kind = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}.get(message.encoding)
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if kind is None or height * width > PIXEL_LIMIT or step < width * int(kind[1]) or len(message.data) < height * step:
+        raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
+    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
+    values = np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind).astype(np.float32)
+    return values if kind == "f4" else values / np.float32(1000)
 
-    def __init__(self, recording: McapReading) -> None:
-        self._messages: Iterator[tuple[int, Callable[[], Any]]] = recording.messages(DEPTH)
-        self._ahead: tuple[int, Callable[[], Any]] | None = None
+
+def own_depth(message: Any, name: str) -> Depth:
+    """What edgemap recorded. Raises CameraError."""
+    return decoded_depth(bytes(message.data), message.format, name)
+
+
+class RecordedDepth:
+    """The depth pictures of a recording's topic in order of time; one that is damaged is none: depth is never needed.
+
+    apart_s: farthest from its picture's stamp.
+    """
+
+    def __init__(
+        self, recording: McapReading, topic: str, read: Callable[[Any, str], Depth] = own_depth, apart_s: float = 0.0
+    ) -> None:
+        self._topic, self._read, self._apart_ns = topic, read, round(apart_s * 1e9)
+        self._messages = (_stamped(*found) for found in recording.messages(topic))
+        self._ahead: tuple[int, Any] | None = None
 
     def at(self, stamp_ns: int) -> Depth | None:
         """The one of a stamp, later than the last that was asked for; None where there is none."""
         waiting = [] if self._ahead is None else [self._ahead]
         self._ahead = None
         for found in itertools.chain(waiting, self._messages):
-            if found[0] < stamp_ns:
+            if found[0] < stamp_ns - self._apart_ns:
                 continue
-            if found[0] > stamp_ns:
+            if found[0] > stamp_ns + self._apart_ns:
                 self._ahead = found
                 return None
             try:
-                message = found[1]()
-                depth = decoded_depth(bytes(message.data), message.format, DEPTH)
+                return self._read(found[1], self._topic)
             except CameraError:
                 return None
-            return depth
         return None
+
+
+def depth_of(recording: McapReading) -> RecordedDepth | None:
+    """The depth of somebody else's recording that is aligned to the colour picture, as Intel's driver publishes it."""
+    topics = recording.topics.items()
+    found = [name for name, known in topics if ALIGNED in name and known.kind == "sensor_msgs/Image" and known.count]
+    return RecordedDepth(recording, found[0], raw_depth, APART_S) if found else None
+
+
+def _stamped(log_ns: int, decode: Callable[[], Any]) -> tuple[int, Any]:
+    message = decode()
+    return ns_of(message.header.stamp) or log_ns, message
 
 
 def _png(picture: NDArray[Any]) -> bytes:

@@ -273,3 +273,23 @@ def test_damaged_first_pictures_are_told_and_skipped(tmp_path):
     assert all(str(fault).endswith("skipped") for fault in told)
     np.testing.assert_allclose([f.stamp_s - T0 / 1e9 for f in frames], [0.2, 0.3, 0.5], atol=1e-6)
     assert [frame.index for frame in frames] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("encoding", "kind"), [("16UC1", "<u2"), ("32FC1", "<f4")])
+def test_depth_that_is_aligned_to_the_colour_comes_with_the_pictures(tmp_path, encoding, kind):
+    """Depth comes 3 ms late and first in the file; of the second picture there is none, the third's is damaged."""
+    raw = np.arange(48 * 64).reshape(48, 64)
+    sent = (raw if encoding == "16UC1" else raw / 1000.0).astype(kind)
+    topic, messages = "/camera/aligned_depth_to_color/image_raw", []
+    for i in (0, 2, 3):
+        stamp = T0 + i * 10**8 + 3 * 10**6
+        message = image(stamp, sent.view(np.uint8), encoding)
+        message.width = 64 if i != 2 else 65
+        messages.append((topic, stamp, message))
+    messages += [("/cam/image_raw", T0 + i * 10**8, image(T0 + i * 10**8, BGR, "bgr8")) for i in range(4)]
+    path = write_bag(tmp_path / "bag", messages)
+    frames = play(path)
+    assert [frame.depth is not None for frame in frames] == [True, False, False, True]
+    np.testing.assert_allclose(np.asarray(frames[3].depth), raw / 1000.0, rtol=1e-6)
+    with open_camera(str(path), depth=False) as camera:
+        assert all(frame.depth is None for frame in drain(camera))
