@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
+from scipy.stats import chi2
 from support.batch import batch_objects
 
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.map_object import id_order
-from edgemap.geometry.objects.pool_index import PoolIndex
+from edgemap.geometry.objects.pool_index import PoolIndex, distances
 from edgemap.geometry.observations.sighting import FloorRule
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
@@ -260,3 +261,15 @@ def test_what_is_seen_again_and_again_is_associated_ever_less_often(placed, monk
         done.append(len(counts) - sum(done))
     agree(*maps)
     assert done[1] < 0.2 * done[0]
+
+
+def test_the_gate_holds_999_of_1000_places_of_one_object():
+    assert AssociationRule().gate == pytest.approx(chi2.ppf(0.999, df=2), abs=0.01)
+
+
+def test_places_of_one_landmark_are_no_distance_apart_the_first_landmark_too():
+    """1 m apart with sigmas of 0.01 m; landmarks count from 0, and -1 is none."""
+    place = np.array([[0.0, 1.0], [0.0, 0.0], [1e-4, 1e-4], [0.0, 0.0], [1e-4, 1e-4], [0.0, 0.0]])
+    for landmark, apart in ((0.0, 0.0), (1.0, 0.0), (-1.0, np.inf)):
+        both = np.vstack([place, [landmark, landmark]])
+        assert distances(both[:, :1], both[:, 1:], AssociationRule())[0, 0] == apart

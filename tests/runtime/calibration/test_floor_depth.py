@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.depth_room import LENS, depth_room, record_depth
 
+from edgemap.geometry.camera.floor_plane import find_floor
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.calibration.floor_depth import fit_floor_depth
@@ -25,6 +26,19 @@ def test_floor_and_not_table_or_wall(mount):
     assert math.degrees(fit.mount.pitch_rad - mount.pitch_rad) == pytest.approx(0.0, abs=0.2)
     assert math.degrees(fit.mount.roll_rad - mount.roll_rad) == pytest.approx(0.0, abs=0.2)
     assert 0.0 < fit.rms_m < 0.02
+
+
+def test_a_slope_larger_than_the_floor_is_neither_floor_nor_in_its_way():
+    """1 m2 of level floor 0.6 m below the lens, and behind it 6 m2 of a slope of 60 degrees."""
+    random = np.random.default_rng(1)
+    x, along = random.uniform(-0.5, 0.5, 4000), random.uniform(0.0, 1.0, 4000)
+    floor = np.column_stack([x, np.full(4000, 0.6), 1.0 + along])
+    x, along = random.uniform(-1.0, 1.0, 6000), random.uniform(0.0, 3.0, 6000)
+    rise = math.radians(60.0)
+    slope = np.column_stack([x, 0.6 - along * math.sin(rise), 2.0 + along * math.cos(rise)])
+    plane = find_floor(np.vstack([floor, slope]), random)
+    assert plane is not None
+    assert plane.height_m == pytest.approx(0.6, abs=0.005)
 
 
 def test_gravity_says_which_plane_is_the_floor():
