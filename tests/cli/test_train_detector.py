@@ -91,6 +91,7 @@ def test_the_page_s_fifty_pictures_as_they_stand(edgemap, squares, tmp_path):
     (tmp_path / "models").symlink_to(ROOT / "models")
     ran = [shlex.split(line.split(" #")[0])[1:] for line in commands if "realsense" not in line]
     assert [words[0] for words in ran] == ["eval", "train", "export", "eval"]
+    ran[1] += ["--input", "128", "--batch", "4", "--validate-minutes", "9"]  # seconds instead of minutes
     told = [edgemap(*words, cwd=tmp_path) for words in ran]
     assert [result.returncode for result in told] == [0] * 4, told[-1].stderr
     assert (tmp_path / "my-flat/odometry.flow.onnx").is_file()
@@ -105,10 +106,12 @@ def test_the_page_s_fifty_pictures_as_they_stand(edgemap, squares, tmp_path):
         (("--start", "none.pt"), "none.pt: no such checkpoint"),
         (("--weights", "none.pt"), "none.pt: no such checkpoint"),
         (("--keep", "edgemap-nano"), "edgemap-nano: knows 18 other classes than yolox-nano with 80"),
+        (("--device", "cuda"), "--device cuda: torch finds no GPU here"),
         (("--resume",), "last.pt: no such checkpoint"),
         (("--mix", "1", "2"), "expected 1 shares"),
     ],
 )
-def test_mistakes_are_one_line(edgemap_here, squares, tmp_path, flags, message):
+def test_mistakes_are_one_line(edgemap_here, squares, tmp_path, flags, message, monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     data = ("--data", f"yolo:{squares}", "--validation", f"yolo:{squares}")
     assert message in one_line(edgemap_here("train", "detector", *data, "-o", tmp_path, *flags))

@@ -161,6 +161,21 @@ def test_loss_falls_towards_truth_only_heads(small, name):
     assert overlap(rows.boxes[0, best][None], truth.boxes[0])[0, 0] > 0.9
 
 
+@pytest.mark.parametrize("name", ["picodet-s", "edgemap-nano", "yolox-nano"])
+def test_no_step_waits_for_a_value(small, name):
+    """On torch's `meta` device tensors have no values: whatever a GPU would be waited for, or is made elsewhere, fails."""
+    network = small(name).copy().to("meta")
+    image = torch.zeros(2, 3, 64, 64, dtype=torch.uint8, device="meta")
+    classes = len(network.names)
+    truth = targets([[0.0, 0, 40, 40]] * 3, [0] * 3, told=[True] * classes)
+    truth = Targets(*(torch.cat([value, value]) for value in vars(truth).values())).to(torch.device("meta"))
+    rows = network.read(network(image), image)
+    losses, found = detection_loss(rows, truth)
+    distance, seen = distance_loss(rows, rows, truth.kept[:, None] & ~found.positive[..., None])
+    (losses["total"] + distance / seen).backward()
+    assert losses["total"].device.type == "meta"
+
+
 def red_box(image):
     """Outer edges of what is painted red."""
     rows, columns = np.nonzero((image[:, :, 2].astype(int) - image[:, :, 0]) > 100)
