@@ -57,7 +57,7 @@ def command(
     rate: Annotated[
         float,
         arg(metavar="RATE", help="Highest learning rate."),
-    ] = 0.0005,
+    ] = 0.0003,
     mix: Annotated[
         tuple[float, ...],
         arg(metavar="SHARE...", help="Share of pictures of each --data in turn; by default by how many each holds."),

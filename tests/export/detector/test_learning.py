@@ -163,7 +163,7 @@ def test_loss_falls_towards_truth_only_heads(small, name):
 
 @pytest.mark.parametrize("name", ["picodet-s", "edgemap-nano", "yolox-nano"])
 def test_no_step_waits_for_a_value(small, name):
-    """On torch's `meta` device tensors have no values: whatever a GPU would be waited for, or is made elsewhere, fails."""
+    """On torch's `meta` device tensors have no values: what would wait for a GPU, or is made elsewhere, fails."""
     network = small(name).copy().to("meta")
     image = torch.zeros(2, 3, 64, 64, dtype=torch.uint8, device="meta")
     classes = len(network.names)
