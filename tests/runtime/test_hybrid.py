@@ -233,3 +233,10 @@ def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
     assert moved is not None
     assert (moved[0].yaw_rad, moved[1][2, 2]) == pytest.approx((0.02, 1e-4))
     assert hybrid.step_blind(0.2, "dark", attitude).moved() is None
+
+
+@pytest.mark.parametrize(("dt_s", "variance"), [(0.1, 1e-4), (0.2, 1e-4), (1 / 30, 9e-4)])
+def test_a_member_whose_errors_outlast_a_short_step_counts_less_in_it(dt_s, variance):
+    hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 2), "camera", steady_s=0.1)])
+    hybrid.step(at(0.0), {})
+    assert hybrid.step(replace(FRAME, stamp_s=dt_s), {}).covariance[0, 0] == pytest.approx(variance)
