@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.reliability.day import Drive, drive_through
+from edgemap.benchmarks.reliability.day import RoundTrip, drive_through
 from edgemap.benchmarks.reliability.hour import MINUTES, RecordedDrive, _report, inverted
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.open import DEMO
@@ -19,7 +19,7 @@ NEW = 40
 
 @pytest.fixture
 def laps():
-    room = Drive(0)
+    room = RoundTrip(0)
     return RecordedDrive([room.step() for _ in range(NEW)], open_drive(f"drive:{DEMO}"))
 
 
@@ -69,7 +69,7 @@ def test_the_report_names_what_grows():
 
 def test_steps_that_take_long_are_told(monkeypatch):
     monkeypatch.setattr("edgemap.benchmarks.reliability.day.LONG_MS", 0.0)
-    rows = drive_through(new_mapper(Config()), Drive(0), 20, 2, 1.0, 60.0)
+    rows = drive_through(new_mapper(Config()), RoundTrip(0), 20, 2, 1.0, 60.0)
     assert [step["step"] for row in rows for step in row["long"]] == list(range(20))
     assert {step["stage"] for row in rows for step in row["long"]} <= {"closure", "map", "relocalisation"}
     assert rows[-1]["hour"] == 1.0
