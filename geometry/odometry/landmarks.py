@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, wrap_angle
 
 Array = NDArray[np.float64]
 
@@ -39,13 +39,25 @@ class Viewpoint:
     rise_m: float = 0.0
 
 
+def rotated(
+    tilt: AttitudeError, before: FloorCamera, rotation: Array, after: FloorCamera
+) -> tuple[float, AttitudeError]:
+    """Yaw, rad, and the tilt against `after`'s mount, of a camera that was tilted so against `before`'s and rotated.
+
+    rotation: (3, 3), takes optical directions of now into those of before, as a gyro measures it.
+    """
+    base = tilt.rotation() @ before.mount.rotation_base_optical() @ rotation @ after.mount.rotation_base_optical().T
+    pitch_rad = math.asin(min(max(-float(base[2, 0]), -1.0), 1.0))
+    return math.atan2(base[1, 0], base[0, 0]), AttitudeError(pitch_rad, math.atan2(base[2, 1], base[2, 2]))
+
+
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it was
     estimated; scale: of the common scale of all points off the floor in one picture, relative; unknown: of
     the inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
-    next."""
+    next; yaw_rad: of the rotation since the last picture where a gyro measures it."""
 
     track_rad: float
     drift_rad: float
@@ -55,6 +67,7 @@ class Noise:
     unknown_mean: float = 0.2
     unknown: float = 0.3
     rise_m: float = 1e-4
+    yaw_rad: float = math.inf
 
 
 @dataclass(slots=True, eq=False)
@@ -190,6 +203,7 @@ class Located:
 
 DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
 TUKEY = 16.0  # squared, in units of the expected residual; beyond it a track has no weight
+KNOWN_YAW_RAD = 0.02  # standard deviation below which a gyro's yaw is a better start than the tracks' median
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
 
@@ -197,18 +211,19 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: Viewpo
     """The view that fits the seen points best, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
-    the rotation only. `noise` is the prior of pitch, roll and rise about the start's. Points off the floor keep their
-    shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights, scale
-    annealed.
+    the rotation only. `noise` is the prior of yaw, pitch, roll and rise about the start's. Points off the floor keep
+    their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
+    scale annealed.
     """
     projection = project(landmarks, camera, start)
-    view, log_scale = _rotated_to(projection, seen, start), 0.0
+    view, log_scale = start if noise.yaw_rad < KNOWN_YAW_RAD else _rotated_to(projection, seen, start), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
     residual, information = seen, np.eye(7)
     off_floor = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
-    prior = np.diag([1e-2, 1e-2, 1e-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
+    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
+    damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
         projection = project(scaled, camera, view)
@@ -217,16 +232,45 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: Viewpo
         distance2 = (white**2).sum(axis=0)
         weights = np.where(projection.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
         weighted = jacobian * weights
-        information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + prior
+        information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + damped
         gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
-        gradient[3:] -= np.diag(prior)[3:] * [*beyond, view.rise_m - start.rise_m, log_scale]
+        yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
+        gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
         step = np.asarray(np.linalg.solve(information, gradient), dtype=np.float64)
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
     covariance = np.asarray(np.linalg.inv(information)[:6, :6] * excess, dtype=np.float64)
     return Located(view, covariance, weights, residual, projection, log_scale)
+
+
+NEIGHBOUR_DEPTH = 0.3  # relative standard deviation of an inverse depth below which it is used for new landmarks
+UNLIKE_NEIGHBOURS = 0.3  # relative, of a new landmark's inverse depth about that of the ones beside it
+UNKNOWN_NEIGHBOURS = 0.5  # weight of `Noise.unknown_mean` among the landmarks beside a new one
+
+
+def with_neighbours_depth(
+    new: Landmarks, near: Array, old: Landmarks, camera: FloorCamera, view: Viewpoint, noise: Noise
+) -> Landmarks:
+    """New landmarks, all seen from this view, with the mean inverse depth of the old ones beside them.
+
+    near: (new, old), 0..1, weights by their distance in the picture. Otherwise new landmarks pull the common scale
+    towards `Noise.unknown_mean` where no floor is in view. None lies beyond the floor.
+    """
+    lens = _rotation_z(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
+    away = old.ray + old.inverse_m[:, None] * (old.anchor_m - lens)
+    inverse = old.inverse_m / np.maximum(np.linalg.norm(away, axis=1), 1e-6)
+    near = near * ((np.sqrt(old.variance) < NEIGHBOUR_DEPTH * old.inverse_m) & (inverse > 0.0))
+    total = near.sum(axis=1)
+    divisor = np.maximum(total, 1e-9)
+    mean = near @ inverse / divisor
+    scatter2 = np.maximum(near @ inverse**2 / divisor - mean**2, 0.0)
+    unknown = UNKNOWN_NEIGHBOURS / (total + UNKNOWN_NEIGHBOURS)
+    mean = np.maximum((1.0 - unknown) * mean + unknown * noise.unknown_mean, new.on_floor)
+    variance = scatter2 + (UNLIKE_NEIGHBOURS * mean) ** 2 + unknown * noise.unknown**2
+    kept = new.floor | new.measured
+    return replace(new, inverse_m=np.where(kept, new.inverse_m, mean), variance=np.where(kept, new.variance, variance))
 
 
 def refined(

@@ -26,6 +26,8 @@ from edgemap.geometry.odometry.landmarks import (
     reduce_tilt,
     refined,
     rescaled,
+    rotated,
+    with_neighbours_depth,
 )
 from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.se2 import SE2
@@ -63,6 +65,11 @@ class PlanarRule:
     robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). nodding_sigmas: of that, the standard deviation of a
     picture's tilt. level_rad: what nods more is carried, and rises and sinks as well: by rise_per_rad of the mount's
     height for each radian beyond.
+    The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
+    two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
+    and roll, which the floor determines too. gyro_levelling: `levelling`, as the gyro carries the tilt on.
+    scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
+    once. neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     """
 
     working_width_px: int = 320
@@ -88,6 +95,12 @@ class PlanarRule:
     nodding_sigmas: float = 3.0
     level_rad: float = math.radians(0.6)
     rise_per_rad: float = 0.5
+    gyro_rad: float = math.radians(0.05)
+    gyro_share: float = 0.03
+    gyro_tilt: float = 3.0
+    gyro_levelling: float = 0.03
+    scale_kept_s: float = 3.0
+    neighbour_px: float = 40.0
 
 
 class PlanarOdometry:
@@ -118,6 +131,7 @@ class PlanarOdometry:
         self._mask = self._floor_mask(self._level)
         self._window: MatLike | None = None  # against the edges of the phase correlation
         self._attitude: Attitude | None = None
+        self._nods_seen = 0
         self._nodding2 = 0.0  # mean square of the tilt's change from picture to picture
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
@@ -162,13 +176,13 @@ class PlanarOdometry:
         if factor > 1.0:
             self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
-        self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._rule.levelling)
+        self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._levelling)
         self._seek(grey, frame.depth)
         return Motion(motion, covariance)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the landmarks stay for the next picture, which measures the motion since the last one."""
-        guess = self._coasting.guess(stamp_s, reason)
+        guess, self._skipped = self._coasting.guess(stamp_s, reason), True
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         self._motion, self._trusted = guess.motion, False
         return guess
@@ -197,8 +211,9 @@ class PlanarOdometry:
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
-        self._motion, self._trusted = SE2(), False
-        self._floor_s = self._seen_s
+        self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
+        self._rotation_known = self._rotation_held = False
+        self._floor_s, self._scaled_s = self._seen_s, -math.inf
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
         """Relative, of the motion's length; it grows while no floor is in view."""
@@ -210,16 +225,26 @@ class PlanarOdometry:
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
         self._camera_before = self._camera
-        rotation = None if attitude is None else attitude.rotation
-        self._rotation_known = rotation is not None
-        if rotation is not None:
-            self._motion = SE2(self._motion.x_m, self._motion.y_m, rotation.yaw_rad)
-        if attitude is None or attitude is self._attitude:
+        if attitude is not None and attitude is not self._attitude:
+            self._attitude, self._camera = attitude, self._level.at(attitude)
+            sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
+            self._noise = replace(self._level_noise, tilt_rad=sigma)
+            self._mask = self._floor_mask(self._camera)
+        rotation = None if attitude is None or self._skipped else attitude.rotation
+        self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
+        self._rotation_known = self._rotation_held = rotation is not None
+        if rotation is None:
             return
-        self._attitude, self._camera = attitude, self._level.at(attitude)
-        sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
-        self._noise = replace(self._level_noise, tilt_rad=sigma)
-        self._mask = self._floor_mask(self._camera)
+        yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
+        self._rotation_held = self._carried_rad() > 0.0
+        self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
+        if not self._rotation_held:
+            return
+        angle_rad = math.acos(min(max((float(np.trace(rotation.rotation)) - 1.0) / 2.0, -1.0), 1.0))
+        sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * angle_rad, rotation.sigma_rad)
+        tilt_rad = min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad)
+        self._noise = replace(self._noise, tilt_rad=tilt_rad, yaw_rad=sigma)
+        self._tilt, self._levelling = tilt, self._rule.gyro_levelling
 
     def _floor_mask(self, camera: FloorCamera) -> NDArray[np.uint8]:
         """255 where the floor is within reach, 0 elsewhere; judged on every few pixels."""
@@ -233,6 +258,11 @@ class PlanarOdometry:
         seen, noise = self._bearings(self._corners), self._noise_now()
         start = self._ahead(self._since @ self._motion)
         found = locate(self._landmarks, seen, self._camera, start, noise)
+        if self._rotation_held and found.weights.sum() < self._rule.trusted_share * len(seen):
+            free = replace(noise, yaw_rad=math.inf, tilt_rad=self._noise.tilt_rad)
+            other = locate(self._landmarks, seen, self._camera, start, free)
+            if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
+                self._rotation_held, found, noise = False, other, free
         if self._trusted and found.weights.sum() > self._rule.trusted_share * len(seen):
             return found
         rays = _rays(self._bearings(self._before))
@@ -241,7 +271,7 @@ class PlanarOdometry:
         after = self._camera.floor_points(self._corners[renewed.floor])
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
-        start = self._ahead(rough.motion if rough else self._since @ self._motion)
+        start = self._ahead(rough.motion if rough and not self._rotation_held else self._since @ self._motion)
         other = locate(renewed, seen, self._camera, start, noise)
         if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
             return found
@@ -250,15 +280,20 @@ class PlanarOdometry:
 
     def _ahead(self, motion: SE2) -> Viewpoint:
         """The view after a motion, tilted and as high as before."""
-        return Viewpoint(self._view.pose @ motion, self._view.tilt, self._view.rise_m)
+        return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
 
     def _learn_nodding(self, found: Viewpoint) -> None:
         """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
-        share = self._rule.nodding_share
+        self._nods_seen += 1
+        share = max(self._rule.nodding_share, 1.0 / (2.0 + self._nods_seen) if self._rotation_known else 0.0)
         self._nodding2 += share * ((pitch_rad**2 + roll_rad**2) / 2.0 - self._nodding2)
+
+    def _carried_rad(self) -> float:
+        """By how much the camera nods more between pictures than one on wheels; 0 for that."""
+        return max(math.sqrt(self._nodding2) - self._rule.level_rad, 0.0)
 
     def _noise_now(self) -> Noise:
         """What is unknown of this picture's tilt and height."""
@@ -268,7 +303,7 @@ class PlanarOdometry:
         tilt_rad = (
             self._noise.tilt_rad if measured else max(self._noise.tilt_rad, self._rule.nodding_sigmas * nodding_rad)
         )
-        carried_rad = 0.0 if known_height else max(nodding_rad - self._rule.level_rad, 0.0)
+        carried_rad = 0.0 if known_height else self._carried_rad()
         rise_m = self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m
         return replace(self._noise, tilt_rad=tilt_rad, rise_m=max(rise_m, self._noise.rise_m))
 
@@ -343,7 +378,11 @@ class PlanarOdometry:
             fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
             rays = _rays(self._bearings(fresh))
             depths = None if depth is None else self._depths(fresh, depth)
-            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, not self._scaled(), depths)
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, self._trusting(), depths)
+            if self._rotation_held:
+                apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
+                near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
+                new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
 
     def _depths(self, corners: Pixels, depth: Depth) -> Array:
@@ -358,6 +397,13 @@ class PlanarOdometry:
         inverse = 1.0 / np.where(valid, around, 1.0)
         bend = np.abs(inverse[1::2] + inverse[2::2] - 2.0 * inverse[0]).max(axis=0)
         return np.where(valid & (bend < EDGE_SHARE * inverse[0]), around[0], np.nan)
+
+    def _trusting(self) -> bool:
+        """Whether what is seen below the horizon counts as floor at once."""
+        if self._scaled():
+            self._scaled_s = self._seen_s
+            return False
+        return not self._rotation_held or self._seen_s - self._scaled_s > self._rule.scale_kept_s
 
     def _scaled(self) -> bool:
         """Whether landmarks of known depth determine the scale, so that new ones need not count as floor."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,14 +57,22 @@ def imu_samples(
     moved = CubicSpline(np.arange(len(smooth)) * SAMPLE_S, smooth)
     leaned = np.zeros_like(smooth) if tilts is None else gaussian_filter1d(tilts.samples, 1.0, axis=0)
     tilted = CubicSpline(np.arange(len(leaned)) * SAMPLE_S, leaned)
-    moments = [_lens(moved, tilted, mount, np.maximum(true_s + shift, 0.0)) for shift in (-_MOMENT_S, 0.0, _MOMENT_S)]
+    return measured(true_s, lambda stamps_s: _lens(moved, tilted, mount, np.maximum(stamps_s, 0.0)), rng, errors)
+
+
+def measured(
+    true_s: Array, lens: Callable[[Array], tuple[Array, Array]], rng: np.random.Generator, errors: ImuErrors
+) -> ImuSamples:
+    """Samples at stamps (N,). lens: at stamps, the rotation (N, 3, 3) from optical to z-up axes and the place (N, 3) in
+    metres, both smooth."""
+    moments = [lens(true_s + shift) for shift in (-_MOMENT_S, 0.0, _MOMENT_S)]
     (before, at_before), (turned, at), (after, at_after) = moments
     between = before.transpose(0, 2, 1) @ after
     rates = _rotation_vectors(between) / (2.0 * _MOMENT_S)
     accelerations = (at_before - 2.0 * at + at_after) / _MOMENT_S**2
     forces = np.einsum("nij,ni->nj", turned, accelerations + [0.0, 0.0, GRAVITY_M_S2])
     late_s = rng.normal(0.0, errors.late_s)
-    measured = []
+    found = []
     for true, density, bias, walk in (
         (rates, errors.gyro_density, errors.gyro_bias, errors.gyro_walk),
         (forces, errors.accel_density, errors.accel_bias, errors.accel_walk),
@@ -72,8 +81,8 @@ def imu_samples(
         offset = rng.uniform(-bias, bias, 3)
         steps = rng.normal(0.0, 1.0, (len(true), 6))
         drift = np.cumsum(steps[:, 3:], axis=0) * walk / math.sqrt(errors.rate_hz)
-        measured.append(true @ axes.T + offset + drift + steps[:, :3] * density * math.sqrt(errors.rate_hz))
-    return ImuSamples(true_s + max(late_s, 0.0), *measured)
+        found.append(true @ axes.T + offset + drift + steps[:, :3] * density * math.sqrt(errors.rate_hz))
+    return ImuSamples(true_s + max(late_s, 0.0), *found)
 
 
 def _lens(moved: CubicSpline, tilted: CubicSpline, mount: Mount, stamps_s: Array) -> tuple[Array, Array]:

@@ -21,6 +21,8 @@ from edgemap.geometry.odometry.landmarks import (
     reduce_tilt,
     refined,
     rescaled,
+    rotated,
+    with_neighbours_depth,
 )
 from edgemap.geometry.se2 import SE2
 
@@ -82,6 +84,27 @@ def test_jacobians_are_the_slopes_of_what_is_seen():
     np.testing.assert_allclose(
         (project(nearer, CAMERA, Viewpoint(pose, tilt)).seen - projection.seen) / step, projection.by_inverse, atol=1e-4
     )
+
+
+def test_a_gyros_rotation_is_a_yaw_and_a_tilt():
+    """Of a camera that yawed by 0.3 rad and nodded, between two attitudes that were estimated."""
+    before, after = CAMERA, FloorCamera(CAMERA.intrinsics, Mount.from_degrees(0.5, 12.0, 2.0))
+    c, s = math.cos(0.3), math.sin(0.3)
+    was, now = AttitudeError(0.01, -0.02), AttitudeError(-0.03, 0.015)
+    yawed = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    base_before = was.rotation() @ before.mount.rotation_base_optical()
+    rotation = base_before.T @ yawed @ now.rotation() @ after.mount.rotation_base_optical()
+    yaw_rad, tilt = rotated(was, before, rotation, after)
+    assert yaw_rad == pytest.approx(0.3)
+    assert (tilt.pitch_rad, tilt.roll_rad) == pytest.approx((-0.03, 0.015))
+
+
+@pytest.mark.parametrize(("sigma_rad", "yaw_rad"), [(1e-5, 0.0), (1.0, 0.05)])
+def test_yaw_is_held_to_the_gyros_as_far_as_that_is_certain(sigma_rad, yaw_rad):
+    points = scene(1)
+    seen = seen_from(points, Viewpoint(SE2(0, 0, 0.05)))
+    found = locate(landmarks_of(points), seen, CAMERA, Viewpoint(), replace(NOISE, yaw_rad=sigma_rad))
+    assert found.view.pose.yaw_rad == pytest.approx(yaw_rad, abs=2e-3)
 
 
 def test_far_points_alone_tell_the_turn_but_not_the_way():
@@ -233,3 +256,16 @@ def test_levelling_takes_a_share_of_tilt_and_rise_and_changes_nothing_that_is_se
     assert level.rise_m == pytest.approx(0.038)
     assert level.tilt.pitch_rad == pytest.approx(0.01)
     np.testing.assert_allclose(project(after, CAMERA, level).seen, project(known, CAMERA, tilted).seen, atol=2e-3)
+
+
+def test_a_new_landmark_has_the_depth_of_those_beside_it_but_lies_not_beyond_the_floor():
+    rays = np.array([[0.0, -0.6, 1.0], [0.0, -0.5, 1.0], [0.0, 0.6, 1.0]])
+    ones = new_landmarks(rays, CAMERA, Viewpoint(), NOISE, REACH_M, trusting=False)
+    old = replace(ones, inverse_m=np.full(3, 0.5), variance=np.full(3, 1e-4))
+    near = np.array([[20.0, 20.0, 0.0], [0.0, 0.0, 0.0], [20.0, 20.0, 0.0]])
+    found = with_neighbours_depth(ones, near, old, CAMERA, Viewpoint(), NOISE)
+    assert found.inverse_m[0] == pytest.approx(0.5, abs=0.01)
+    assert found.inverse_m[1] == pytest.approx(NOISE.unknown_mean)
+    assert found.inverse_m[2] == pytest.approx(ones.on_floor[2])
+    assert ones.on_floor[2] > 0.5
+    assert found.variance[0] < found.variance[1]

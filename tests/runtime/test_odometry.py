@@ -1,3 +1,4 @@
+import itertools
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry import open_odometry
 from edgemap.runtime.odometry.learned import LearnedOdometry
-from edgemap.runtime.odometry.planar import PlanarOdometry
+from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.store import bundle_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
@@ -38,8 +39,8 @@ def test_planar_follows_a_textured_floor(name):
     assert abs(error.yaw_rad) < 0.01
 
 
-def off_after(frames, poses):
-    odometry, pose = PlanarOdometry(CAMERA), SE2()
+def off_after(frames, poses, rule=None):
+    odometry, pose = PlanarOdometry(CAMERA, rule), SE2()
     for frame in frames:
         pose = pose @ odometry.step(frame, {}).motion
     return pose.inverse() @ poses[-1]
@@ -58,12 +59,37 @@ def test_planar_follows_a_camera_that_nods_by_its_attitude():
     assert abs(off.yaw_rad) < 0.01
 
 
+def gyro_rotation(yaw_rad, sigma_rad):
+    base = CAMERA.mount.rotation_base_optical()
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return GyroRotation(base.T @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ base, yaw_rad, sigma_rad)
+
+
+def with_gyro(frames, poses, bias_rad, sigma_rad):
+    """Frames whose gyro is off by so much in each."""
+    level = replace(Attitude.of_mount(CAMERA.mount, math.radians(0.3)), source="imu")
+    turns = [0.0] + [(a.inverse() @ b).yaw_rad for a, b in itertools.pairwise(poses)]
+    return [
+        replace(frame, attitude=replace(level, rotation=gyro_rotation(yaw_rad + bias_rad, sigma_rad)))
+        for frame, yaw_rad in zip(frames, turns, strict=True)
+    ]
+
+
+CARRIED = PlanarRule(level_rad=-1e-6)  # takes any camera for one that is carried
+
+
+def test_planar_denies_a_gyro_whose_bias_was_learnt_in_motion():
+    frames, poses = drive(MOTIONS["straight"])
+    off = off_after(with_gyro(frames, poses, 0.03, 0.0003), poses, CARRIED)
+    assert abs(off.yaw_rad) < 0.06  # 0.03 in every step
+
+
 @pytest.mark.parametrize("gyro", [False, True])
 def test_planar_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
     yaw_rad = math.radians(17.0)
     frames, poses = drive([*MOTIONS["straight"][:6], SE2(0.02, 0.0, yaw_rad), *MOTIONS["straight"][:3]])
     if gyro:
-        still, turned = (GyroRotation(np.eye(3), yaw, 1e-3) for yaw in (0.0, yaw_rad))
+        still, turned = (gyro_rotation(yaw, 1e-3) for yaw in (0.0, yaw_rad))
         level = Attitude.of_mount(CAMERA.mount, math.radians(0.1))
         frames = [replace(f, attitude=replace(level, rotation=turned if f.index == 7 else still)) for f in frames]
     off = off_after(frames, poses)
