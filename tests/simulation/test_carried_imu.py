@@ -29,6 +29,7 @@ def carried() -> Drive:
 
 def test_the_gyro_adds_up_to_the_recorded_rotation():
     drive = carried()
+    assert drive.full_poses is not None
     samples = carried_imu(drive, np.random.default_rng(0), errors=PERFECT)
     part = samples.between(1.0, 3.0)
     turned = Rotation.identity()
