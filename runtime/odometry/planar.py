@@ -67,8 +67,8 @@ class PlanarRule:
     height for each radian beyond.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
-    and roll, which the floor determines too. gyro_upright_rad: of tilt, beyond which its yaw is not
-    held to. gyro_levelling: `levelling`, as the gyro carries the tilt on.
+    and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to
+    which its yaw is held to. gyro_levelling: `levelling`, as the gyro carries the tilt on.
     scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
     once. neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     """
@@ -99,7 +99,7 @@ class PlanarRule:
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
     gyro_tilt: float = 3.0
-    gyro_upright_rad: float = math.radians(2.5)
+    gyro_upright_rad: tuple[float, float] = (math.radians(1.0), math.radians(2.5))
     gyro_levelling: float = 0.03
     scale_kept_s: float = 3.0
     neighbour_px: float = 40.0
@@ -214,7 +214,7 @@ class PlanarOdometry:
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
-        self._rotation_known = self._rotation_held = False
+        self._rotation_known = self._rotation_held = self._upright = False
         self._floor_s, self._scaled_s = self._seen_s, -math.inf
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
@@ -238,7 +238,9 @@ class PlanarOdometry:
         if rotation is None:
             return
         yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
-        self._rotation_held = self._carried_rad() > 0.0 and self._noise.tilt_rad < self._rule.gyro_upright_rad
+        known_rad, lost_rad = self._rule.gyro_upright_rad
+        self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
+        self._rotation_held = self._carried_rad() > 0.0 and self._upright
         self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
         if not self._rotation_held:
             return
