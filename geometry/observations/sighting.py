@@ -283,7 +283,7 @@ def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
             if (
                 other.label == sighting.label
                 and np.linalg.norm(other.position_base_m - sighting.position_base_m) < near_m
-                and _overlap_of_smaller(boxes[other.detection], boxes[sighting.detection]) > DOUBLE_OVERLAP
+                and _overlap(boxes[other.detection], boxes[sighting.detection])
             ):
                 break
         else:
@@ -291,7 +291,8 @@ def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:
     return kept
 
 
-def _overlap_of_smaller(a: Array, b: Array) -> float:
-    """Intersection of two boxes as a share of the smaller one."""
+def _overlap(a: Array, b: Array) -> bool:
+    """Whether the smaller of two boxes lies mostly inside the other; one without area does not."""
     sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
-    return float(np.prod(np.maximum(sides, 0.0)) / min(np.prod(a[2:] - a[:2]), np.prod(b[2:] - b[:2])))
+    smaller = min(np.prod(a[2:] - a[:2]), np.prod(b[2:] - b[:2]))
+    return bool(np.prod(np.maximum(sides, 0.0)) > DOUBLE_OVERLAP * smaller)
