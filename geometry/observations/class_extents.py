@@ -18,12 +18,6 @@ FOOTPRINT_M = {
 WIDEST_M = {
     "backpack": 0.8, "chair": 1.3, "oven": 1.2, "refrigerator": 1.6, "suitcase": 1.0, "toilet": 1.0, "vase": 0.8,
 }  # fmt: skip
-# Nothing of these classes that stands on the floor is lower. A lower box shows a part of one, whose feet something
-# hides (a chair's back above a table), or what does not stand there (a basin in a worktop, a rug for a bed).
-LOWEST_M = {
-    "bed": 0.35, "bench": 0.4, "chair": 0.6, "couch": 0.6, "dining table": 0.6, "oven": 0.6, "refrigerator": 0.8,
-    "sink": 0.7, "suitcase": 0.4, "toilet": 0.55,
-}  # fmt: skip
 TABLES, SEATS = frozenset({"dining table"}), frozenset({"chair", "bench"})
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.observations.box_ranges import box_ranges
-from edgemap.geometry.observations.class_extents import LOWEST_M, WIDEST_M, Shape, extent_m, shape_of
+from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
 from edgemap.geometry.se2 import SE2
@@ -157,8 +157,8 @@ def sightings_of(
     """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
     It stands there when its lower edge is below the horizon row h_t, its label is mapped, it is no tabletop object seen
-    standing on furniture (paper, section 3.5), near enough to be sure of, no part of another box, not wider and, where
-    the picture shows all of it, not lower than any of its class: a chair of half a metre is a back above a table.
+    standing on furniture (paper, section 3.5), near enough to be sure of, no part of another box, not wider than any
+    of its class.
     Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
     lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
     stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
@@ -195,9 +195,6 @@ def sightings_of(
         if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
             continue
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
-            continue
-        whole = y0 > rule.border_px and not low[at]
-        if whole and height_m * (1.0 + 2.0 * sigma_m / reach_m) < LOWEST_M.get(labels[row], 0.0):  # no feet, or no such
             continue
         direction = bearing / max(reach_m, 1e-9)
         foot_m, foot_m2, range_m = near[at], own[at], reach_m

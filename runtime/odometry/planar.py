@@ -169,6 +169,8 @@ class PlanarOdometry:
         covariance = inflation * (self._covariance + rotation @ now @ rotation.T) + MINIMUM_COVARIANCE
         covariance += self._since_covariance
         covariance[:2, :2] += self._scale_variance(found, frame.stamp_s) * np.outer(*[motion.vector()[:2]] * 2)
+        if self._rotation_known and self._carried_rad() > 0.0:  # tilt errs too: a better yaw tells no translation
+            covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._learn_nodding(found.view)
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True

@@ -84,6 +84,16 @@ def test_planar_denies_a_gyro_whose_bias_was_learnt_in_motion():
     assert abs(off.yaw_rad) < 0.06  # 0.03 in every step
 
 
+@pytest.mark.parametrize(("rule", "apart"), [(CARRIED, True), (PlanarRule(), False)])
+def test_a_better_yaw_tells_no_translation_of_a_carried_camera(rule, apart):
+    """Its yaw errs by its tilt too, which moves nothing."""
+    frames, poses = drive(MOTIONS["left arc"])
+    odometry = PlanarOdometry(CAMERA, rule)
+    motions = [odometry.step(frame, {}) for frame in with_gyro(frames, poses, 0.0, 0.0003)]
+    assert all((motion.covariance[:2, 2] == 0.0).all() == apart for motion in motions[1:])
+    np.linalg.cholesky(motions[-1].covariance)
+
+
 @pytest.mark.parametrize("gyro", [False, True])
 def test_planar_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
     yaw_rad = math.radians(17.0)
