@@ -83,7 +83,18 @@ def test_beyond_the_gate_nothing_is_paired():
     assert certain_pairings(pairings((3, 0), (4, 1), (5, 2)), landmarks, covariance, RULE) == []
 
 
-def test_too_many_hypotheses_decide_nothing():
+def test_with_too_many_hypotheses_the_least_ambiguous_landmarks_decide():
+    """Six chairs that may each be any of six, and three things of which there is one each: otherwise a robot that was
+    lost for a moment collects landmarks that it must recognise until it recognises none."""
+    chairs, others = [(0.3 * k, 0.0) for k in range(6)], [(0.0, 2.0), (2.0, 1.0), (1.0, -2.0)]
+    before = [*chairs, *others]
+    landmarks, covariance = drifted(before, [(x + 0.6, y - 0.3) for x, y in before])
+    every = pairings(*((9 + now, chair) for now in range(6) for chair in range(6)), (15, 6), (16, 7), (17, 8))
+    found = certain_pairings(every, landmarks, covariance, RULE)
+    assert {(15, 6), (16, 7), (17, 8)} <= {(pair.now, pair.before) for pair in found}
+
+
+def test_too_many_hypotheses_of_twins_decide_nothing():
     places = [(0.3 * k, 0.0) for k in range(6)]
     landmarks, covariance = drifted(places, places, shift_sigma_m=1.0)
     every = pairings(*((6 + now, before) for now in range(6) for before in range(6)))
