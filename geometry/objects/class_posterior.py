@@ -25,9 +25,8 @@ def least_spacing_m(a: MapObject, b: MapObject) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OverlapRule:
-    """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent, and at least
-    half the sum of both shorter sides; far_less: only where one has less than this share of the other's evidence,
-    as two chairs pushed together are seen about as often.
+    """Smallest distance of two objects' centres. same_label: as a share of the smaller one's extent; far_less: and only
+    where one has less than this share of the other's evidence, as two chairs pushed together are seen about as often.
     other_label: of two labels, as a share of half the sum of both shorter sides, below which they would stand in one
     another; under_table: the same of a table and a seat, which is pushed under it (in a real lounge every second chair
     was taken for its table); rare_label: the same where one has less than `rare` of the other's evidence. correct: how
@@ -158,8 +157,7 @@ class Overlaps:
     def _overlap(self, a: Candidate, b: Candidate) -> bool:
         less, more = sorted((a.evidence, b.evidence))
         if a.label == b.label:
-            near_m = max(self.rule.same_label * min(_extent_m(a), _extent_m(b)), (_side_m(a) + _side_m(b)) / 2.0)
-            near_m = near_m if less < self.rule.far_less * more else 0.0
+            near_m = self.rule.same_label * min(_extent_m(a), _extent_m(b)) if less < self.rule.far_less * more else 0.0
         elif less < self.rule.rare * more:
             near_m = self.rule.rare_label * (_side_m(a) + _side_m(b)) / 2.0
         else:

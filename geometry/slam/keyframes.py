@@ -35,7 +35,7 @@ class KeyframeRule:
     still_rad: float = 0.003
     stated_inflation_yaw: float = 5.0
     stated_per_radian: float = 0.03
-    maximum: int = 400
+    maximum: int = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
