@@ -54,8 +54,8 @@ class TfTree:
         while frame in self._parents and self._parents[frame][0] not in found:
             rotation, place_m = found[frame]
             frame, step = self._parents[frame]
-            rotation, moved_m = self._checked(frame, step)
-            found[frame] = rotation @ rotation, rotation @ place_m + moved_m
+            step_rotation, step_m = self._checked(frame, step)
+            found[frame] = step_rotation @ rotation, step_rotation @ place_m + step_m
         return found
 
     def _checked(self, frame: str, step: Any) -> tuple[Array, Array]:
