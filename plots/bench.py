@@ -39,5 +39,8 @@ def plot_map_size(path: Path, rows: list[dict[str, Any]]) -> Path:
             [row["objects"] for row in own], [row["p50_ms"] for row in own], "o-", label=f"{seen} observations each"
         )
     axis.set(xscale="log", xlabel="objects on the map", ylabel="update, ms of processor time", ylim=(0, None))
+    sizes = sorted({row["objects"] for row in rows})
+    axis.set_xticks(sizes, [f"{size:,}" for size in sizes])
+    axis.minorticks_off()
     axis.legend()
     return save(figure, path)
