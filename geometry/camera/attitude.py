@@ -25,6 +25,16 @@ class GyroRotation:
     yaw_rad: float
     sigma_rad: float
 
+    @property
+    def angle_rad(self) -> float:
+        """Of the whole rotation, 0 to pi."""
+        return rotation_angle(self.rotation)
+
+
+def rotation_angle(rotation: Array) -> float:
+    """Angle of a rotation (3, 3), rad, 0 to pi."""
+    return math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attitude:

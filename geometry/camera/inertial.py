@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import GyroRotation
+from edgemap.geometry.camera.attitude import GyroRotation, rotation_angle
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2, wrap_angle
 
@@ -99,9 +99,14 @@ class InertialState:
         """What the accelerometer shows at rest, its offset included, (3,), optical frame, in parts of gravity."""
         return self.rotation[2] + self.offset / GRAVITY_M_S2
 
+    @property
+    def heading(self) -> Array:
+        """Where the optical axis points, seen from above: a unit vector (2,), z-up frame."""
+        return self.rotation[:2, 2] / max(float(np.linalg.norm(self.rotation[:2, 2])), 1e-9)
+
     def tilt_covariance(self) -> Array:
         """Of the angle about the camera's forward and right axes, levelled: roll and pitch, (2, 2) rad^2."""
-        ahead = self.rotation[:2, 2] / max(float(np.linalg.norm(self.rotation[:2, 2])), 1e-9)
+        ahead = self.heading
         axes = np.array([[ahead[0], ahead[1]], [ahead[1], -ahead[0]]])
         return axes @ self.covariance[:2, :2] @ axes.T
 
@@ -146,7 +151,7 @@ def inertial_moved(
     if before is None:
         return state
     span_s = state.stamp_s - before.stamp_s
-    ahead = before.rotation[:2, 2] / max(float(np.linalg.norm(before.rotation[:2, 2])), 1e-9)
+    ahead = before.heading
     axes = np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])  # forward and left of the base, in the world
     swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
     displaced[:2] += axes @ [motion.x_m, motion.y_m]
@@ -155,14 +160,13 @@ def inertial_moved(
     variance[:2, :2] += axes @ covariance[:2, :2] @ axes.T / span_s**2
     residual = displaced / span_s - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False)
-    now, was = state.rotation[:2, 2], before.rotation[:2, 2]
-    turned = math.atan2(was[0] * now[1] - was[1] * now[0], float(was @ now))
     own = covariance[2, 2] + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
     if motion.vector().any():  # at rest nothing turns at all
         own += noise.turned**2
     about = np.zeros((1, STATES))
     about[0, _BIAS] = moved.up_optical
-    off = np.array([wrap_angle(turned - motion.yaw_rad) / span_s])
+    turned_rad = _turned_rad(before.rotation, state.rotation)
+    off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
     moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True)
     slow = math.hypot(motion.x_m, motion.y_m) < noise.rest_speed * span_s
     return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.rest_yaw * span_s)
@@ -190,8 +194,7 @@ def inertial_step(
     transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -before * span_s
     transition[_VELOCITY, _TILT] = -_cross(force)
     transition[_VELOCITY, 2] = 0.0  # heading moves no velocity that a heading-free frame could know
-    turned_rad = math.acos(min(max((float(np.trace(rotated)) - 1.0) / 2.0, -1.0), 1.0))
-    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * turned_rad + (noise.gap * gap_s) ** 2
+    angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated) + (noise.gap * gap_s) ** 2
     diagonal = np.zeros(STATES)
     diagonal[_TILT], diagonal[_BIAS] = angle2, noise.bias_walk**2 * span_s
     diagonal[_VELOCITY] = noise.accel**2 * span_s + (5.0 * gap_s) ** 2
@@ -209,14 +212,15 @@ def inertial_step(
         replace(state, before=None),
         state.calm,
     )
-    ahead, was_ahead = (
-        predicted.rotation[:2, 2],
-        before[:2, 2],
-    )  # heading is where the optical axis points, seen from above
-    yaw_rad = math.atan2(was_ahead[0] * ahead[1] - was_ahead[1] * ahead[0], float(was_ahead @ ahead))
     about = state.up_optical @ state.covariance[_BIAS, _BIAS] @ state.up_optical
-    rotation = GyroRotation(rotated, yaw_rad, math.sqrt(angle2 + about * span_s**2))
+    rotation = GyroRotation(rotated, _turned_rad(before, predicted.rotation), math.sqrt(angle2 + about * span_s**2))
     return _held(predicted, span_s, noise), rotation
+
+
+def _turned_rad(before: Array, after: Array) -> float:
+    """Change of the optical axis's heading between two rotations (3, 3) into the z-up frame, counter-clockwise."""
+    was, now = before[:2, 2], after[:2, 2]
+    return math.atan2(was[0] * now[1] - was[1] * now[0], float(was @ now))
 
 
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:

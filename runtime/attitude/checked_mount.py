@@ -17,7 +17,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.room_edges import room_up
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.attitude.protocol import AttitudeSource
-from edgemap.runtime.calibration.level import pitch_roll, up_optical
+from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optical
 from edgemap.runtime.calibration.segments import segments_of
 from edgemap.runtime.frame import Frame
 
@@ -119,7 +119,6 @@ class CheckedMount:
         self._offset = middle
         given, found = np.degrees(self._given), np.degrees(self._given + middle)
         return (
-            f"mount: pitch {given[1]:.1f} and roll {given[0]:.1f} deg given, the room's edges give pitch "
-            f"{found[1]:.1f} and roll {found[0]:.1f} deg ({len(estimates)} pictures): "
-            "used from now on, measure it again"
+            f"mount: {angles_text(given[1], given[0])} given, the room's edges give {angles_text(found[1], found[0])} "
+            f"({len(estimates)} pictures): used from now on, measure it again"
         )

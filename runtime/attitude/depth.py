@@ -14,7 +14,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, follow_floor
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.attitude.protocol import AttitudeSource
-from edgemap.runtime.calibration.level import up_optical
+from edgemap.runtime.calibration.level import angles_text, up_optical
 from edgemap.runtime.frame import Frame
 
 JUDGED, JUDGED_S = 30, 3.0  # floors, and their time, after which the mount is called right or wrong
@@ -36,10 +36,8 @@ class DepthAttitude:
 
     def __init__(self, camera: FloorCamera, other: AttitudeSource) -> None:
         self._other, self._height_m = other, camera.mount.height_m
-        self._mount, self._floors = (
-            camera.mount,
-            list[tuple[float, float, float, float]](),
-        )  # stamp, roll, pitch, height
+        self._mount = camera.mount
+        self._floors: list[tuple[float, float, float, float]] = []  # stamp, roll, pitch, height as a share
         self._points = DepthPoints(camera.intrinsics, EVERY_PX)
         self._plane: FloorPlane | None = None
         self._seen_s = -math.inf
@@ -103,4 +101,4 @@ class DepthAttitude:
 
 
 def _told(height_m: float, pitch_deg: float, roll_deg: float) -> str:
-    return f"height {height_m:.2f} m, pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
+    return f"height {height_m:.2f} m, {angles_text(pitch_deg, roll_deg)}"

@@ -20,7 +20,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.checked_mount import MountRule
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.attitude.sources import NODDING_RAD
-from edgemap.runtime.calibration.level import up_optical
+from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optical
 from edgemap.runtime.frame import Frame
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
@@ -75,8 +75,8 @@ class MountCheck:
         if scatter.max() > self._rule.steady_rad or off.max() < self._rule.wrong_rad:
             return ""
         self._reported = True
-        given = f"pitch {math.degrees(self._mount.pitch_rad):.1f} and roll {math.degrees(self._mount.roll_rad):.1f} deg"
-        likelier = f"pitch {math.degrees(mean[1]):.1f} and roll {math.degrees(mean[0]):.1f} deg"
+        given = angles_text(math.degrees(self._mount.pitch_rad), math.degrees(self._mount.roll_rad))
+        likelier = angles_text(math.degrees(mean[1]), math.degrees(mean[0]))
         return f"mount: {given} given, gravity over {self._seconds:.0f} s says {likelier}: measure it again"
 
 
@@ -154,5 +154,4 @@ class InertialAttitude:
 
 def _angles(up: np.ndarray) -> np.ndarray:
     """Roll and pitch (2,), rad, of a direction (3,) of the optical frame that points up."""
-    found = Attitude.of_up(up, np.zeros((2, 2)), "")
-    return np.array([found.roll_rad, found.pitch_rad])
+    return np.array(pitch_roll(up)[::-1])

@@ -16,6 +16,11 @@ def up_optical(pitch_rad: float, roll_rad: float) -> Array:
     return np.array([-cp * math.sin(roll_rad), -cp * math.cos(roll_rad), -math.sin(pitch_rad)])
 
 
+def angles_text(pitch_deg: float, roll_deg: float) -> str:
+    """Both angles of a mount, in degrees, as messages name them."""
+    return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
+
+
 def pitch_roll(up: Array) -> tuple[float, float]:
     """Pitch (positive down) and roll, rad, of the camera that sees up in this direction of its optical frame."""
     x, y, z = up / np.linalg.norm(up)

@@ -246,8 +246,7 @@ class PlanarOdometry:
         self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
         if not self._rotation_held:
             return
-        angle_rad = math.acos(min(max((float(np.trace(rotation.rotation)) - 1.0) / 2.0, -1.0), 1.0))
-        sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * angle_rad, rotation.sigma_rad)
+        sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
         tilt_rad = min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad)
         self._noise = replace(self._noise, tilt_rad=tilt_rad, yaw_rad=sigma)
         self._tilt, self._levelling = tilt, self._rule.gyro_levelling

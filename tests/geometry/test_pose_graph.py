@@ -84,11 +84,11 @@ def test_the_least_squares_are_scipys(seed):
 
 def test_poses_are_solved_by_one_covariance_of_the_odometry_and_told_by_another():
     start, landmarks, chain, looks = drive(0)
-    surer = OdometryFactors(chain.motions, 16.0 * chain.information, chain.first, chain.first_information)
-    plain, told = (solve(start, landmarks, chain, looks, NOTHING, 1e12, 30, stated) for stated in (chain, surer))
+    narrower = OdometryFactors(chain.motions, 16.0 * chain.information, chain.first, chain.first_information)
+    plain, told = (solve(start, landmarks, chain, looks, NOTHING, 1e12, 30, stated) for stated in (chain, narrower))
     np.testing.assert_array_equal(told.poses, plain.poses)
-    by_it = solve(plain.poses, plain.landmarks, surer, looks, NOTHING, 1e12, 1)
-    np.testing.assert_allclose(told.pose_covariances, by_it.pose_covariances, rtol=0.05, atol=2e-5)
+    restated = solve(plain.poses, plain.landmarks, narrower, looks, NOTHING, 1e12, 1)
+    np.testing.assert_allclose(told.pose_covariances, restated.pose_covariances, rtol=0.05, atol=2e-5)
     assert np.trace(told.pose_covariances[-1]) < 0.7 * np.trace(plain.pose_covariances[-1])
 
 

@@ -84,8 +84,8 @@ def test_beyond_the_gate_nothing_is_paired():
 
 
 def test_with_too_many_hypotheses_the_least_ambiguous_landmarks_decide():
-    """Six chairs that may each be any of six, and three things of which there is one each: otherwise a robot that was
-    lost for a moment collects landmarks that it must recognise until it recognises none."""
+    """Six chairs that may each be any of six, and three objects that are alone of their kind. Without a decision,
+    landmarks that were not recognised would only become more."""
     chairs, others = [(0.3 * k, 0.0) for k in range(6)], [(0.0, 2.0), (2.0, 1.0), (1.0, -2.0)]
     before = [*chairs, *others]
     landmarks, covariance = drifted(before, [(x + 0.6, y - 0.3) for x, y in before])

@@ -241,8 +241,8 @@ def test_two_sightings_are_one_object_along_the_axis_in_which_they_are_uncertain
 
 
 def test_of_objects_told_with_0_9_nine_in_ten_are_real():
-    """A detector is surer of what is there, and finds it more often: 30 chairs in three frames of five with scores of
-    0.5 to 0.95, 30 of something else in one of five with 0.3 to 0.6."""
+    """A detector finds true objects more often and with higher scores: 30 chairs in three frames of five with 0.5 to
+    0.95, 30 of something else in one of five with 0.3 to 0.6."""
     random, mapper = np.random.default_rng(5), Mapper()
     places = [(1.0 + 2.0 * row, 2.0 * column) for row in range(10) for column in range(6)]
     is_real = [number % 2 == 0 for number in range(60)]

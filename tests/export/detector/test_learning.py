@@ -98,7 +98,7 @@ def test_cells_on_an_ignored_box_cost_nothing(read):
 
 
 def test_classes_that_labels_do_not_tell_stay_free(read):
-    """A high score of a class that this source never labels pulls at nothing, but where the box is another thing's."""
+    """A high score of a class that this source never labels has no gradient, but where the box is another object's."""
     heads = [head.requires_grad_() for head in blank()]
     losses, found = detection_loss(read(heads), targets([[36.0, 36, 92, 92]], [0], told=(True, False)))
     losses["total"].backward()
