@@ -11,6 +11,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 from tqdm import tqdm
 
 from edgemap.export.errors import ExportError
@@ -141,8 +142,8 @@ class Training(ABC):
 
 def average_into(average: dict[str, Tensor], network: nn.Module, decay: float) -> None:
     """One step of the exponential moving average of a network's weights, in place."""
-    for name, tensor in network.state_dict().items():
-        if tensor.is_floating_point():
-            average[name].lerp_(tensor, 1.0 - decay)
-        else:
-            average[name].copy_(tensor)
+    now = network.state_dict()
+    floats = [name for name, tensor in now.items() if tensor.is_floating_point()]
+    get_ema_multi_avg_fn(decay)([average[name] for name in floats], [now[name] for name in floats], None)
+    for name in now.keys() - set(floats):
+        average[name].copy_(now[name])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from multiprocessing.queues import Queue
@@ -66,9 +67,15 @@ class Batches:
         for worker in workers:
             worker.start()
         try:
-            for index in range(first, len(self)):
-                at = (index - first) % self._workers
-                yield collate(_next(queues[at], workers[at]))
+            with ThreadPoolExecutor(1) as pool:  # the next batch is unpacked while the network works on this one
+                waiting: deque[Future[tuple[Tensor, Targets]]] = deque()
+                for index in range(first, len(self)):
+                    at = (index - first) % self._workers
+                    waiting.append(pool.submit(_next, queues[at], workers[at]))
+                    if len(waiting) > 1:
+                        yield waiting.popleft().result()
+                while waiting:
+                    yield waiting.popleft().result()
         finally:
             for worker in workers:
                 worker.kill()
@@ -120,10 +127,10 @@ class Batches:
             queue.put(self._pick(epoch, index))
 
 
-def _next(queue: Queue, worker: BaseProcess) -> list[Example]:
+def _next(queue: Queue, worker: BaseProcess) -> tuple[Tensor, Targets]:
     while True:
         try:
-            return queue.get(timeout=5.0)
+            return collate(queue.get(timeout=5.0))
         except Empty:
             if not worker.is_alive():
                 raise ExportError(f"a process that makes training pictures died (code {worker.exitcode})") from None

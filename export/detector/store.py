@@ -52,18 +52,19 @@ def load_examples(
 ) -> list[Example]:
     """All pictures of `KIND:DIR...`, longer side `size` px; boxes of other classes than `names` are left out.
 
-    Labels tell all of a class where any label of the source names it; the other classes are kept. A plain folder holds
-    pictures without labels: all classes are kept there, and `teach` tells all of them, where there is a teacher. limit:
-    at most so many, evenly over each folder. Raises CameraError, or ExportError where labels hold no box at all.
+    Labels tell all of a class where any label of the source names it; the other classes are kept. Boxes that a network
+    predicted tell all classes, and all are kept. A plain folder holds pictures without labels: `teach` predicts them,
+    where there is a teacher; else no class is told. limit: at most so many, evenly over each folder. Raises
+    CameraError, or ExportError where labels hold no box at all.
     """
     number = {name: index for index, name in enumerate(names)}
     examples: list[Example] = []
     for source, spec in enumerate(specs):
-        found, bare = list(_load(spec, number, size, limit, teach)), is_unlabelled(spec)
-        told = np.full(len(names), bare and teach is not None)
-        if not bare:
-            told[[label for example in found for label in example.labels]] = True
-        kept = ~told | bare
+        pairs = list(_load(spec, number, size, limit, teach))
+        predicted, found = any(flag for _, flag in pairs), [example for example, _ in pairs]
+        told = np.full(len(names), predicted)
+        told[[label for example in found for label in example.labels]] = True
+        kept = ~told | predicted
         examples += [replace(example, source=source, told=told, kept=kept) for example in found]
     labelled = teach is not None or not all(map(is_unlabelled, specs))
     if labelled and not any(len(example.boxes) for example in examples):
@@ -71,20 +72,28 @@ def load_examples(
     return examples
 
 
-def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[Example]:
+_Pair = tuple[Example, bool]  # with whether a network predicted its boxes
+
+
+def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[_Pair]:
     if is_unlabelled(spec):
         for path, boxes in taught_pictures(Path(spec), teach or (lambda _: UNTAUGHT), limit):
-            yield _example(read_picture(path), boxes, number, size)
+            yield _example(read_picture(path), boxes, number, size), boxes.predicted
         return
     drive = open_drive(spec)
     if not drive.images:
         for image, boxes in LabelledPictures(drive, limit):
-            yield _example(image, boxes, number, size)
+            yield _example(image, boxes, number, size), boxes.predicted
         return
     count = min(len(drive.images), len(drive.boxes))
     chosen = np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)) if count else []
     with ThreadPoolExecutor(2) as pool:
-        yield from pool.map(lambda at: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen)
+        yield from pool.map(
+            lambda at: (
+                _example(read_picture(drive.images[at]), drive.boxes[at], number, size), drive.boxes[at].predicted
+            ),
+            chosen,
+        )  # fmt: skip
 
 
 def is_unlabelled(spec: str) -> bool:

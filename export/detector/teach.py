@@ -14,9 +14,8 @@ from edgemap.runtime.decode import Decoder
 from edgemap.runtime.detector import Detector
 from edgemap.runtime.drives.drive import LabelledBoxes
 from edgemap.runtime.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.drives.yolo import DOUBT_SCORE, predicted_boxes
 
-LABEL_SCORE = 0.45  # of a box that becomes a label; weaker ones down to DOUBT_SCORE are neither object nor background
-DOUBT_SCORE = 0.2
 SAME_OVERLAP = 0.55  # IoU of boxes of one class that are one object to two teachers
 
 Teacher = Callable[[NDArray[np.uint8]], LabelledBoxes]
@@ -29,10 +28,7 @@ def teacher_of(bundles: Sequence[Bundle]) -> Teacher:
     ]
 
     def teach(image: NDArray[np.uint8]) -> LabelledBoxes:
-        boxes, labels, scores = averaged([detect(image) for detect in detectors])
-        told = scores >= DOUBT_SCORE
-        kept = tuple(label for label, keep in zip(labels, told, strict=True) if keep)
-        return LabelledBoxes(boxes[told], kept, (scores[told] >= LABEL_SCORE).astype(np.float64))
+        return predicted_boxes(*averaged([detect(image) for detect in detectors]))
 
     return teach
 

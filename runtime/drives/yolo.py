@@ -1,4 +1,7 @@
-"""YOLO text labels: `images/` and `labels/`, one `class cx cy w h` line per object, relative to the picture."""
+"""YOLO text labels: `images/` and `labels/`, one `class cx cy w h` line per object, relative to the picture.
+
+With a sixth column, the score, they are what a network told of pictures that nobody labelled.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.runtime.drives.coco import COCO_NAMES
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
@@ -19,14 +23,18 @@ from edgemap.runtime.reading import read_bytes
 
 LABEL_BYTES = 4 << 20
 CLASS_LIMIT = 10_000
+LABEL_SCORE = 0.45  # of a told box that counts as a label; weaker ones down to DOUBT_SCORE are neither object nor not
+DOUBT_SCORE = 0.2
 
 
-def label_table(names: Sequence[str]) -> NumberTable:
-    """A label file's lines: the number of one of these classes, centre and sides."""
-    return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns("cx cy w h", 0.0, 1.0)))
+def label_table(names: Sequence[str], scored: bool = False) -> NumberTable:
+    """A label file's lines: the number of one of these classes, centre and sides, and perhaps the score."""
+    told = "cx cy w h score" if scored else "cx cy w h"
+    return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns(told, 0.0, 1.0)))
 
 
 LABELS = label_table(COCO_NAMES)
+SCORED_COLUMNS = 6
 
 
 def read_yolo(folder: Path) -> Drive:
@@ -84,11 +92,20 @@ def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBox
     data = read_bytes(path, LABEL_BYTES, CameraError) if path.is_file() else b""
     if not data.strip():
         return LabelledBoxes(np.zeros((0, 4)), ())
-    numbers, rows = label_table(names).parse(data, str(path), CameraError)
+    scored = len(data.split(b"\n", 1)[0].split()) == SCORED_COLUMNS
+    numbers, rows = label_table(names, scored).parse(data, str(path), CameraError)
     classes = rows[:, 0].astype(np.int64)
     if len(odd := np.flatnonzero(classes != rows[:, 0])):
         raise CameraError(f"{path}:{numbers[odd[0]]}: class {rows[odd[0], 0]:g} is not a whole number")
     height, width = read_picture(image).shape[:2]
-    centres, halves = rows[:, 1:3], rows[:, 3:] / 2
+    centres, halves = rows[:, 1:3], rows[:, 3:5] / 2
     corners = np.hstack([centres - halves, centres + halves]) * [width, height, width, height]
-    return LabelledBoxes(corners, tuple(names[number] for number in classes))
+    labels = tuple(names[number] for number in classes)
+    return predicted_boxes(corners, labels, rows[:, 5]) if scored else LabelledBoxes(corners, labels)
+
+
+def predicted_boxes(boxes: NDArray[np.float64], labels: Sequence[str], scores: NDArray[np.float64]) -> LabelledBoxes:
+    """What a network told of a picture, as labels: sure boxes, and doubted ones with a visibility of 0."""
+    rows = np.flatnonzero(scores >= DOUBT_SCORE)
+    visible = (scores[rows] >= LABEL_SCORE).astype(np.float64)
+    return LabelledBoxes(boxes[rows], tuple(labels[int(row)] for row in rows), visible, predicted=True)

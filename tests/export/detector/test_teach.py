@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.store import Example, load_examples
 from edgemap.export.detector.teach import averaged
-from edgemap.runtime.drives.drive import LabelledBoxes
+from edgemap.runtime.drives.yolo import predicted_boxes
 
 NAMES = ("chair", "couch")
 
@@ -46,7 +46,7 @@ def test_pictures_without_labels_take_the_teachers(tmp_path):
         cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((50, 100, 3), number, np.uint8))
 
     def teach(_image):
-        return LabelledBoxes(np.array([[10.0, 10, 30, 40], [50, 0, 90, 50]]), NAMES, np.array([1.0, 0.0]))
+        return predicted_boxes(np.array([[10.0, 10, 30, 40], [50, 0, 90, 50]]), NAMES, np.array([0.9, 0.3]))
 
     examples = load_examples([str(tmp_path)], NAMES, 40, limit=2, teach=teach)
     assert [int(one.image[0, 0, 0]) for one in examples] == [0, 2]
@@ -58,6 +58,24 @@ def test_pictures_without_labels_take_the_teachers(tmp_path):
     assert len(bare.boxes) == 0
     assert bare.kept.all()
     assert not bare.told.any()
+
+
+def test_labels_with_scores_are_told_by_a_network(tmp_path):
+    """As a plain folder with a teacher: all classes told, all kept; what the network doubts is not asked for."""
+    import cv2
+
+    for folder in ("images", "labels"):
+        (tmp_path / folder).mkdir()
+    for number in range(2):
+        cv2.imwrite(str(tmp_path / "images" / f"{number}.png"), np.full((50, 100, 3), number, np.uint8))
+    rows = "0 0.2 0.5 0.2 0.6 0.9\n1 0.7 0.5 0.4 1 0.3\n1 0.5 0.5 0.4 1 0.1\n"
+    (tmp_path / "labels" / "0.txt").write_text(rows)
+    (tmp_path / "classes.txt").write_text("\n".join(NAMES))
+    seen, empty = load_examples([f"yolo:{tmp_path}"], NAMES, 40)
+    np.testing.assert_allclose(seen.boxes, [[4.6, 4.6, 13.8, 18.4], [23, 0, 41.4, 23]], atol=1e-5)  # 46 px of 100
+    assert seen.ignored().tolist() == [False, True]
+    assert len(empty.boxes) == 0
+    assert all(one.told.all() and one.kept.all() for one in (seen, empty))
 
 
 def test_a_mix_shows_each_source_by_its_share():
