@@ -255,22 +255,23 @@ def _composed(first: Motion, second: Motion) -> Motion:
 
 def _sound(observed: FrameObservations) -> FrameObservations:
     """The observations that can be: no NaN, no infinity and no covariance that is none ever reaches pose or map."""
-    sightings = [
-        sighting
-        for sighting in observed.sightings
-        if all(np.isfinite(values).all() for values in _numbers(sighting))
-        and is_covariance(sighting.covariance_m2)
-        and np.linalg.eigvalsh(sighting.covariance_m2)[0] > MIN_VARIANCE_M2
-        and is_covariance(sighting.shared_m2)
-        and np.trace(sighting.covariance_m2 + sighting.shared_m2) < FARTHEST_M**2
-        and np.linalg.norm(sighting.position_base_m) < FARTHEST_M
-    ]
+    sightings = [sighting for sighting in observed.sightings if _is_sound(sighting)]
     return replace(observed, sightings=sightings, motion=observed.motion.checked("this"))
 
 
-def _numbers(sighting: Sighting) -> tuple[Array, ...]:
-    size = np.array([sighting.score, sighting.width_m, sighting.height_m, sighting.stamp_s])
-    return sighting.position_base_m, sighting.covariance_m2, sighting.shared_m2, size
+def _is_sound(sighting: Sighting) -> bool:
+    own_m2, shared_m2, place_m = sighting.covariance_m2, sighting.shared_m2, sighting.position_base_m.tolist()
+    sizes = sighting.score, sighting.width_m, sighting.height_m, sighting.stamp_s
+    if not all(map(math.isfinite, (*sizes, *place_m, *own_m2.ravel().tolist(), *shared_m2.ravel().tolist()))):
+        return False
+    ((xx, xy), (_, yy)), ((shared_xx, _), (_, shared_yy)) = own_m2.tolist(), shared_m2.tolist()
+    return (
+        is_covariance(own_m2)
+        and is_covariance(shared_m2)
+        and xx * yy - xy * xy > MIN_VARIANCE_M2 * (xx + yy)  # so the smaller eigenvalue is above it
+        and xx + yy + shared_xx + shared_yy < FARTHEST_M**2
+        and math.hypot(*place_m) < FARTHEST_M
+    )
 
 
 def _after(blind: Motion | None, observed: FrameObservations) -> FrameObservations:

@@ -24,20 +24,24 @@ ROUNDING = 1e-6  # of a covariance, as a share of its largest entry; networks an
 
 def is_covariance(matrix: Array) -> bool:
     """Whether a finite matrix is symmetric with no negative eigenvalue, but for rounding."""
-    if len(matrix) == 3 and _clearly_positive(*matrix.ravel().tolist()):
+    if _clearly_positive(matrix.tolist()):
         return True
     slack = ROUNDING * max(float(np.abs(matrix).max()), 1e-12)
     return bool(np.abs(matrix - matrix.T).max() <= slack and np.linalg.eigvalsh(matrix)[0] >= -slack)
 
 
-def _clearly_positive(
-    xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float
-) -> bool:
-    """Whether a 3x3 is symmetric to the bit and its leading minors are positive (Sylvester): nearly all are, and numpy
-    takes ten times as long to say so."""
-    minor = xx * yy - xy * xy
-    determinant = zz * minor - yz * (xx * yz - xz * xy) - xz * (xz * yy - xy * yz)
-    return xy == yx and xz == zx and yz == zy and xx > 0.0 and minor > 0.0 and determinant > 0.0
+def _clearly_positive(rows: list[list[float]]) -> bool:
+    """Whether a 2x2 or 3x3 is symmetric but for rounding, with leading minors well above zero (Sylvester): nearly all
+    are, and numpy takes ten times as long to say so."""
+    (xx, xy, *_), (yx, yy, *_) = rows[:2]
+    slack = ROUNDING * min(xx, yy)
+    minor = xx * yy - xy * yx
+    clear = abs(xy - yx) <= slack and xx > 0.0 and minor > ROUNDING * xx * yy
+    if len(rows) == 2 or not clear:
+        return clear
+    (_, _, xz), (_, _, yz), (zx, zy, zz) = rows
+    determinant = zz * minor - yz * (xx * zy - zx * xy) - xz * (zx * yy - xy * zy)
+    return max(abs(xz - zx), abs(yz - zy)) <= min(slack, ROUNDING * zz) and determinant > ROUNDING * minor * zz
 
 
 def unknown_covariance() -> Array:
