@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from edgemap.geometry.camera.room_edges import room_up
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optical
-from edgemap.runtime.calibration.segments import segments_of
+from edgemap.runtime.calibration.segments import line_ends, segments_between
 from edgemap.runtime.frame import Frame
 
 Array = NDArray[np.float64]
@@ -30,18 +31,21 @@ COARSE_PX = (40, 30)  # of the pictures that are compared
 class MountRule:
     """When a mount counts as wrong by the room's edges.
 
-    width_px: pictures are scaled down to it. every, first_every: pictures between two estimates, once the mount is
-    confirmed or after the first ones, and before. reach_rad: of the search about the mount's angles. window_s: of
-    estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
+    width_px: pictures are scaled down to it. strips: that a picture is cut into; their edges are found one after the
+    other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two estimates, once
+    the mount is confirmed or after `first_s`, and before. reach_rad: of the search about the mount's angles. window_s:
+    of estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
     estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: error from
     which a mount is wrong; up to there the given one holds. moved: mean grey levels between two pictures that count as
     two views.
     """
 
     width_px: int = 320
-    every: int = 12
-    first_every: int = 4
-    first: int = 100
+    strips: int = 4
+    strip_s: float = 0.09
+    every_s: float = 1.5
+    first_every_s: float = 0.5
+    first_s: float = 10.0
     reach_rad: float = math.radians(12.0)
     window_s: float = 20.0
     judged_s: float = 5.0
@@ -67,15 +71,14 @@ class CheckedMount:
         self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
         self._confirmed = False
         self._last: MatLike | None = None
-        self._count = 0
+        self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
+        self._strips: list[tuple[int, MatLike]] = []  # of it, not looked at yet, with their first columns
+        self._ends: list[Array] = []  # of the edges found in the others
         self._estimates: deque[tuple[float, float, float]] = deque()  # stamp, roll and pitch against the mount
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
-        count, self._count = self._count, self._count + 1
-        settled = self._confirmed or count >= self._rule.first
-        every = self._rule.every if settled else self._rule.first_every
-        fault = self._estimate(frame) if count % every == 0 else ""
+        fault = self._look(frame)
         other = self._other.step(frame)
         if not fault and not self._offset.any():
             return other
@@ -86,23 +89,47 @@ class CheckedMount:
         """The mount and its offset stay."""
         self._other.reset(reason)
         self._estimates.clear()
+        self._strips, self._ends = [], []
 
-    def _estimate(self, frame: Frame) -> str:
-        """Estimate the mount by the edges of one picture; the fault, where the mount is wrong."""
+    def _look(self, frame: Frame) -> str:
+        """A part of the work on a picture, the next one if none is begun; the fault, where the mount is wrong."""
+        if self._ends and not self._strips:
+            ends, self._ends = np.concatenate(self._ends), []
+            return self._estimate(ends)
+        if not self._strips and self._due(frame.stamp_s):
+            self._begin(frame)
+        while self._strips and frame.stamp_s - self._started_s >= len(self._ends) * self._rule.strip_s:
+            left, strip = self._strips.pop()
+            self._ends.append(line_ends(strip) + [left, 0.0])
+        return ""
+
+    def _due(self, stamp_s: float) -> bool:
+        """Whether it is time for the next picture."""
+        self._first_s = min(self._first_s, stamp_s)
+        settled = self._confirmed or stamp_s - self._first_s >= self._rule.first_s
+        return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
+
+    def _begin(self, frame: Frame) -> None:
+        """Take a picture for an estimate, if it shows another view than the last one."""
+        self._started_s = frame.stamp_s
         small = cv2.resize(frame.image, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
         coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
         if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
-            return ""  # the same view again adds nothing
-        self._last = coarse
-        edges = segments_of(grey, self._lens)
+            return
+        edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
+        self._last, self._strips = coarse, [(left, grey[:, left:right]) for left, right in pairwise(edges)]
+
+    def _estimate(self, ends: Array) -> str:
+        """Estimate the mount by the edges of one picture, (N, 2, 2) px."""
+        edges = segments_between(ends, self._lens)
         roll, pitch = self._given.tolist()
         found = room_up(edges.normals, edges.lengths, up_optical(pitch, roll), self._rule.reach_rad)
         if found is None:
             return ""
         pitch, roll = pitch_roll(found)
-        self._estimates.append((frame.stamp_s, *(np.array([roll, pitch]) - self._given).tolist()))
-        while self._estimates[0][0] < frame.stamp_s - self._rule.window_s:
+        self._estimates.append((self._started_s, *(np.array([roll, pitch]) - self._given).tolist()))
+        while self._estimates[0][0] < self._started_s - self._rule.window_s:
             self._estimates.popleft()
         return self._judge()
 

@@ -37,13 +37,17 @@ class Segments:
 
 def find_segments(image: NDArray[np.uint8], lens: Intrinsics) -> Segments:
     """Line segments of a BGR picture (LSD: Grompone von Gioi et al. 2012), short ones left out."""
-    return segments_of(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), lens)
+    return segments_between(line_ends(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)), lens)
 
 
-def segments_of(grey: MatLike, lens: Intrinsics) -> Segments:
-    """The same of a grey picture of the lens's size."""
-    lines = cv2.createLineSegmentDetector().detect(grey)[0]
-    ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, dtype=np.float64).reshape(-1, 2, 2)
+def line_ends(grey: MatLike) -> Array:
+    """Both ends of each line that LSD finds in a grey picture, (N, 2, 2) px."""
+    lines = cv2.createLineSegmentDetector().detect(np.ascontiguousarray(grey))[0]
+    return np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, dtype=np.float64).reshape(-1, 2, 2)
+
+
+def segments_between(ends: Array, lens: Intrinsics) -> Segments:
+    """Lines of a picture by their ends (N, 2, 2) px, short ones left out."""
     sides = ends[:, 1] - ends[:, 0]
     px = np.linalg.norm(sides, axis=1)
     keep = np.argsort(-px)[:MAXIMUM_SEGMENTS]

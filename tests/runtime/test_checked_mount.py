@@ -52,7 +52,7 @@ def test_edges_without_order_or_too_few_say_nothing():
     assert room_up(normals[:3], np.full(3, 0.2), up, math.radians(6)) is None
 
 
-def told(off_deg, frames=80, still=False):
+def told(off_deg, frames=80, still=False, hz=10.0):
     """Faults with the stamps of their frames, and the last attitude, for the demo under a mount so far off."""
     faults, attitude = [], None
     with open_camera("demo") as camera:
@@ -61,8 +61,8 @@ def told(off_deg, frames=80, still=False):
         first = camera.read()
         for index in range(frames):
             frame = first if still else camera.read()
-            attitude = source.step(replace(frame, index=index, stamp_s=index / 10))
-            faults += [(index / 10, attitude.fault)] if attitude.fault else []
+            attitude = source.step(replace(frame, index=index, stamp_s=index / hz))
+            faults += [(index / hz, attitude.fault)] if attitude.fault else []
     return faults, attitude
 
 
@@ -70,6 +70,12 @@ def test_the_right_mount_is_no_fault_and_holds():
     faults, attitude = told(0.0)
     assert not faults
     assert (attitude.pitch_rad, attitude.source) == (math.radians(11.5), "mount")
+
+
+@pytest.mark.parametrize("hz", [2.5, 30.0])
+def test_a_wrong_mount_is_found_in_time_at_any_rate(hz):
+    faults, _ = told(5.5, frames=int(15 * hz), hz=hz)
+    assert len(faults) == 1
 
 
 @pytest.mark.parametrize("off_deg", [5.5, -5.5])
