@@ -21,7 +21,7 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.health import HealthMonitor, HealthRule, PictureHealth
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry.protocol import Motion, Odometry
+from edgemap.runtime.odometry.protocol import Motion, Odometry, StartsAhead
 from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.rest import RestMonitor, RestRule
 from edgemap.runtime.timing import Stopwatch
@@ -49,6 +49,7 @@ class Pipeline:
         rest: RestRule | None = None,
     ) -> None:
         self.camera, self.odometry = camera, odometry
+        self._begin_odometry = odometry.begin if isinstance(odometry, StartsAhead) else lambda *_: None
         self.attitude = attitude or MountAttitude(camera.mount)
         rule = rule or FloorRule()
         self.rule = replace(
@@ -89,6 +90,8 @@ class Pipeline:
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
         stage("backbone")
+        if motion is None:
+            self._begin_odometry(frame, outputs)  # its network runs while this thread decodes
         detections = self._found = self._decode(outputs, placement)
         stage("decode")
         sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s, frame.depth)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,29 +109,35 @@ class HybridOdometry:
         self._beside = ThreadPoolExecutor(1, "odometry")
         self.reset("start")
 
-    def step(self, frame: Frame, features: Tensors) -> Motion:
-        """The members' fused motion since the last frame.
+    def begin(self, frame: Frame, features: Tensors) -> None:
+        """Start the members that are networks, in another thread.
 
         Without features the members that need them sleep until two frames in a row have some: a network that was
         trained on neighbouring frames errs over longer intervals, and its covariance does not show it in time.
         """
         asleep = set() if features and self._fed else self._needy
         self._fed = bool(features)
-        awake = [index for index in range(len(self._members)) if index not in asleep]
-        woken = self._slept - asleep
-        for index in woken:
+        self._woken, self._slept = self._slept - asleep, asleep
+        for index in self._woken:
             self._members[index].odometry.reset("slept")
-        beside = [index for index in awake if index in self._needy and not self.needs_features]
-        waiting = [self._beside.submit(self._members[index].odometry.step, frame, features) for index in beside]
+        beside = set() if self.needs_features else self._needy - asleep
+        self._begun = {
+            index: self._beside.submit(self._members[index].odometry.step, frame, features) for index in beside
+        }
+        self._begun_with = frame
+
+    def step(self, frame: Frame, features: Tensors) -> Motion:
+        """The members' fused motion since the last frame."""
+        if self._begun_with is not frame:
+            self.begin(frame, features)
         motions = [Motion(blind=True)] * len(self._members)
-        for index in awake:
-            if index not in beside:
-                motions[index] = self._members[index].odometry.step(frame, features)
-        for index, future in zip(beside, waiting, strict=True):
+        for index, member in enumerate(self._members):
+            if index not in self._begun and index not in self._slept:
+                motions[index] = member.odometry.step(frame, features)
+        for index, future in self._begun.items():
             motions[index] = future.result()
-        for index in woken:
+        for index in self._woken:
             motions[index] = Motion(blind=True)
-        self._slept = asleep
         motion = self._fused(frame.stamp_s, motions)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
@@ -166,6 +172,9 @@ class HybridOdometry:
         self._measured: set[int] = set()
         self._reported_s: dict[int, float] = {}
         self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
+        self._woken = set[int]()
+        self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
+        self._begun_with: Frame | None = None
         self._conflicts, self._first = 0, True
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 

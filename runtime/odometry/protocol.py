@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,4 +125,13 @@ class Odometry(Protocol):
 
     def reset(self, reason: str) -> None:
         """Forget the past: a gap in the frames, another place."""
+        ...
+
+
+@runtime_checkable
+class StartsAhead(Protocol):
+    """An odometry that computes with a frame's features while its caller does something else."""
+
+    def begin(self, frame: Frame, features: Tensors) -> None:
+        """Start on a frame in another thread; `step` of that frame, which follows, takes the result."""
         ...
