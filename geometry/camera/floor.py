@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount import Mount, rotation_base_optical
 from edgemap.geometry.errors import GeometryError
 
 Array = NDArray[np.float64]
@@ -69,7 +69,8 @@ class FloorCamera:
 
         Ray-plane intersection; at zero roll and on the optical axis' column it is the paper's equation 3.
         """
-        return _on_floor(self.intrinsics.rays(pixels), self.mount)
+        rotation, lens = self.mount.rotation_base_optical(), self.mount.position_base_m()
+        return _on_floor(self.intrinsics.rays(pixels), rotation, lens)
 
     def project(self, points_base_m: ArrayLike) -> Array:
         """Points (N, 3), or (N, 2) on the floor, of the base frame to pixels (N, 2); NaN behind the camera."""
@@ -124,24 +125,23 @@ def floor_covariances(
     pixels, sigmas_px: (N, 2), place and standard deviation across and down. Numeric central differences; NaN at or
     above the horizon.
     """
-    pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    pixels, mount = np.asarray(pixels, dtype=np.float64).reshape(-1, 2), camera.mount
     variance_px2 = np.asarray(sigmas_px, dtype=np.float64).reshape(-1, 2, 1, 1) ** 2
     around = pixels + _HALF_PIXELS[:, None]  # all five in one go, for the lens costs most
-    rays = camera.intrinsics.rays(around.reshape(-1, 2)).reshape(len(_HALF_PIXELS), -1, 3)
-    right, left, below, above = (_on_floor(part, camera.mount) for part in rays[:4])
+    rays = camera.intrinsics.rays(around.reshape(-1, 2))
+    lens = mount.position_base_m()
+    points = _on_floor(rays, mount.rotation_base_optical(), lens).reshape(len(_HALF_PIXELS), -1, 2)
+    right, left, below, above, here = points
     wrt_u, wrt_v = right - left, below - above
     from_pixels = variance_px2[:, 0] * _outer(wrt_u) + variance_px2[:, 1] * _outer(wrt_v)
+    middle = rays[-len(pixels) :]
 
-    def wrt(name: str) -> Array:
-        value = getattr(camera.mount, name)
-        plus, minus = (
-            _on_floor(rays[4], replace(camera.mount, **{name: value + sign * _STEP})) for sign in (1.0, -1.0)
-        )
-        return (plus - minus) / (2.0 * _STEP)
+    def moved(pitch_rad: float, roll_rad: float) -> Array:
+        return _on_floor(middle, rotation_base_optical(mount.pitch_rad + pitch_rad, mount.roll_rad + roll_rad), lens)
 
-    wrt_roll, wrt_pitch = wrt("roll_rad"), wrt("pitch_rad")
-    here = _on_floor(rays[4], camera.mount)
-    wrt_height = (here - camera.mount.position_base_m()[:2]) / camera.mount.height_m
+    wrt_roll = (moved(0.0, _STEP) - moved(0.0, -_STEP)) / (2.0 * _STEP)
+    wrt_pitch = (moved(_STEP, 0.0) - moved(-_STEP, 0.0)) / (2.0 * _STEP)
+    wrt_height = (here - lens[:2]) / mount.height_m
     from_mount = (
         noise.roll_rad**2 * _outer(wrt_roll)
         + noise.pitch_rad**2 * _outer(wrt_pitch)
@@ -157,11 +157,10 @@ _HALF_PIXELS = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5], [0.0,
 _STEP = 1e-4  # rad
 
 
-def _on_floor(rays_optical: Array, mount: Mount) -> Array:
-    """Where rays (N, 3) from the lens meet the floor, (N, 2) base frame; NaN at or above the horizon."""
-    rays = rays_optical @ mount.rotation_base_optical().T
+def _on_floor(rays_optical: Array, rotation: Array, lens: Array) -> Array:
+    """Where rays (N, 3) from the lens, (3,) base frame, meet the floor, (N, 2); NaN at or above the horizon."""
+    rays = rays_optical @ rotation.T
     down = np.where(rays[:, 2] < -1e-9, -rays[:, 2], np.nan)
-    lens = mount.position_base_m()
     return lens[:2] + rays[:, :2] * (lens[2] / down)[:, None]
 
 

@@ -53,7 +53,7 @@ class Mount:
 
     def rotation_base_optical(self) -> Array:
         """3x3 rotation that takes directions of the optical frame into the base frame."""
-        return _rotation_base_optical(self.pitch_rad, self.roll_rad)
+        return rotation_base_optical(self.pitch_rad, self.roll_rad)
 
     def position_base_m(self) -> Array:
         """Where the lens is in the base frame, (3,) in metres; the base's origin is on the floor."""
@@ -61,8 +61,9 @@ class Mount:
 
 
 @lru_cache(maxsize=64)
-def _rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
-    """Asked for some twenty times a frame, so it is kept, and cannot be written to."""
+def rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
+    """That of a mount with these angles. Asked for some twenty times a frame, so it is kept, and cannot be written
+    to."""
     cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down

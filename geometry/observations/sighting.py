@@ -191,7 +191,7 @@ def sightings_of(
         height_m = depth_m * (y1 - y0) / camera.intrinsics.fy
         bearing = near[at] - lens
         reach_m = float(np.linalg.norm(bearing))
-        sigma_m = math.sqrt(float(np.linalg.eigvalsh(own[at] + shared[at])[-1]))
+        sigma_m = _largest_sigma(own[at] + shared[at])
         if sigma_m > rule.max_sigma_m * (1.0 + cover[at]) or reach_m > rule.max_distance_m:
             continue
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
@@ -228,6 +228,12 @@ def sightings_of(
             )
         )  # fmt: skip
     return _without_doubles(sightings, detections.boxes)
+
+
+def _largest_sigma(covariance: Array) -> float:
+    """Of a (2, 2), along its longer axis."""
+    (xx, xy), (_, yy) = covariance.tolist()
+    return math.sqrt((xx + yy) / 2.0 + math.hypot((xx - yy) / 2.0, xy))
 
 
 def _edges(

@@ -42,6 +42,7 @@ Pixels = NDArray[np.float32]
 
 LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
 SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
+RESPONSE_PX = 3  # about a corner; that far its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every so many pixels
 EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner; at an edge its depth may be that of either of two objects
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
@@ -377,10 +378,16 @@ class PlanarOdometry:
             wanted = round(share * self._rule.corners) - have
             if wanted <= 0:
                 continue
-            found = cv2.goodFeaturesToTrack(grey, wanted, 0.005, self._rule.corners_apart_px, mask=mask, blockSize=3)
+            lines = np.flatnonzero(mask.any(axis=1))
+            if not len(lines):
+                continue
+            top, bottom = max(lines[0] - RESPONSE_PX, 0), lines[-1] + 1 + RESPONSE_PX
+            found = cv2.goodFeaturesToTrack(
+                grey[top:bottom], wanted, 0.005, self._rule.corners_apart_px, mask=mask[top:bottom], blockSize=3
+            )
             if found is None:
                 continue
-            fresh = np.asarray(found.reshape(-1, 2), dtype=np.float32)
+            fresh = np.asarray(found.reshape(-1, 2) + [0.0, top], dtype=np.float32)
             rays = _rays(self._bearings(fresh))
             depths = None if depth is None else self._depths(fresh, depth)
             new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, self._trusting(), depths)
