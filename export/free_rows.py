@@ -1,4 +1,4 @@
-"""Backbones whose input may be cut off below: a picture that fills only the upper rows costs no more than those."""
+"""Backbones whose input may have fewer rows: a picture that does not fill it costs no more than its own."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from edgemap.runtime.network import Compute
 
 
 def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
-    """The model with its rows left open, where pictures lie at the top of the input and all outputs are maps.
+    """The model with its rows left open, where pictures are letterboxed and all outputs are maps.
 
-    The same model where they do not, or where something in it is of a fixed size (YOLOX's list of boxes).
+    The same model where they are not, or where something in it is of a fixed size (YOLOX's list of boxes).
     """
     height = detector.input.height
     shapes = {item.name: item.shape for item in (*detector.heads, *detector.features)}
-    if detector.input.resize != "letterbox_topleft" or any(len(shape) != 4 for shape in shapes.values()):
+    if detector.input.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
         return model
     freed = copy.deepcopy(model)
     del freed.graph.value_info[:]

@@ -56,23 +56,31 @@ class Bundle:
         rows = self.backbone.inputs[whole.input.name][2]
         return msgspec.structs.replace(whole, input=msgspec.structs.replace(whole.input, height=rows))
 
-    def for_pictures(self, width: int, height: int) -> Bundle:
+    def for_pictures(self, width: int, height: int, learned: bool = False) -> Bundle:
         """This bundle with a backbone that leaves off the rows of its input that pictures of this size do not reach.
 
-        For 640x480 pictures in a square input that is a quarter of its work. Features keep all rows: those left off are
-        what padding gives. Itself where pictures reach all rows, or the file is of a fixed size.
+        For 640x480 pictures in a square input that is a quarter of its work, a sixth where they lie in its middle.
+        Features keep all rows: those left off are what padding gives. Itself where pictures reach all rows, the file is
+        of a fixed size, or an odometry reads a head as its feature (the paper's; learned: whether it is that one).
         """
         whole = self.manifest.detector
         if any(len(head.shape) != 4 for head in whole.heads):  # lists of boxes, not maps
             return self
         coarsest = max(whole.input.height // head.shape[2] for head in whole.heads)
-        rows = rows_of(whole.input, width, height, coarsest)
+        heads = {head.name for head in whole.heads}
+        read = {head.feature for kind, head in self.manifest.odometry.items() if kind == "flow" or learned}
+        if read & heads:
+            return self
+        first, rows = rows_of(whole.input, width, height, coarsest)
         if rows == self.detector.input.height:
             return self
         cut = self.reopen(rows)
+        if cut.inputs[whole.input.name][2] != rows:
+            return self
         blank, _ = Preprocessor(whole.input)(np.zeros((height, width, 3), dtype=np.uint8))
         found = self.backbone.run({whole.input.name: blank})
-        return replace(self, backbone=with_padding(cut, {item.name: found[item.name] for item in whole.features}))
+        padding = {item.name: found[item.name] for item in whole.features if item.name not in heads}
+        return replace(self, backbone=with_padding(cut, padding, first / whole.input.height))
 
     @property
     def names(self) -> tuple[str, ...]:

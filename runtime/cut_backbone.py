@@ -1,4 +1,4 @@
-"""A backbone that computes only the upper rows of its input, with features as if it had computed all."""
+"""A backbone that computes only some rows of its input, with features as if it had computed all."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from edgemap.runtime.network import Network, Tensors
 
 
-def with_padding(cut: Network, padding: Tensors) -> Network:
+def with_padding(cut: Network, padding: Tensors, above: float = 0.0) -> Network:
     """The cut network whose outputs named in `padding`, features (1, C, H, W) of all rows, are filled up with those.
 
+    above: share of all rows that is left out above.
     So an odometry head reads what it was trained on. Two pictures' features exist at a time: those of the frame before
     the last one are written over.
     """
@@ -24,7 +25,8 @@ def with_padding(cut: Network, padding: Tensors) -> Network:
         outputs = list(cut.infer(tensors))
         for at, buffers in places:
             buffers.reverse()
-            buffers[0][:, :, : outputs[at].shape[2]] = outputs[at]
+            first = round(above * buffers[0].shape[2])
+            buffers[0][:, :, first : first + outputs[at].shape[2]] = outputs[at]
             outputs[at] = buffers[0]
         return outputs
 

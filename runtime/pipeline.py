@@ -57,7 +57,7 @@ class Pipeline:
             mapped=bundle.mapped if rule.mapped is None else rule.mapped,
             full_weight_score=bundle.full_weight_score(confidence),
         )
-        fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
+        fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
         self._backbone = fitted.backbone
         self._input_name = fitted.detector.input.name
         self._preprocess = Preprocessor(fitted.detector.input)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -47,12 +48,18 @@ def place(spec: InputSpec, image_width: int, image_height: int) -> Placement:
     return Placement(width, height, left, top, image_width, image_height)
 
 
-def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -> int:
-    """How many rows of the input a picture of this size reaches, in whole cells of a stride: below it is padding."""
-    if spec.resize != "letterbox_topleft":
-        return spec.height
-    filled = place(spec, image_width, image_height).height
-    return min(spec.height, -(-filled // stride) * stride)
+def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -> tuple[int, int]:
+    """The first row of the input that a picture of this size reaches and how many, in whole cells of a stride: the rest
+    is padding. Of a centred letterbox as many are left out above as below, so that the picture stays in its middle."""
+    if spec.resize == "stretch":
+        return 0, spec.height
+    where = place(spec, image_width, image_height)
+    height = math.ceil(image_height * min(spec.width / image_width, spec.height / image_height) - 1e-9)  # not cut
+    below = (spec.height - where.top - height) // stride * stride
+    if spec.resize == "letterbox_topleft":
+        return 0, spec.height - below
+    above = min(where.top // stride * stride, below)
+    return above, spec.height - 2 * above
 
 
 def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> CellGrid:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cut_backbone import with_padding
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.detector import Detector
-from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.manifest import InputSpec
+from edgemap.runtime.network import Network
+from edgemap.runtime.preprocess import Preprocessor, place, rows_of
 from edgemap.runtime.store import bundle_folder
 
 ENGINES = ["onnxruntime", "openvino"]
@@ -67,3 +73,22 @@ def test_rows_follow_the_shape_of_the_pictures(size, rows):
 def test_a_file_of_fixed_size_is_left_as_it_is(name):
     bundle = load_bundle(bundle_folder(name), 1)
     assert bundle.for_pictures(640, 480).backbone.inputs == bundle.backbone.inputs
+
+
+@given(st.integers(40, 4000), st.integers(40, 4000), st.sampled_from(["stretch", "letterbox", "letterbox_topleft"]))
+def test_a_cut_input_holds_the_whole_picture_where_it_was(width, height, resize):
+    whole = InputSpec(name="image", width=416, height=416, resize=resize, colour="rgb", scale=1.0)
+    first, rows = rows_of(whole, width, height, 32)
+    cut = msgspec.structs.replace(whole, height=rows)
+    before, after = place(whole, width, height), place(cut, width, height)
+    assert (first % 32, rows % 32) == (0, 0)
+    assert (after.width, after.height, after.left) == (before.width, before.height, before.left)
+    assert after.top == before.top - first
+    assert after.top >= 0
+    assert after.top + after.height <= rows
+
+
+def test_features_of_the_middle_rows_lie_in_the_middle():
+    cut = Network({"image": (1, 3, 64, 96)}, {"f": (1, 1, 2, 3)}, lambda _: [np.ones((1, 1, 2, 3), np.float32)])
+    filled = with_padding(cut, {"f": np.zeros((1, 1, 4, 3), np.float32)}, above=1 / 4)
+    np.testing.assert_array_equal(filled.run({})["f"][0, 0, :, 0], [0.0, 1.0, 1.0, 0.0])
