@@ -44,12 +44,12 @@ class Network:
         """Inputs to time it with."""
         return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
 
-    def error(self, reference: Network) -> float:
+    def error(self, reference: Network, largest: float = 255.0) -> float:
         """How far the outputs are from another engine's: the worst output's RMS over its standard deviation.
 
-        Both see the same random picture, 0..255.
+        Both see the same random inputs from 0 to the largest: a picture's.
         """
         random = np.random.default_rng(0)
-        tensors = {name: random.uniform(0, 255, shape).astype(np.float32) for name, shape in self.inputs.items()}
+        tensors = {name: random.uniform(0, largest, shape).astype(np.float32) for name, shape in self.inputs.items()}
         expected, found = reference.run(tensors), self.run(tensors)
         return max(float(np.sqrt(np.mean((found[k] - v) ** 2)) / (v.std() + 1e-6)) for k, v in expected.items())

@@ -26,8 +26,11 @@ def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Netw
         model.reshape({port.get_any_name(): [1, channels, rows, columns]})
     precision = "bf16" if compute.engine == "openvino-bf16" else "f32"
     config = {
-        "PERFORMANCE_HINT": "LATENCY", "INFERENCE_NUM_THREADS": compute.threads, "INFERENCE_PRECISION_HINT": precision,
-    }  # fmt: skip
+        "PERFORMANCE_HINT": "LATENCY",
+        "INFERENCE_NUM_THREADS": compute.threads,
+        "INFERENCE_PRECISION_HINT": precision,
+        "ENABLE_CPU_PINNING": False,  # the threads of two networks would be held to one core
+    }
     request = core.compile_model(model, "CPU", config).create_infer_request()
     outputs = {port.get_any_name(): tuple(port.shape) for port in model.outputs}
 

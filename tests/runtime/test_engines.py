@@ -18,6 +18,7 @@ from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.network import Compute, Network
 from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.processor import computes_bf16
 from edgemap.runtime.store import bundle_folder
 
 NANO = bundle_folder("edgemap-nano")
@@ -46,8 +47,9 @@ def test_a_replay_takes_the_recorded_engine_unless_another_is_asked_for(monkeypa
     assert "recorded with openvino, which is not installed" in capsys.readouterr().err
 
 
-def test_flow_odometry_would_move_the_same_in_openvino():
-    """So the choice of onnxruntime for it is one of time alone."""
+@pytest.mark.parametrize(("engine", "off_m"), [("openvino", 1e-6), ("openvino-bf16", 0.003)])
+def test_flow_odometry_moves_the_same_in_openvino(engine, off_m):
+    """In float32 the choice of onnxruntime for it is one of time alone."""
     pytest.importorskip("openvino")
     bundle = load_bundle(NANO, 1)
     with open_camera("demo") as camera:
@@ -56,12 +58,28 @@ def test_flow_odometry_would_move_the_same_in_openvino():
         floor = FloorCamera(camera.intrinsics, camera.mount)
         frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
     odometries = [LearnedOdometry(bundle, "flow", floor) for _ in range(2)]
-    odometries[1]._network = open_network(NANO / "odometry.flow.onnx", Compute(1, engine="openvino"))
+    odometries[1]._network = open_network(NANO / "odometry.flow.onnx", Compute(1, engine=engine))
     source = FeatureSource(bundle, camera.intrinsics)
     for frame in frames:
         features = source(frame)
         ours, theirs = (odometry.step(frame, features).motion.vector() for odometry in odometries)
-        np.testing.assert_allclose(theirs, ours, atol=1e-6)
+        np.testing.assert_allclose(theirs, ours, atol=off_m)
+
+
+@pytest.mark.skipif(not computes_bf16(), reason="this processor has no bf16")
+def test_with_16_bits_the_odometry_runs_beside_the_backbone_unless_it_disagrees(monkeypatch):
+    pytest.importorskip("openvino")
+    opened = []
+    monkeypatch.setattr(
+        "edgemap.runtime.bundle.open_network", lambda *a: opened.append(a[1].engine) or open_network(*a)
+    )
+    bundle = load_bundle(NANO, 1, engine="openvino-bf16")
+    del opened[:]
+    bundle.odometry_head("flow")
+    assert opened == ["openvino-bf16", "onnxruntime"]  # the second one to compare with
+    monkeypatch.setitem(engine_choice.TOLERANCE, "openvino-bf16", 0.0)
+    bundle.odometry_head("flow")
+    assert opened[2:] == ["openvino-bf16", "onnxruntime", "onnxruntime"]
 
 
 def test_an_engine_that_disagrees_is_refused(monkeypatch):
