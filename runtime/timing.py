@@ -29,4 +29,6 @@ class Stopwatch:
 
 def percentiles(values_ms: Sequence[float]) -> dict[str, float]:
     """p50, p95 and p99 of stage times, ms, rounded to a microsecond; empty for none."""
-    return {f"p{q}": round(float(np.percentile(values_ms, q)), 3) for q in (50, 95, 99)} if len(values_ms) else {}
+    quantiles = (50, 95, 99)
+    found = np.percentile(np.asarray(values_ms), quantiles).tolist() if len(values_ms) else []
+    return {f"p{q}": round(value, 3) for q, value in zip(quantiles, found, strict=False)}
