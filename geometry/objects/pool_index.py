@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -123,19 +124,21 @@ class PoolIndex:
     def agglomerated(self, rows: Sequence[int]) -> list[list[int]]:
         """Rows that are one object: the closest two join first, until none may; what was seen in one frame never
         does."""
-        if len(rows) == 1:
+        pools, places = [self.pool(row) for row in rows], self.place[:, rows].T.tolist()
+        pairs = combinations(zip(pools, places, strict=True), 2)
+        if all(_joins(a, b, self.rule) and not pool.is_apart(other) for (pool, a), (other, b) in pairs):
             return [list(rows)]
+        if len(rows) == 2:
+            return [[row] for row in rows]
         sums, place = self.sums[:, rows].copy(), self.place[:, rows].copy()
         members = [[row] for row in rows]
-        at = {self.pool(row): number for number, row in enumerate(rows)}
+        at = {pool: number for number, pool in enumerate(pools)}
         beside = np.eye(len(rows), dtype=bool)
         for pool, number in at.items():
             beside[number, [at[other] for other in pool.beside if other in at]] = True
         saved = [number for pool, number in at.items() if pool.saved is not None]
         beside[np.ix_(saved, saved)] = True
         distance = np.where(beside, np.inf, distances(place, place, self.rule))
-        if (np.isfinite(distance) | np.eye(len(rows), dtype=bool)).all():
-            return [list(rows)]
         while True:
             kept, gone = divmod(int(distance.argmin()), len(rows))
             if distance[kept, gone] == np.inf:
