@@ -10,6 +10,11 @@ def need_export(command: str = "edgemap export") -> None:
     need("export", command, ("torch", "onnx", "onnxscript"))
 
 
+def need_training(command: str) -> None:
+    """Raise MissingExtraError where torch or onnx cannot be imported: what it takes to train, not to export."""
+    need("export", command, ("torch", "onnx"))
+
+
 def need_simulation(command: str = "edgemap simulate") -> None:
     """Raise MissingExtraError where the renderer, the light baker or the picture reader cannot be imported."""
     need("simulation", command, ("moderngl", "embreex", "PIL"))

@@ -116,10 +116,10 @@ def command(
     DIR/best.pt --head HEAD -o BUNDLE` makes a bundle.
     """
     from edgemap.cli.errors import OptionError
-    from edgemap.cli.extras import need_export
+    from edgemap.cli.extras import need_training
     from edgemap.cli.options import at_least, find_bundle
 
-    need_export("edgemap train detector")
+    need_training("edgemap train detector")
     at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:

@@ -62,6 +62,10 @@ def command(
     bfloat16: Annotated[
         bool, arg(help="Convolutions in bfloat16: 1.6 times as fast where the processor has AVX512-BF16.")
     ] = False,
+    device: Annotated[
+        Literal["cpu", "cuda"], arg(help="Where to train; a GPU holds the features of all drives, 0.7 MB a frame.")
+    ] = "cpu",
+    workers: Annotated[int, arg(metavar="N", help="Processes that compute features, each a drive.")] = 1,
     seed: Annotated[int, arg(metavar="N", help="Of clips and random weights.")] = 0,
     cache: Annotated[
         Path | None, arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
@@ -72,14 +76,15 @@ def command(
     Interrupted runs go on with --resume. `edgemap export DIR/best.pt -o BUNDLE` makes a bundle of backbone and head.
     """
     from edgemap.cli.errors import OptionError
-    from edgemap.cli.extras import need_export
+    from edgemap.cli.extras import need_training
     from edgemap.cli.options import at_least
 
-    need_export("edgemap train odometry")
+    need_training("edgemap train odometry")
     at_least(
         1,
         batch=batch,
         threads=threads,
+        workers=workers,
         patience=patience,
         frames=frames,
         validation_frames=validation_frames,
@@ -102,20 +107,20 @@ def command(
     part = open_backbone(backbone, weights, [feature])
     store = FeatureStore(part, feature, cache or cache_folder() / "features")
     print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
-    train = store.load(data, first, frames)
-    held_back = store.load(validation, validation_first, validation_frames)
+    train = store.load(data, first, frames, workers)
+    held_back = store.load(validation, validation_first, validation_frames, workers)
     print(
         f"{sum(map(len, train))} frames of {len(train)} drives to train on, {sum(map(len, held_back))} to validate on"
     )
     begun = begin(
-        head, store, train, backbone, feature, seed=seed, start=start, larger=larger, kernel=kernel,
-        slope=0.0 if relu else 0.1,
+        head, store, train, backbone, feature, seed=seed, start=start, larger=larger, device=device,
+        kernel=kernel, slope=0.0 if relu else 0.1,
     )  # fmt: skip
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
     recipe = (
         flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     )
-    settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16)
+    settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16, device)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)
     if resume:
         trainer.resume()

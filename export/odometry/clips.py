@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +17,11 @@ from edgemap.export.odometry.flow_loss import ClipBatch
 
 LONGEST_DT_S = 0.25
 FASTEST_YAW_RAD, FASTEST_M = 0.30, 0.17  # of one step that skips pictures; what the search can follow
+KNOWN_ATTITUDE = 0.75  # of the clips of a robot that nods; the others know the mount alone
+ATTITUDE_SIGMA_DEG = (0.2, 0.5)  # standard deviation of a clip's attitudes, as a filter's
+ATTITUDE_LASTS_S = 2.0  # how long its errors last (Gauss and Markov, first order)
+
+Chosen = tuple[FeatureDrive, NDArray[np.intp]]  # a drive and the frames of a clip
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,48 +29,128 @@ class Clips:
     """How clips are cut. length: frames. skips: chosen among these, as far as `LONGEST_DT_S` allows."""
 
     length: int = 8
-    skips: tuple[int, ...] = (1, 1, 1, 2, 3)
+    skips: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     backwards: float = 0.3
     still: float = 0.05
 
-    def draw(self, drives: Sequence[FeatureDrive], rng: np.random.Generator) -> tuple[FeatureDrive, NDArray[np.intp]]:
-        """A drive and the frames of a clip. Drives are chosen by their length. Raises ExportError for one too short."""
-        lengths = np.array([len(drive.stamps_s) for drive in drives], dtype=np.float64)
+
+class ClipDraws:
+    """Clips of some drives. All frame rates that drives and skips give come equally often, within one rate drives by
+    their length. Raises ExportError for a drive too short."""
+
+    def __init__(self, rule: Clips, drives: Sequence[FeatureDrive]) -> None:
+        self.rule = rule
+        self._choices: list[tuple[FeatureDrive, int]] = []
+        rates, lengths = [], []
+        for drive in drives:
+            if len(drive) < rule.length:
+                raise ExportError(f"{drive.name}: {len(drive)} frames, clips need {rule.length}")
+            frame_s = drive.frame_s
+            for skip in {k for k in rule.skips if k * frame_s <= LONGEST_DT_S} or {1}:
+                if (rule.length - 1) * skip < len(drive):
+                    self._choices.append((drive, skip))
+                    rates.append(round(100.0 * skip * frame_s))
+                    lengths.append(len(drive))
+        of_rate = Counter[int]()
+        for rate, length in zip(rates, lengths, strict=True):
+            of_rate[rate] += length
+        weights = np.array([length / of_rate[rate] for rate, length in zip(rates, lengths, strict=True)])
+        self._shares = weights / weights.sum()
+
+    def draw(self, rng: np.random.Generator) -> Chosen:
+        """One clip."""
+        rule = self.rule
         while True:
-            drive = drives[int(rng.choice(len(drives), p=lengths / lengths.sum()))]
-            frame_s = float(np.median(np.diff(drive.stamps_s)))
-            skip = int(rng.choice([k for k in self.skips if k * frame_s <= LONGEST_DT_S] or [1]))
-            span = (self.length - 1) * skip
-            if span >= len(drive.stamps_s):
-                if skip == 1:
-                    raise ExportError(f"{drive.name}: {len(drive.stamps_s)} frames, clips need {span + 1}")
-                continue
-            first = int(rng.integers(0, len(drive.stamps_s) - span))
-            indices = first + np.arange(self.length) * skip
-            if rng.random() < self.backwards:
+            drive, skip = self._choices[int(rng.choice(len(self._choices), p=self._shares))]
+            first = int(rng.integers(0, len(drive) - (rule.length - 1) * skip))
+            indices = first + np.arange(rule.length) * skip
+            if rng.random() < rule.backwards:
                 indices = indices[::-1].copy()
-            if rng.random() < self.still:
-                stop = int(rng.integers(1, self.length))
+            if rng.random() < rule.still:
+                stop = int(rng.integers(1, rule.length))
                 indices[stop:] = indices[stop]
             motions = np.abs(drive.motions(indices))
             if skip == 1 or (motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < FASTEST_M):
                 return drive, indices
 
 
-def make_batch(chosen: Sequence[tuple[FeatureDrive, NDArray[np.intp]]]) -> ClipBatch:
-    """Clips as one batch."""
-    features, dt_s, motions = [], [], []
+class Shelf:
+    """Features of drives where a device reads them: a GPU holds all of them, a processor fetches each clip's."""
+
+    def __init__(self, drives: Sequence[FeatureDrive], device: torch.device) -> None:
+        self.device = device
+        self._first: dict[FeatureDrive, int] = {}
+        if device.type == "cpu" or not drives:
+            return
+        shape = (sum(map(len, drives)), *drives[0].features.shape[1:])
+        self._all = torch.empty(shape, dtype=torch.float16, device=device)
+        first = 0
+        for drive in drives:
+            self._all[first : first + len(drive)] = torch.from_numpy(np.ascontiguousarray(drive.features)).to(device)
+            self._first[drive] = first
+            first += len(drive)
+
+    def take(self, chosen: Sequence[Chosen]) -> torch.Tensor:
+        """Features of clips of one length, (B, T, C, H, W) float32."""
+        if all(drive in self._first for drive, _ in chosen):
+            rows = np.stack([self._first[drive] + indices for drive, indices in chosen])
+            return self._all[self.place(rows).flatten()].unflatten(0, rows.shape).float()
+        clips = [np.stack([drive.features[index] for index in indices]).astype(np.float32) for drive, indices in chosen]
+        return self.place(np.stack(clips))
+
+    def place(self, values: NDArray[np.generic]) -> torch.Tensor:
+        """Values on the device, without waiting for it."""
+        tensor = torch.from_numpy(values)
+        return tensor if self.device.type == "cpu" else tensor.pin_memory().to(self.device, non_blocking=True)
+
+
+def make_batch(
+    chosen: Sequence[Chosen], shelf: Shelf | None = None, rng: np.random.Generator | None = None
+) -> ClipBatch:
+    """Clips as one batch, on the shelf's device. rng: of errors of the attitudes; None for the true ones."""
+    shelf = shelf or Shelf((), torch.device("cpu"))
+    dt_s, motions, mounts = [], [], []
     for drive, indices in chosen:
-        features.append(np.stack([drive.features[index] for index in indices]).astype(np.float32))
         steps = np.abs(np.diff(drive.stamps_s[indices]))
-        frame_s = float(steps.max(initial=0.0)) or float(np.median(np.diff(drive.stamps_s)))
+        frame_s = float(steps.max(initial=0.0)) or drive.frame_s
         steps = np.where(steps > 0.0, steps, frame_s)
         dt_s.append(np.concatenate([[frame_s], steps]))
         motions.append(np.concatenate([np.zeros((1, 3)), drive.motions(indices)]))
-    return ClipBatch(
-        torch.from_numpy(np.stack(features)),
-        torch.from_numpy(np.concatenate([drive.cells for drive, _ in chosen])),
-        torch.from_numpy(np.concatenate([drive.mount for drive, _ in chosen])),
-        torch.from_numpy(np.stack(dt_s).astype(np.float32)),
-        torch.from_numpy(np.stack(motions).astype(np.float32)),
+        mounts.append(_mounts(drive, indices, dt_s[-1], rng))
+    cells = shelf.place(np.concatenate([drive.cells for drive, _ in chosen]))[:, None].expand(
+        -1, len(dt_s[0]), -1, -1, -1
     )
+    mount = shelf.place(np.stack(mounts))
+    if any(drive.angles is not None for drive, _ in chosen):
+        cells = _seen_from(cells, mount)
+    return ClipBatch(
+        shelf.take(chosen),
+        cells,
+        mount,
+        shelf.place(np.stack(dt_s).astype(np.float32)),
+        shelf.place(np.stack(motions).astype(np.float32)),
+    )
+
+
+def _mounts(
+    drive: FeatureDrive, indices: NDArray[np.intp], dt_s: NDArray[np.float64], rng: np.random.Generator | None
+) -> NDArray[np.float32]:
+    """The mount of each frame as the head is told it, (T, 12): the true attitude with a filter's error."""
+    if drive.angles is None or (rng is not None and rng.random() >= KNOWN_ATTITUDE):
+        return np.repeat(drive.mount, len(indices), axis=0)
+    angles = drive.angles[indices]
+    if rng is not None:
+        errors = rng.normal(0.0, math.radians(rng.uniform(*ATTITUDE_SIGMA_DEG)), (len(indices), 2))
+        for index in range(1, len(indices)):
+            kept = math.exp(-dt_s[index] / ATTITUDE_LASTS_S)
+            errors[index] = kept * errors[index - 1] + math.sqrt(1.0 - kept * kept) * errors[index]
+        angles = angles + np.column_stack([errors, np.zeros(len(indices))])
+    return np.stack([drive.mount_at(*row) for row in angles])
+
+
+def _seen_from(cells: torch.Tensor, mount: torch.Tensor) -> torch.Tensor:
+    """Cells (B, T, 8, h, w) with the floor as it lies before each frame's mount, (B, T, 12); see `flow_cells`."""
+    x, y, shown = cells[:, :, 0], cells[:, :, 1], cells[:, :, 7]
+    right, down, ahead, height_m = (mount[:, :, place, None, None] for place in (6, 7, 8, 11))
+    floor = -(right * x + down * y + ahead * shown).clamp_max(0.0) / height_m
+    return torch.cat([cells[:, :, :6], floor[:, :, None], cells[:, :, 7:]], dim=2)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from edgemap.export.backbones import Backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import GRID_STRIDE
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.drive_camera import drive_camera
@@ -33,7 +37,8 @@ FORMAT = "edgemap.features/1"
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureDrive:
     """One drive, ready for training. features: (N, C, H, W) float16, on disk. stamps_s: (N,). poses: (N, 3) of the
-    base. cells, mount: as `flow_cells` gives them."""
+    base. cells, mount: as `flow_cells` gives them. angles: (N, 3) roll and pitch of the camera in rad and the lens's
+    height in metres, in the angles of `Mount`, where the base does not stay level."""
 
     name: str
     features: NDArray[np.float16]
@@ -41,9 +46,20 @@ class FeatureDrive:
     poses: NDArray[np.float64]
     cells: NDArray[np.float32]
     mount: NDArray[np.float32]
+    angles: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.stamps_s)
+
+    @property
+    def frame_s(self) -> float:
+        """Time between two pictures, seconds."""
+        return float(np.median(np.diff(self.stamps_s)))
+
+    def mount_at(self, roll_rad: float, pitch_rad: float, height_m: float) -> NDArray[np.float32]:
+        """The mount of a frame, (12,), in the form of `flow_cells`."""
+        tilted = Mount(height_m, pitch_rad, roll_rad, float(self.mount[0, 9]), float(self.mount[0, 10]))
+        return np.concatenate([tilted.rotation_base_optical().ravel(), tilted.position_base_m()]).astype(np.float32)
 
     def motions(self, indices: NDArray[np.intp]) -> NDArray[np.float32]:
         """True motions (len - 1, 3) from each of these frames to the next."""
@@ -68,8 +84,20 @@ class FeatureStore:
         self._threads = threads
         self._session: ort.InferenceSession | None = None
 
-    def load(self, specs: Sequence[str], first: int = 0, frames: int | None = None) -> list[FeatureDrive]:
-        """All drives `KIND:DIR`, computing what is missing. Raises ExportError or CameraError."""
+    def load(
+        self, specs: Sequence[str], first: int = 0, frames: int | None = None, workers: int = 1
+    ) -> list[FeatureDrive]:
+        """All drives `KIND:DIR`, computing what is missing. Raises ExportError or CameraError.
+
+        workers: processes that compute, each a drive on one thread.
+        """
+        if workers > 1:
+            store = copy.copy(self)
+            store._session, store._threads = None, 1
+            with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+                jobs = [pool.submit(_compute, store, spec, first, frames) for spec in specs]
+                for job in tqdm(jobs, unit=" drives", disable=None):
+                    job.result()
         bar = tqdm(specs, unit=" drives", disable=None if len(specs) > 1 else True)
         return [self.drive(spec, first, frames) for spec in bar]
 
@@ -87,7 +115,11 @@ class FeatureStore:
         camera = FloorCamera(drive.intrinsics, drive.mount)
         grid = cell_grid(self.input, drive.intrinsics.width, drive.intrinsics.height, GRID_STRIDE)
         cells, mount = flow_cells(camera, grid)
-        return FeatureDrive(spec, self._features(spec, drive, count)[first:], stamps, poses, cells, mount)
+        angles = None
+        if drive.attitudes is not None:
+            known = [drive.attitudes.at(float(stamp), drive.mount.height_m) for stamp in stamps]
+            angles = np.array([(one.roll_rad, one.pitch_rad, one.height_m) for one in known])
+        return FeatureDrive(spec, self._features(spec, drive, count)[first:], stamps, poses, cells, mount, angles)
 
     def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
         about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)}"
@@ -120,6 +152,15 @@ class FeatureStore:
         options = ort.RunOptions()
         options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
         return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
+
+
+def _compute(store: FeatureStore, spec: str, first: int, frames: int | None) -> None:
+    """In a process of its own, which keeps its session from drive to drive."""
+    known = _STORES.setdefault(str(store.folder), store)
+    known.drive(spec, first, frames)
+
+
+_STORES: dict[str, FeatureStore] = {}
 
 
 def _content(drive: Drive) -> str:

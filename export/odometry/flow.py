@@ -64,7 +64,7 @@ class FilledConv(nn.Conv2d):
         if missing == 0:
             return super().forward(input)
         weight = functional.pad(self.weight, (0, 0, 0, 0, 0, missing))
-        filled = torch.cat([input, torch.zeros(batch, missing, height, width)], dim=1)
+        filled = torch.cat([input, torch.zeros(batch, missing, height, width, device=input.device)], dim=1)
         return functional.conv2d(filled, weight, self.bias, self.stride, self.padding)
 
 
@@ -255,7 +255,8 @@ def _warped(before: Tensor, moved: Tensor) -> Tensor:
     """The previous fine features fetched from where each cell was; moved: (B, 2, H, W) in cells of twice the stride."""
     height, width = before.shape[2:]
     finer = functional.interpolate(moved, scale_factor=2.0, mode="bilinear", align_corners=False) * 2.0
-    v, u = torch.meshgrid(torch.arange(height) + 0.0, torch.arange(width) + 0.0, indexing="ij")
+    rows, columns = (torch.arange(count, device=before.device) + 0.0 for count in (height, width))
+    v, u = torch.meshgrid(rows, columns, indexing="ij")
     x = (u + finer[:, 0] + 0.5) * (2.0 / width) - 1.0
     y = (v + finer[:, 1] + 0.5) * (2.0 / height) - 1.0
     where = torch.stack([x, y], dim=-1).clamp(-2.0, 2.0)

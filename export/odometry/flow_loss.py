@@ -9,9 +9,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from edgemap.export.odometry.flow import FlowHead, Look
-from edgemap.export.odometry.rigid import CellGeometry, MotionSolution
+from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, placed
 
-MOTION_SIGMA = (0.006, 0.004, 0.006)  # m, m, rad: what counts as a small error of one step, at first
+MOTION_SIGMA = torch.tensor([0.006, 0.004, 0.006])  # m, m, rad: what counts as a small error of one step, at first
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 COVARIANCE_WEIGHT = 0.03
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly
@@ -20,8 +20,8 @@ COARSE_WEIGHT = 0.3  # of the first look's motion against the second's
 
 @dataclass(frozen=True, slots=True)
 class ClipBatch:
-    """Clips of equal length T. features: (B, T, C, H, W). cells: (B, 8, h, w), mount (B, 12). dt_s: (B, T), of each
-    frame since the one before; of the first it does not count. motions: (B, T, 3), likewise."""
+    """Clips of equal length T. features: (B, T, C, H, W). cells: (B, T, 8, h, w), mount (B, T, 12): of each frame.
+    dt_s: (B, T), of each frame since the one before; of the first it does not count. motions: (B, T, 3), likewise."""
 
     features: Tensor
     cells: Tensor
@@ -39,14 +39,17 @@ def run_clip(
     """
     clips, length = batch.features.shape[:2]
     fine, coarse = (part.unflatten(0, (clips, length)) for part in head.describe(batch.features.flatten(0, 1)))
-    geometry = CellGeometry.of(batch.cells, batch.mount)
-    fresh = [torch.zeros(clips, *head.state_shapes[name][1:]) for name in ("hidden", "cell", "velocity")]
+    fresh = [
+        fine.new_zeros(clips, *head.state_shapes[name][1:], dtype=torch.float32)
+        for name in ("hidden", "cell", "velocity")
+    ]
     hidden, cell, velocity = state or fresh
     looks = []
     for index in range(1, length):
-        dt_s = batch.dt_s[:, index : index + 1]
+        dt_s, cells = batch.dt_s[:, index : index + 1], batch.cells[:, index]
+        geometry = CellGeometry.of(cells, batch.mount[:, index])
         first, second, hidden, cell = head.match(
-            fine[:, index], coarse[:, index], batch.cells, geometry, dt_s, fine[:, index - 1], coarse[:, index - 1],
+            fine[:, index], coarse[:, index], cells, geometry, dt_s, fine[:, index - 1], coarse[:, index - 1],
             hidden, cell, velocity,
         )  # fmt: skip
         velocity = second.solution.motion.detach() / dt_s
@@ -54,16 +57,16 @@ def run_clip(
     return looks, [hidden, cell, velocity]
 
 
-def flow_loss(head: FlowHead, batch: ClipBatch, progress: float) -> tuple[Tensor, dict[str, float]]:
+def flow_loss(head: FlowHead, batch: ClipBatch, progress: float) -> tuple[Tensor, dict[str, Tensor]]:
     """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1."""
     motion, coarse = [], []
     for index, (first, second) in enumerate(run_clip(head, batch)[0], start=1):
         true = batch.motions[:, index]
         motion.append(_motion_loss(second.solution, true, progress))
-        coarse.append(_huber((first.solution.motion - true) / torch.tensor(MOTION_SIGMA) / 2.0).mean())
+        coarse.append(_huber((first.solution.motion - true) / placed(MOTION_SIGMA, true) / 2.0).mean())
     parts = {"motion": torch.stack(motion).mean(), "coarse": torch.stack(coarse).mean()}
     total = parts["motion"] + COARSE_WEIGHT * parts["coarse"]
-    return total, {name: float(value.detach()) for name, value in parts.items()}
+    return total, {name: value.detach() for name, value in parts.items()}
 
 
 def _motion_loss(solution: MotionSolution, true: Tensor, progress: float) -> Tensor:
@@ -73,7 +76,7 @@ def _motion_loss(solution: MotionSolution, true: Tensor, progress: float) -> Ten
     learns to doubt and nothing else.
     """
     error = solution.motion - true
-    plain = _huber(error / torch.tensor(MOTION_SIGMA)).mean()
+    plain = _huber(error / placed(MOTION_SIGMA, true)).mean()
     if progress < WARM_UP:
         return plain
     error = error.detach()

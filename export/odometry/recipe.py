@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from edgemap.export.odometry.clips import Clips
+from edgemap.export.odometry.clips import LONGEST_DT_S, Clips
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.flow_loss import ClipBatch, flow_loss, run_clip
@@ -33,7 +33,7 @@ class Recipe:
     highest_rate: float
     optimizer: Callable[[nn.Module], torch.optim.Optimizer]
     rate: Callable[[float, int], float]
-    loss: Callable[[Any, ClipBatch, float], tuple[Tensor, dict[str, float]]]
+    loss: Callable[[Any, ClipBatch, float], tuple[Tensor, dict[str, Tensor]]]
     unroll: Unroll
     window: int = 0
 
@@ -49,8 +49,9 @@ class Recipe:
             name: (round(min(values), 2), round(max(values), 2))
             for name, values in zip(names, (heights, pitches, views, rates), strict=True)
         }
-        # Every second or third picture of a drive is a slower camera.
-        return spans | {"rate_hz": (round(min(rates) / 2.0, 2), spans["rate_hz"][1])}
+        # With pictures left out a drive is one of a slower camera.
+        slowest = min(rate / max(1.0, math.floor(rate * LONGEST_DT_S + 1e-6)) for rate in rates)
+        return spans | {"rate_hz": (round(slowest, 2), spans["rate_hz"][1])}
 
 
 def flow_recipe(rate: float = 1e-3, length: int = 8) -> Recipe:
@@ -80,13 +81,13 @@ def paper_recipe(length: int = 10, factor: float = 1.0) -> Recipe:
     def rate(_share: float, step: int) -> float:
         return 1.0 if step < 100 else 0.2
 
-    def loss(head: PaperHead, batch: ClipBatch, _share: float) -> tuple[Tensor, dict[str, float]]:
+    def loss(head: PaperHead, batch: ClipBatch, _share: float) -> tuple[Tensor, dict[str, Tensor]]:
         found, _, _ = unroll(head, batch, None)
         return equation_2(found, batch.motions[:, 1:]), {}
 
     def unroll(head: PaperHead, batch: ClipBatch, state: list[Tensor] | None) -> Any:
         clips, frames = batch.features.shape[:2]
-        now = state or [torch.zeros(clips, *shape[1:]) for shape in head.state_shapes.values()]
+        now = state or [batch.features.new_zeros(clips, *shape[1:]) for shape in head.state_shapes.values()]
         motions = []
         first = 0 if state is None else 1
         for index in range(first, frames):

@@ -8,12 +8,25 @@ much the camera tilted on its springs meanwhile (roll, pitch, rad).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import torch
 from torch import Tensor
 
 MINIMUM_DEPTH = 0.05  # of a point before the previous camera, relative to its depth now
 TILT_SIGMA_RAD = 0.006  # of the camera on its mount from one frame to the next
+
+
+def placed(constant: Tensor, like: Tensor, kind: torch.dtype | None = None) -> Tensor:
+    """A constant where `like` is and of its kind, or of another one. A GPU gets it once: it would wait for a copy."""
+    if like.device.type == "cpu":
+        return constant.to(like.device, kind or like.dtype)
+    return _copied(constant, like.device, kind or like.dtype)
+
+
+@cache
+def _copied(constant: Tensor, device: torch.device, kind: torch.dtype) -> Tensor:
+    return constant.to(device, kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +79,10 @@ class ShownCells:
         yaw = motion[:, 2:]
         turned = torch.cat([torch.cos(yaw), torch.sin(yaw)], dim=1)
         lens = cells.lens[:, :2, 0]
-        lens_turned = turned[:, :1] * lens + turned[:, 1:] * (lens @ torch.tensor([[0.0, 1.0], [-1.0, 0.0]]).to(lens))
+        lens_turned = turned[:, :1] * lens + turned[:, 1:] * (lens @ placed(_QUARTER_TURN, lens))
         before = lens_turned + motion[:, :2] - lens
         known = torch.cat([turned, lens_turned, before, torch.ones_like(yaw)], dim=1)
-        base = torch.matmul(known, _POINT_AND_CHANGES.to(known)).reshape(-1, 3, 24)  # rows x, y, z of the base
+        base = torch.matmul(known, placed(_POINT_AND_CHANGES, known)).reshape(-1, 3, 24)  # rows x, y, z of the base
         optical = torch.matmul(cells.rotation.transpose(1, 2), base).reshape(-1, 18, 4)
         by = torch.cat([torch.matmul(optical[:, :, :3], cells.rotation), optical[:, :, 3:]], dim=2)
         rays = torch.cat([cells.here, torch.ones_like(cells.floor)], dim=1)
@@ -107,6 +120,7 @@ def _point_and_changes() -> Tensor:
 
 
 _POINT_AND_CHANGES = _point_and_changes()
+_QUARTER_TURN = torch.tensor([[0.0, 1.0], [-1.0, 0.0]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +146,7 @@ def solve(
     normal = torch.matmul(rows * weights[:, :, None].double(), rows.transpose(2, 3)).sum(dim=1)
     offset = torch.cat([prior - start, torch.zeros_like(start)], dim=1)[:, :, None]  # of the tilts' priors: none
     weight = torch.cat([prior_information, torch.full_like(start, TILT_SIGMA_RAD**-2)], dim=1)[:, :, None]
-    eye = torch.eye(6, dtype=normal.dtype)
+    eye = torch.eye(6, dtype=normal.dtype, device=normal.device)
     known = torch.cat([eye[:5, :5].expand(len(start), 5, 5), offset[:, :5].double()], dim=2)  # the priors, as rows
     normal = normal[:, :5] + weight[:, :5].double() * known
     normal = _without(_without(normal, 4), 3)
@@ -151,15 +165,17 @@ def _without(normal: Tensor, unknown: int) -> Tensor:
 def inverse3(matrix: Tensor) -> Tensor:
     """Of symmetric positive (B, 3, 3) in float64, by cofactors."""
     flat = matrix.flatten(1)
-    first, second, third, fourth = (flat.index_select(1, torch.tensor(places)) for places in _COFACTORS)
+    first, second, third, fourth = (flat.index_select(1, placed(places, flat, torch.long)) for places in _COFACTORS)
     adjugate = first * second - third * fourth
     determinant = torch.matmul(flat[:, None, :3], adjugate[:, :3, None])[:, 0].clamp_min(1e-9)
     return (adjugate / determinant).unflatten(1, (3, 3))
 
 
-_COFACTORS = (
-    (4, 5, 3, 7, 8, 6, 1, 2, 0),
-    (8, 6, 7, 2, 0, 1, 5, 3, 4),
-    (5, 3, 4, 8, 6, 7, 2, 0, 1),
-    (7, 8, 6, 1, 2, 0, 4, 5, 3),
-)
+_COFACTORS = torch.tensor(
+    (
+        (4, 5, 3, 7, 8, 6, 1, 2, 0),
+        (8, 6, 7, 2, 0, 1, 5, 3, 4),
+        (5, 3, 4, 8, 6, 7, 2, 0, 1),
+        (7, 8, 6, 1, 2, 0, 4, 5, 3),
+    )
+).unbind()

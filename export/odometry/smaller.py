@@ -60,7 +60,7 @@ def fit_smaller(
     kept = _kept_channels(small, large, steps)
     units = kept["hidden"]
     means = torch.stack([step.hidden[0, units].mean(dim=(1, 2)) for step in steps])
-    _solve(small.expect, *_sums([(means, torch.cat([step.expected for step in steps]), torch.ones(1))]), ridge=1e-3)
+    _solve(small.expect, *_sums([(means, torch.cat([step.expected for step in steps]), means.new_ones(1))]), ridge=1e-3)
     for name in LAYERS:
         conv = small.get_submodule(name)
         assert isinstance(conv, nn.Conv2d)
@@ -79,13 +79,16 @@ def _steps(large: FlowHead, own: FeatureDrive, theirs: FeatureDrive, skip: int, 
         return hook
 
     hooks = [large.get_submodule(name).register_forward_hook(keep(name)) for name in LAYERS]
-    cells, mount = torch.from_numpy(theirs.cells), torch.from_numpy(theirs.mount)
+    device = large.sharpness.device
+    cells, mount = torch.from_numpy(theirs.cells).to(device), torch.from_numpy(theirs.mount).to(device)
     geometry, found = CellGeometry.of(cells, mount), []
-    hidden, cell, velocity = (torch.zeros(large.state_shapes[name]) for name in ("hidden", "cell", "velocity"))
+    hidden, cell, velocity = (
+        torch.zeros(large.state_shapes[name], device=device) for name in ("hidden", "cell", "velocity")
+    )
     for count, (before, now) in enumerate(pairwise(range(0, len(theirs), skip))):
-        fine_before, coarse_before = large.describe(_feature(theirs, before))
-        fine, coarse = large.describe(_feature(theirs, now))
-        dt_s = torch.tensor([[theirs.stamps_s[now] - theirs.stamps_s[before]]], dtype=torch.float32)
+        fine_before, coarse_before = large.describe(_feature(theirs, before, device))
+        fine, coarse = large.describe(_feature(theirs, now, device))
+        dt_s = torch.tensor([[theirs.stamps_s[now] - theirs.stamps_s[before]]], dtype=torch.float32).to(device)
         _, last, new_hidden, new_cell = large.match(
             fine, coarse, cells, geometry, dt_s, fine_before, coarse_before, hidden, cell, velocity
         )
@@ -101,18 +104,23 @@ def _steps(large: FlowHead, own: FeatureDrive, theirs: FeatureDrive, skip: int, 
 
 def _describe(small: FlowHead, large: FlowHead, pairs: Sequence[tuple[FeatureDrive, FeatureDrive]]) -> None:
     """Cells described by the directions in which the large head's descriptions differ most."""
+    device = large.sharpness.device
     places = [(own, theirs, index) for own, theirs in pairs for index in (len(own) // 9, len(own) // 2, -1)]
-    theirs = torch.cat([_feature(drive, index) for _, drive, index in places])
-    own = theirs if pairs[0][0] is pairs[0][1] else torch.cat([_feature(drive, index) for drive, _, index in places])
+    theirs = torch.cat([_feature(drive, index, device) for _, drive, index in places])
+    own = (
+        theirs
+        if pairs[0][0] is pairs[0][1]
+        else torch.cat([_feature(drive, index, device) for drive, _, index in places])
+    )
     raw = large.describe_fine(theirs)
     fine, coarse = large.describe(theirs)
     turn = _main_directions(fine, small.sizes.fine)
     wanted = torch.einsum("ij,bjvu->bivu", turn, raw)
     scaled = (own - small.feature_mean) / small.feature_std
-    _solve(small.reduce, *_sums([(_patches(small.reduce, scaled), _cells(wanted), torch.ones(1))]))
+    _solve(small.reduce, *_sums([(_patches(small.reduce, scaled), _cells(wanted), wanted.new_ones(1))]))
     wanted = torch.einsum("ij,bjvu->bivu", _main_directions(coarse, small.sizes.coarse), coarse)
     inputs = functional.leaky_relu(small.describe_fine(own), SLOPE)
-    _solve(small.coarsen, *_sums([(_patches(small.coarsen, inputs), _cells(wanted), torch.ones(1))]))
+    _solve(small.coarsen, *_sums([(_patches(small.coarsen, inputs), _cells(wanted), wanted.new_ones(1))]))
     small.sharpness.copy_(large.sharpness)
     small.evidence.copy_(large.evidence)
 
@@ -146,12 +154,14 @@ def _telling(values: Tensor, readers: Sequence[tuple[Tensor, int]], count: int, 
     """The channels of values (B, C, H, W) that tell most about the others. readers: weights of what reads them, and
     from which of its inputs on."""
     rows = _cells(values)
-    chosen = rows[torch.randperm(len(rows), generator=torch.Generator().manual_seed(0))[:ROWS]]
+    chosen = rows[torch.randperm(len(rows), generator=torch.Generator().manual_seed(0))[:ROWS].to(rows.device)]
     width = rows.shape[1]
-    read = sum((weight[:, at : at + width].square().sum(dim=(0, 2, 3)) for weight, at in readers), torch.zeros(width))
-    weighted = ((chosen - chosen.mean(dim=0)) * (read.sqrt() + also)).numpy()
+    read = sum(
+        (weight[:, at : at + width].square().sum(dim=(0, 2, 3)) for weight, at in readers), rows.new_zeros(width)
+    )
+    weighted = ((chosen - chosen.mean(dim=0)) * (read.sqrt() + also)).cpu().numpy()
     found: Any = scipy.linalg.qr(weighted, pivoting=True, mode="r")
-    return torch.from_numpy(np.sort(found[1][:count]).astype(np.int64))
+    return torch.from_numpy(np.sort(found[1][:count]).astype(np.int64)).to(rows.device)
 
 
 class _Reached(Exception):
@@ -169,8 +179,8 @@ def _rows(
         raise _Reached
 
     hook = conv.register_forward_pre_hook(stop)
-    fine_before, coarse_before = small.describe(_feature(step.drive, step.before))
-    fine, coarse = small.describe(_feature(step.drive, step.now))
+    fine_before, coarse_before = small.describe(_feature(step.drive, step.before, step.cells.device))
+    fine, coarse = small.describe(_feature(step.drive, step.now, step.cells.device))
     units = kept["hidden"]
     state = step.hidden[:, units], step.cell[:, units], step.velocity
     try:
@@ -183,7 +193,7 @@ def _rows(
     if name in ("tell", "retell"):  # cells that are sure decide the motion
         sure = torch.exp((wanted[:, 2:4].mean(dim=1, keepdim=True) * 4.0).clamp(-6.0, 6.0))
         return rows, wanted, (sure / sure.mean()).clamp(0.05, 4.0)
-    return rows, wanted, torch.ones(1)
+    return rows, wanted, rows.new_ones(1)
 
 
 def _sums(pieces: Iterable[tuple[Tensor, Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
@@ -200,7 +210,9 @@ def _sums(pieces: Iterable[tuple[Tensor, Tensor, Tensor]]) -> tuple[Tensor, Tens
 
 
 def _solve(layer: nn.Conv2d | nn.Linear, normal: Tensor, right: Tensor, ridge: float = RIDGE) -> None:
-    found = torch.linalg.solve(normal + ridge * normal.diagonal().mean() * torch.eye(len(normal)), right)
+    found = torch.linalg.solve(
+        normal + ridge * normal.diagonal().mean() * torch.eye(len(normal), device=normal.device), right
+    )
     layer.weight.copy_(found[:-1].T.reshape(layer.weight.shape))
     assert layer.bias is not None
     layer.bias.copy_(found[-1])
@@ -222,5 +234,5 @@ def _cells(maps: Tensor) -> Tensor:
     return maps.flatten(2).transpose(1, 2).flatten(0, 1)
 
 
-def _feature(drive: FeatureDrive, index: int) -> Tensor:
-    return torch.from_numpy(drive.features[index].astype(np.float32))[None]
+def _feature(drive: FeatureDrive, index: int, device: torch.device) -> Tensor:
+    return torch.from_numpy(drive.features[index].astype(np.float32))[None].to(device)

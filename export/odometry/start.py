@@ -18,7 +18,9 @@ from edgemap.export.odometry.data import FeatureDrive, FeatureStore
 from edgemap.export.odometry.flow import SMALL, FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.export.odometry.smaller import fit_smaller
+from edgemap.export.ranks import Ranks
 
+FIT_DRIVES = 24  # that a smaller head is fitted on: evenly chosen
 SAMPLES = 64  # frames that mean and deviation are taken from
 
 
@@ -32,12 +34,14 @@ def begin(
     seed: int = 0,
     start: Path | None = None,
     larger: Path | None = None,
+    device: str = "cpu",
     kernel: int = 3,
     slope: float = 0.1,
 ) -> HeadCheckpoint:
     """The head to train for a store's features. kernel, slope: of the paper's head. Raises ExportError.
 
-    larger: a flow head, of these or another backbone's features, that a small one is fitted to on the drives.
+    larger: a flow head, of these or another backbone's features, that a small one is fitted to on `FIT_DRIVES` of the
+    drives. device: where that is computed.
     """
     sample = _sample(drives, np.random.default_rng(seed))
     if start is not None:
@@ -58,11 +62,11 @@ def begin(
         head.motion_scale.copy_(torch.from_numpy(_scale(drives)))
     _standardise(head, sample)
     if larger is not None and isinstance(head, FlowHead):
-        _fit(head, larger, store, drives)
+        _fit(head, larger, store, drives[:: -(-len(drives) // FIT_DRIVES)], device)
     return HeadCheckpoint(head, backbone, feature, kind)
 
 
-def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive]) -> None:
+def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:
     """Raises ExportError where the larger one is no flow head, or of another grid."""
     known = load_head(larger)
     if not isinstance(known.head, FlowHead) or (known.head.rows, known.head.columns) != (head.rows, head.columns):
@@ -76,9 +80,12 @@ def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[Fea
     if theirs.folder == store.folder:
         head.feature_mean.copy_(known.head.feature_mean)
         head.feature_std.copy_(known.head.feature_std)
-        fit_smaller(head, known.head, [(drive, drive) for drive in drives])
+        pairs = [(drive, drive) for drive in drives]
     else:
-        fit_smaller(head, known.head, list(zip(drives, theirs.load([drive.name for drive in drives]), strict=True)))
+        pairs = list(zip(drives, theirs.load([drive.name for drive in drives]), strict=True))
+    place = Ranks(device).device
+    fit_smaller(head.to(place), known.head.to(place), pairs)
+    head.cpu()
 
 
 def _standardise(head: FlowHead | PaperHead, sample: torch.Tensor) -> None:

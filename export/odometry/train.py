@@ -16,7 +16,7 @@ from tqdm import tqdm
 from edgemap.export.curves import Panel, write_curves
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
-from edgemap.export.odometry.clips import make_batch
+from edgemap.export.odometry.clips import ClipDraws, Shelf, make_batch
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.recipe import Recipe
 from edgemap.export.odometry.validate import validate
@@ -48,6 +48,7 @@ class OdometrySettings:
     patience: int | None = None
     threads: int = 2
     bfloat16: bool = False
+    device: str = "cpu"
 
 
 class HeadTraining(Training):
@@ -67,10 +68,11 @@ class HeadTraining(Training):
         folder: Path,
         settings: OdometrySettings,
     ) -> None:
-        super().__init__(folder, settings.validate_minutes, settings.threads)
+        super().__init__(folder, settings.validate_minutes, settings.threads, settings.device)
         self.start, self.recipe, self.settings = start, recipe, settings
         self.train, self.validation = train, validation
-        self.head = start.head
+        self.head = start.head.to(self.device)
+        self.draws, self.shelf = ClipDraws(recipe.clips, train), Shelf(train, self.device)
         self.average = {name: tensor.detach().clone() for name, tensor in self.head.state_dict().items()}
         self.optimizer = recipe.optimizer(self.head)
         self.schedule = Schedule(settings.minutes, settings.steps)
@@ -83,14 +85,14 @@ class HeadTraining(Training):
         """Clips, loss, gradient, one after the other; which clips follows from the seed and the step."""
         while self.progress() < 1.0:
             rng = np.random.default_rng((self.settings.seed, self.steps))
-            clips = [self.recipe.clips.draw(self.train, rng) for _ in range(self.settings.batch)]
+            clips = [self.draws.draw(rng) for _ in range(self.settings.batch)]
             factor = self.recipe.rate(self.progress(), self.steps)
             for group in self.optimizer.param_groups:
                 group["lr"] = self.recipe.highest_rate * factor
             self.head.train()
-            with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bfloat16):
-                loss, parts = self.recipe.loss(self.head, make_batch(clips), self.progress())
-            self.add({"loss": loss.item(), **parts})
+            with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
+                loss, parts = self.recipe.loss(self.head, make_batch(clips, self.shelf, rng), self.progress())
+            self.add({name: part.detach().double() for name, part in {"loss": loss, **parts}.items()})
             self.optimizer.zero_grad(set_to_none=True)
             loss.backward()
             nn.utils.clip_grad_norm_(self.head.parameters(), CLIP_NORM)
@@ -117,7 +119,7 @@ class HeadTraining(Training):
         self.rows.append(row)
         tqdm.write("  ".join(f"{key} {value:.4g}" for key, value in row.items()))
         if self.best() is row:
-            save_head(self._checkpoint(head, row, figures), self.folder / "best.pt")
+            save_head(self._checkpoint(head.cpu(), row, figures), self.folder / "best.pt")
         write_curves(self.rows, self.folder, ("steps", "steps of training"), PANELS)
 
     def state(self) -> dict[str, Any]:
@@ -136,7 +138,7 @@ class HeadTraining(Training):
         if (state["kind"], state["backbone"]) != (self.start.kind, self.start.backbone):
             raise ExportError(f"{path}: a {state['kind']} head for {state['backbone']}, not this run's")
         self.head.load_state_dict(state["head"])
-        self.average = state["average"]
+        self.average = {name: tensor.to(self.device) for name, tensor in state["average"].items()}
         self.optimizer.load_state_dict(state["optimizer"])
 
     def _checkpoint(self, head: Any, row: dict[str, Any], figures: dict[str, Any]) -> HeadCheckpoint:

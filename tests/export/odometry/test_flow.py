@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
-from support.floor_drive import floor_drive  # noqa: E402
+from support.floor_drive import CAMERA, floor_drive  # noqa: E402
 
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head  # noqa: E402
-from edgemap.export.odometry.clips import LONGEST_DT_S, Clips, make_batch  # noqa: E402
+from edgemap.export.odometry.clips import LONGEST_DT_S, ClipDraws, Clips, make_batch  # noqa: E402
 from edgemap.export.odometry.flow import FlowHead  # noqa: E402
 from edgemap.export.odometry.flow_loss import flow_loss, run_clip  # noqa: E402
 from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
 from edgemap.export.odometry.validate import estimate, validate  # noqa: E402
+from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
+from edgemap.geometry.camera.mount import Mount  # noqa: E402
+from edgemap.geometry.odometry.flow_cells import flow_cells  # noqa: E402
+from edgemap.runtime.manifest import InputSpec  # noqa: E402
+from edgemap.runtime.preprocess import cell_grid  # noqa: E402
 
 
 def new_head() -> FlowHead:
@@ -29,10 +37,10 @@ def test_it_learns_to_tell_motion_from_a_textured_floor():
     train, unseen = [floor_drive(seed) for seed in range(6)], [floor_drive(seed) for seed in (90, 91)]
     head, recipe = new_head(), flow_recipe(1e-3, 5)
     optimizer = recipe.optimizer(head)
-    before = validate(head, recipe.unroll, unseen)
+    before, draws = validate(head, recipe.unroll, unseen), ClipDraws(recipe.clips, train)
     for step in range(120):
         rng = np.random.default_rng(step)
-        loss, _ = recipe.loss(head, make_batch([recipe.clips.draw(train, rng) for _ in range(3)]), 0.5)
+        loss, _ = recipe.loss(head, make_batch([draws.draw(rng) for _ in range(3)]), 0.5)
         optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(head.parameters(), 1.0)
@@ -61,7 +69,11 @@ def test_one_step_at_a_time_is_the_same_as_a_clip():
         state = [torch.zeros(shape) for shape in head.state_shapes.values()]
         for index in range(5):
             motion, covariance, *state = head(
-                batch.features[:, index], batch.cells, batch.mount, batch.dt_s[:, index : index + 1], *state
+                batch.features[:, index],
+                batch.cells[:, index],
+                batch.mount[:, index],
+                batch.dt_s[:, index : index + 1],
+                *state,
             )
             if index == 0:
                 state[2:] = [torch.zeros_like(part) for part in state[2:]]  # a clip's memory starts at frame 1
@@ -91,9 +103,48 @@ def test_a_checkpoint_gives_the_head_back(tmp_path):
         FlowHead((1, 8, 10, 10), 16)
 
 
+def test_loss_and_motion_stay_on_their_device():
+    """Tensors without numbers stand for a GPU: whatever is made elsewhere on the way does not go with them."""
+    head, recipe = new_head().to("meta"), flow_recipe()
+    batch = make_batch([(floor_drive(5, frames=5), np.arange(4))])
+    away = replace(batch, **{item.name: getattr(batch, item.name).to("meta") for item in fields(batch)})
+    loss, parts = recipe.loss(head, away, 0.5)
+    loss.backward()
+    motions, covariances, state = recipe.unroll(head, away, None)
+    assert {part.device.type for part in (loss, *parts.values(), motions, covariances, *state)} == {"meta"}
+
+
+def test_frame_rates_come_equally_often_whatever_the_drives_are():
+    slow, fast = floor_drive(6, frames=60, still=True), floor_drive(7, frames=60, still=True)
+    fast = replace(fast, stamps_s=fast.stamps_s / 3.0)
+    draws, rng = ClipDraws(Clips(length=4, still=0.0), [slow, slow, slow, fast]), np.random.default_rng(0)
+    drawn = [make_batch([draws.draw(rng)]).dt_s[0, 1].item() for _ in range(600)]
+    counts = Counter(round(1.0 / dt_s, 1) for dt_s in drawn)
+    assert set(counts) == {30.0, 15.0, 10.0, 7.5, 6.0, 5.0}
+    assert min(counts.values()) > 0.5 * 600 / 6
+
+
+def test_a_clip_knows_the_attitude_of_each_frame_about_as_well_as_a_filter():
+    level = floor_drive(8, frames=20)
+    angles = np.column_stack([np.zeros(20), np.radians(20.0 + 2.0 * np.sin(np.arange(20))), np.full(20, 0.51)])
+    drive, frames = replace(level, angles=angles), np.arange(3, 9)
+    true = make_batch([(drive, frames), (level, frames)])
+    tilted = FloorCamera(CAMERA.intrinsics, Mount(0.51, angles[5, 1], 0.0, 0.1))
+    spec = InputSpec(name="image", width=160, height=160, resize="stretch", colour="bgr", scale=1.0)
+    cells, mount = flow_cells(tilted, cell_grid(spec, 160, 160, 16))
+    np.testing.assert_allclose(true.cells[0, 2].numpy(), cells[0], atol=1e-5)
+    np.testing.assert_allclose(true.mount[0, 2].numpy(), mount[0], atol=1e-6)
+    np.testing.assert_allclose(true.cells[1, 2].numpy(), level.cells[0], atol=1e-5)
+    told = [make_batch([(drive, frames)], rng=np.random.default_rng(seed)).mount[0] for seed in range(200)]
+    errors = torch.rad2deg(torch.asin(torch.stack(told)[..., 8]) - torch.asin(true.mount[0, :, 8]))
+    known = errors[(errors - errors[:, :1]).abs().amax(dim=1) < 1.5]
+    assert 0.2 < known.std().item() < 0.5
+    assert known.diff(dim=1).std().item() < 0.2
+
+
 def test_clips_skip_turn_round_and_stand_still():
     drive, rng = floor_drive(6), np.random.default_rng(0)
-    steps = [np.diff(Clips(length=4, still=0.5).draw([drive], rng)[1]) for _ in range(80)]
+    steps = [np.diff(ClipDraws(Clips(length=4, still=0.5), [drive]).draw(rng)[1]) for _ in range(80)]
     assert {-1, 0, 1, 2} <= {int(step) for row in steps for step in row}
     for row in steps:
         assert np.abs(row).max() * 0.1 <= LONGEST_DT_S
@@ -103,4 +154,4 @@ def test_clips_skip_turn_round_and_stand_still():
     assert batch.motions[0, 3].tolist() == pytest.approx([0.0, 0.0, 0.0])
     assert batch.motions[0, 1].tolist() == pytest.approx(drive.motions(np.array([3, 5]))[0].tolist())
     with pytest.raises(ExportError, match="24 frames, clips need 30"):
-        Clips(length=30).draw([drive], rng)
+        ClipDraws(Clips(length=30), [drive])
