@@ -55,7 +55,7 @@ def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive], wi
     found = figures(errors)
     drifts = {f"t{length}_percent": found["t_rel_percent"][length] for length in ("5", "2", "1")}
     told: dict[str, Any] = {name: value for name, value in drifts.items() if value is not None}
-    # Drift over the lengths that fit, as short drives at high rates have no long ones; else the yaw, where it comes from.
+    # Drift over the lengths that fit (short drives at high rates have no long ones), else the yaw, where it comes from.
     score = sum(told.values()) / len(told) if told else found["rmse_yaw_rad"]
     told |= {name: found[name] for name in ("rmse_forward_m", "rmse_left_m", "rmse_yaw_rad")}
     if found["nees"] is not None:
