@@ -40,7 +40,7 @@ def carried_imu(
     knots_s = np.concatenate([drive.stamps_s[0] - START_S - rest_s + at_rest, drive.stamps_s])
     poses = np.concatenate([np.repeat(drive.full_poses[:1], len(at_rest), axis=0), drive.full_poses])
     turned = RotationSpline(knots_s, Rotation.from_matrix(poses[:, :3, :3] @ drive.mount.rotation_base_optical()))
-    places = CubicSpline(knots_s, gaussian_filter1d(poses[:, :3, 3], SMOOTH, axis=0, mode="nearest"))
+    places = CubicSpline(knots_s, _smooth(poses[:, :3, 3]))
     errors = errors or ImuErrors()
 
     def lens(stamps_s: Array) -> tuple[Array, Array]:
@@ -48,6 +48,14 @@ def carried_imu(
 
     period_s = 1.0 / errors.rate_hz
     return measured(np.arange(knots_s[0] + period_s, knots_s[-1] - period_s, period_s), lens, rng, errors)
+
+
+def _smooth(places: Array) -> Array:
+    """Places (N, 3) without their jitter; the velocity at both ends goes on, so that the ends accelerate no more than
+    the rest."""
+    reach = min(round(4.0 * SMOOTH), len(places) - 1)
+    before, after = 2.0 * places[0] - places[reach:0:-1], 2.0 * places[-1] - places[-2 : -reach - 2 : -1]
+    return gaussian_filter1d(np.concatenate([before, places, after]), SMOOTH, axis=0)[reach:-reach]
 
 
 def main() -> None:

@@ -49,6 +49,16 @@ def test_a_camera_at_rest_before_it_sets_off_feels_gravity_alone():
     assert np.abs(at_rest.gyro_rad_s).max() < 0.01
 
 
+def test_a_camera_in_steady_motion_feels_gravity_alone_from_its_first_sample_to_its_last():
+    stamps = np.arange(0.0, 5.0, 0.1)
+    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+    poses[:, 0, 3] = stamps
+    drive = Drive("c2w", Path(), (), stamps, mount=MOUNT, full_poses=poses)
+    samples = carried_imu(drive, np.random.default_rng(0), errors=PERFECT)
+    up = MOUNT.rotation_base_optical().T @ [0.0, 0.0, GRAVITY_M_S2]
+    assert np.abs(samples.accel_m_s2 - up).max() < 0.01
+
+
 def test_planar_poses_make_no_imu():
     with pytest.raises(CameraError, match="poses of six dimensions"):
         carried_imu(replace(carried(), full_poses=None), np.random.default_rng(0))
