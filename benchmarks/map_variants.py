@@ -122,6 +122,7 @@ def observed_by(
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
         floor = FloorCamera(camera.intrinsics, camera.mount)
         sources = dict.fromkeys((variant.odometry, variant.wheels) for variant in variants.values())
+        sources = sorted(sources, key=lambda source: source[0] == "truth")  # the first one's motion tells the attitude
         odometry = SideBySide(
             {
                 (spec, wheels): open_odometry(spec, bundle, camera, floor, wheels=wheels, rules=config.odometry)

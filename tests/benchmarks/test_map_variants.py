@@ -1,9 +1,12 @@
 """Maps made side by side are those that each would be alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.map_variants import Variant, map_drive
+from edgemap.benchmarks.map_variants import Variant, map_drive, observed_by
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.config import Config
@@ -28,6 +31,20 @@ def test_side_by_side_is_the_same_as_alone(demo):
     assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
     for name, variant in variants.items():
         assert places(map_drive(drive, bundle, {name: variant}, frames=40)[name]) == places(together[name])
+
+
+def test_true_poses_beside_it_tell_the_attitude_nothing(demo):
+    """What the odometry measured corrects the attitude of an IMU: its own odometry, not the true poses beside it."""
+    drive, bundle = demo
+    assert drive.mount is not None
+    count = 15
+    stamps = np.arange(drive.stamps_s[0], drive.stamps_s[count], 0.01)
+    up = drive.mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
+    drive = replace(drive, imu=ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1))))
+    told = []
+    for variants in ({"own": Variant()}, {"true": Variant("truth"), "own": Variant()}):
+        told.append([seen["own"].camera.mount.pitch_rad for seen in observed_by(drive, bundle, variants, count)])
+    assert told[0] == told[1]
 
 
 def test_loops_close_only_where_poses_are_not_given():
