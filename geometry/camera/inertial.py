@@ -50,7 +50,7 @@ class InertialNoise:
     accel: float = 0.2
     offset: float = OFFSET_RAD
     bias_walk: float = 1e-5
-    start_bias: float = 0.1
+    start_bias: float = 0.0175
     start_tilt: float = math.radians(10.0)
     start_accel: float = 0.2
     speed: float = 0.5
@@ -159,7 +159,7 @@ def inertial_moved(
     variance = np.diag([loose, loose, noise.risen**2])
     variance[:2, :2] += axes @ covariance[:2, :2] @ axes.T / span_s**2
     residual = displaced / span_s - (state.velocity + before.velocity) / 2.0
-    moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False)
+    moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
     own = covariance[2, 2] + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
     if motion.vector().any():  # at rest nothing turns at all
         own += noise.turned**2
@@ -167,7 +167,7 @@ def inertial_moved(
     about[0, _BIAS] = moved.up_optical
     turned_rad = _turned_rad(before.rotation, state.rotation)
     off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
-    moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True)
+    moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True, robust=True)
     slow = math.hypot(motion.x_m, motion.y_m) < noise.rest_speed * span_s
     return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.rest_yaw * span_s)
 
@@ -213,7 +213,10 @@ def inertial_step(
         state.calm,
     )
     about = state.up_optical @ state.covariance[_BIAS, _BIAS] @ state.up_optical
-    rotation = GyroRotation(rotated, _turned_rad(before, predicted.rotation), math.sqrt(angle2 + about * span_s**2))
+    axis = before @ [rotated[2, 1] - rotated[1, 2], rotated[0, 2] - rotated[2, 0], rotated[1, 0] - rotated[0, 1]]
+    nodded2, tilt2 = float(axis[:2] @ axis[:2]) / 4.0, float(np.trace(state.covariance[:2, :2])) / 2.0
+    sigma_rad = math.sqrt(angle2 + about * span_s**2 + nodded2 * tilt2)  # of a nod, a wrong tilt makes yaw
+    rotation = GyroRotation(rotated, _turned_rad(before, predicted.rotation), sigma_rad)
     return _held(predicted, span_s, noise), rotation
 
 
@@ -241,12 +244,23 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
 
 
 def _corrected(
-    state: InertialState, selected: Array, residual: Array, variance: Array, *, learns_vertical_bias: bool
+    state: InertialState,
+    selected: Array,
+    residual: Array,
+    variance: Array,
+    *,
+    learns_vertical_bias: bool,
+    robust: bool = False,
 ) -> InertialState:
     """Kalman update in Joseph's form. Gravity says nothing of the bias about the vertical, so there its gain is zero:
-    what a wrong velocity assumption would teach is worse than what was learnt at rest."""
+    what a wrong velocity assumption would teach is worse than what was learnt at rest. robust: a measurement that errs
+    more than it says counts as much less."""
     cross = state.covariance @ selected.T
-    gain = np.linalg.solve(selected @ cross + variance, cross.T).T
+    expected = selected @ cross + variance
+    if robust:
+        excess = max(float(residual @ np.linalg.solve(expected, residual)) / len(residual), 1.0)
+        variance, expected = variance + (excess - 1.0) * expected, excess * expected
+    gain = np.linalg.solve(expected, cross.T).T
     if not learns_vertical_bias:
         up = state.up_optical
         gain[_BIAS] -= np.outer(up, up @ gain[_BIAS])
@@ -301,7 +315,8 @@ def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> 
     if len(recent) < 5 or recent.stamps_s[-1] - recent.stamps_s[0] < 0.6 * noise.rest_window_s:
         return False
     unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - state.bias)
-    likely = 3.0 * np.sqrt(np.diag(state.covariance)[_BIAS]) + 0.003
+    # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
+    likely = 5.0 * np.sqrt(np.diag(state.covariance)[_BIAS]) + 0.003
     calm = recent.gyro_rad_s.std(axis=0).max() < noise.rest_gyro
     return bool(calm and recent.accel_m_s2.std(axis=0).max() < noise.rest_accel and (unlike < likely).all())
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
     InertialNoise,
     InertialState,
@@ -24,6 +25,8 @@ from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optica
 from edgemap.runtime.frame import Frame
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
+NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
+SWUNG_S = 5.0  # over which the camera's nodding is judged
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -95,11 +98,14 @@ class InertialAttitude:
         self._other, self._noise = other, rule.noise
         self._check = MountCheck(mount, rule)
         self._state: InertialState | None = None
+        self._seen_s = -math.inf
+        self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
         other = self._other.step(frame)
         state, rotation = self._state, None
+        before_s, self._seen_s = self._seen_s, frame.stamp_s
         if not len(frame.imu):
             if state is not None and frame.stamp_s - state.stamp_s > self._noise.lost_s:
                 self._state = None
@@ -107,12 +113,13 @@ class InertialAttitude:
                 self._state = replace(state, before=None)  # the odometry's next motion is of another time
             return other
         if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= self._noise.lost_s:
-            state, span_s = self._begun(frame), 0.0
+            (state, rotation), span_s = self._begun(frame, before_s), 0.0
         else:
             span_s = frame.stamp_s - state.stamp_s
             state = replace(state, calm=None)
             if frame.moved is not None:
                 state = inertial_moved(state, *frame.moved, self._arm, self._noise)
+            self._nodded(state, frame.imu, span_s)
             state, rotation = inertial_step(state, frame.imu, frame.stamp_s, self._noise)
             state = self._mounted(state, span_s)
         self._state = state
@@ -121,29 +128,45 @@ class InertialAttitude:
 
     def reset(self, reason: str) -> None:
         """Start again with the next samples."""
-        self._state = None
+        self._state, self._seen_s = None, -math.inf
         self._other.reset(reason)
 
-    def _begun(self, frame: Frame) -> InertialState:
-        """Started with the earliest samples and taken on to the frame: a camera at rest before it teaches the bias."""
+    def _begun(self, frame: Frame, before_s: float) -> tuple[InertialState, GyroRotation | None]:
+        """Started with the earliest samples and taken on to the frame: a camera at rest before it teaches the bias.
+        The rotation since the frame before, where the samples reach back to that."""
         samples, noise = frame.imu, self._noise
-        edges = [*np.arange(samples.stamps_s[0] + START_S, frame.stamp_s - 1e-6, START_S).tolist(), frame.stamp_s]
+        first_s = float(samples.stamps_s[0])
+        reaches = before_s <= first_s < before_s + noise.gap_s
+        edges = [*np.arange(first_s + START_S, frame.stamp_s - 1e-6, START_S).tolist(), frame.stamp_s]
         first = samples.between(-math.inf, edges[0])
-        state = inertial_start(first, edges[0], noise)
+        edges = [before_s, frame.stamp_s] if reaches else edges
+        state, rotation = inertial_start(first, edges[0], noise), None
+        self._rate2, self._judged_s = 0.0, 0.0
+        self._nodded(state, first, START_S)
         if float(state.up_optical @ self._up) > math.cos(self._rule.farthest_rad):
-            state = inertial_start(first, edges[0], noise, self._up, self._rule.nodding_rad)
+            state = inertial_start(first, edges[0], noise, self._up, float(self._nods(np.zeros(2))[0]))
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)
             if len(part):
-                state, _ = inertial_step(state, part, edge_s, noise)
-        return state
+                state, rotation = inertial_step(state, part, edge_s, noise)
+        return state, rotation if reaches else None
 
     def _mounted(self, state: InertialState, span_s: float) -> InertialState:
         """Held to the mount, the less the farther off it is: what is carried is not mounted."""
-        rule = self._rule
-        off = (state.rotation @ self._up)[1::-1]
-        nods = rule.nodding_rad * (1.0 + (off / (LIKELY * rule.nodding_rad)) ** 2)
-        return inertial_mounted(state, self._up, nods * math.sqrt(max(2.0 * rule.nodding_s / span_s, 1.0)))
+        nods = self._nods((state.rotation @ self._up)[1::-1])
+        return inertial_mounted(state, self._up, nods * math.sqrt(max(2.0 * self._rule.nodding_s / span_s, 1.0)))
+
+    def _nods(self, off_rad: np.ndarray) -> np.ndarray:
+        """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""
+        nodding = self._rule.nodding_rad
+        return nodding * (1.0 + (off_rad**2 + self._rate2 * NOD_S**2) / (LIKELY * nodding) ** 2)
+
+    def _nodded(self, state: InertialState, samples: ImuSamples, span_s: float) -> None:
+        """Take in how fast the tilt changes: a head nods faster than a robot."""
+        rate = samples.gyro_rad_s.mean(axis=0) - state.bias
+        rate -= (rate @ state.up_optical) * state.up_optical
+        self._judged_s += span_s
+        self._rate2 += min(span_s / min(self._judged_s, SWUNG_S), 1.0) * (float(rate @ rate) - self._rate2)
 
     @property
     def constant_tilt_rad(self) -> np.ndarray:

@@ -68,8 +68,8 @@ class PlanarRule:
     height for each radian beyond.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
-    and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to
-    which its yaw is held to. gyro_levelling: `levelling`, as the gyro carries the tilt on.
+    and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
+    are held to it; yaw always is. gyro_levelling: `levelling`, as the gyro carries the tilt on.
     scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
     once. neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     """
@@ -243,13 +243,14 @@ class PlanarOdometry:
         yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
         known_rad, lost_rad = self._rule.gyro_upright_rad
         self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
-        self._rotation_held = self._carried_rad() > 0.0 and self._upright
+        carried = self._carried_rad() > 0.0
+        self._rotation_held = carried and self._upright
         self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
+        sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
+        self._noise = replace(self._noise, yaw_rad=sigma if carried else math.inf)
         if not self._rotation_held:
             return
-        sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
-        tilt_rad = min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad)
-        self._noise = replace(self._noise, tilt_rad=tilt_rad, yaw_rad=sigma)
+        self._noise = replace(self._noise, tilt_rad=min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad))
         self._tilt, self._levelling = tilt, self._rule.gyro_levelling
 
     def _floor_mask(self, camera: FloorCamera) -> NDArray[np.uint8]:

@@ -3,10 +3,13 @@
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, inertial_step
 from edgemap.geometry.camera.mount import Mount
@@ -14,11 +17,13 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.attitude.inertial import AttitudeRule, InertialAttitude
 from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
 from edgemap.runtime.drives import open_drive
+from edgemap.runtime.drives.drive import Drive
 from edgemap.runtime.drives.imu_csv import read_imu_csv, write_imu_csv
 from edgemap.runtime.drives.planarise import base_attitudes
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion, no_motion
+from edgemap.simulation.carried_imu import carried_imu
 
 BLANK = np.zeros((4, 4, 3), np.uint8)
 
@@ -217,3 +222,57 @@ def test_three_seconds_of_rest_that_the_odometry_tells_leave_a_degree_of_yaw_a_m
         if frame.stamp_s > 3.2 and found.rotation is not None:
             yaws.append(found.rotation.yaw_rad)
     assert abs(math.degrees(sum(yaws))) * 60.0 / 20.0 < 1.5
+
+
+def carried_head(seed, seconds=10.0):
+    """Samples of a head that walks off at 1 m/s, nods by 10 degrees about 5 below the mount and turns, with a
+    datasheet's errors and no rest; and its true poses, (N, 4, 4) of the base."""
+    stamps = np.arange(0.0, seconds, 0.1)
+    mount, random = Mount.from_degrees(1.7, 20.0), np.random.default_rng(seed)
+    phase = random.uniform(0.0, math.tau, 4)
+    yaw = 0.8 * np.sin(0.8 * stamps + phase[0])
+    nod = math.radians(5.0) + math.radians(10.0) * np.sin(2.0 * stamps + phase[1])
+    lean = math.radians(3.0) * np.sin(2.5 * stamps + phase[2])
+    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+    poses[:, :3, :3] = Rotation.from_euler("ZYX", np.column_stack([yaw, nod, lean])).as_matrix()
+    speed = 1.0 + 0.15 * np.sin(6.0 * stamps + phase[3])
+    poses[:, :2, 3] = np.cumsum(0.1 * speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)]), axis=0)
+    drive = Drive("c2w", Path(), (), stamps, mount=mount, full_poses=poses)
+    return mount, poses, stamps, carried_imu(drive, random)
+
+
+def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how_well():
+    scaled, late = [], []
+    for seed in range(8):
+        mount, poses, stamps, samples = carried_head(seed)
+        source, random = InertialAttitude(mount, MountAttitude(mount)), np.random.default_rng(seed)
+        headings = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+        bases = [SE2(x, y, yaw) for (x, y), yaw in zip(poses[:, :2, 3], headings, strict=True)]
+        for index in range(1, len(stamps) - 1):
+            frame = Frame(index, float(stamps[index]), BLANK, imu=samples.between(stamps[index - 1], stamps[index]))
+            if index > 2:
+                errors = random.normal(0.0, [0.03, 0.03, 0.003])
+                moved = bases[index - 2].inverse() @ bases[index - 1] @ SE2(*errors)
+                frame = replace(frame, moved=(moved, np.diag(np.square([0.03, 0.03, 0.003]))))
+            found = source.step(frame)
+            up = (poses[index, :3, :3] @ mount.rotation_base_optical())[2]
+            true = Attitude.of_up(up, np.zeros((2, 2)), "true")
+            error = np.array([found.roll_rad - true.roll_rad, found.pitch_rad - true.pitch_rad])
+            scaled.append(error @ np.linalg.solve(found.covariance_rad2, error))
+            if stamps[index] > 3.0:
+                late.append(error)
+    assert np.mean(scaled) < 3.0
+    assert math.degrees(np.sqrt(np.mean(np.square(late)))) < 2.0
+
+
+def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_to_the_one_before():
+    stamps, mount = np.arange(0.01, 1.0, 0.01), Mount.from_degrees(0.5, 10.0)
+    up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
+    samples = ImuSamples(stamps, np.outer(np.full(len(stamps), 0.5), up), np.outer(np.full(len(stamps), 9.81), up))
+    source = InertialAttitude(mount, MountAttitude(mount))
+    assert source.step(Frame(0, 0.0, BLANK)).rotation is None
+    rotation = source.step(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
+    assert rotation is not None
+    assert rotation.yaw_rad == pytest.approx(0.05, abs=0.002)
+    source.reset("elsewhere")
+    assert source.step(Frame(2, 0.3, BLANK, imu=samples.between(0.2, 0.3))).rotation is None

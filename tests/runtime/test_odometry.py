@@ -19,6 +19,7 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry import open_odometry
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
+from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
 from edgemap.runtime.store import bundle_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
@@ -82,6 +83,19 @@ def test_planar_denies_a_gyro_whose_bias_was_learnt_in_motion():
     frames, poses = drive(MOTIONS["straight"])
     off = off_after(with_gyro(frames, poses, 0.03, 0.0003), poses, CARRIED)
     assert abs(off.yaw_rad) < 0.06  # 0.03 in every step
+
+
+def test_a_gyro_tells_a_carried_cameras_yaw_while_its_tilt_is_unknown():
+    frames, poses = drive(MOTIONS["left arc"])
+    sigmas, rule = [], replace(CARRIED, gyro_rad=0.0, gyro_share=0.0)
+    for sigma_rad in (0.0001, 0.1):
+        odometry, motion = PlanarOdometry(CAMERA, rule), Motion()
+        for frame in with_gyro(frames, poses, 0.0, sigma_rad):
+            assert frame.attitude is not None
+            tilted = replace(frame.attitude, covariance_rad2=np.eye(2) * math.radians(8.0) ** 2)
+            motion = odometry.step(replace(frame, attitude=tilted), {})
+        sigmas.append(math.sqrt(motion.covariance[2, 2]))
+    assert sigmas[0] < 0.7 * sigmas[1]
 
 
 @pytest.mark.parametrize(("rule", "apart"), [(CARRIED, True), (PlanarRule(), False)])
