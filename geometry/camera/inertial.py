@@ -257,10 +257,10 @@ def _corrected(
     more than it says counts as much less."""
     cross = state.covariance @ selected.T
     expected = selected @ cross + variance
-    if robust:
-        excess = max(float(residual @ np.linalg.solve(expected, residual)) / len(residual), 1.0)
-        variance, expected = variance + (excess - 1.0) * expected, excess * expected
-    gain = np.linalg.solve(expected, cross.T).T
+    solved = np.linalg.solve(expected, np.column_stack([cross.T, residual]))
+    gain = solved[:, :-1].T
+    if robust and (excess := float(residual @ solved[:, -1]) / len(residual)) > 1.0:
+        variance, gain = variance + (excess - 1.0) * expected, gain / excess
     if not learns_vertical_bias:
         up = state.up_optical
         gain[_BIAS] -= np.outer(up, up @ gain[_BIAS])
@@ -302,12 +302,13 @@ def _integrated(
     forces = np.concatenate([first.accel_m_s2[-1:] if len(state.recent) else first.accel_m_s2[:1], samples.accel_m_s2])
     rates = np.concatenate([(rates[:-1] + rates[1:]) / 2.0, rates[-1:]]) - state.bias
     forces = np.concatenate([(forces[:-1] + forces[1:]) / 2.0, forces[-1:]]) - state.offset
-    total, gained = np.eye(3), np.zeros(3)
-    for step, force, span in zip(rotation_of(rates * spans[:, None]), forces, spans, strict=True):
-        after = total @ step
-        gained += (total + after) @ force * (span / 2.0)
-        total = after
-    return total, gained, float(spans[spans > noise.gap_s].sum())
+    rotations, reach = rotation_of(rates * spans[:, None]), 1
+    while reach < len(rotations):  # each becomes the product of all up to it
+        rotations[reach:] = rotations[:-reach] @ rotations[reach:]
+        reach *= 2
+    means = (rotations + np.concatenate([np.eye(3)[None], rotations[:-1]])) / 2.0
+    gained = ((means @ forces[:, :, None])[:, :, 0] * spans[:, None]).sum(axis=0)
+    return rotations[-1], gained, float(spans[spans > noise.gap_s].sum())
 
 
 def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> bool:
