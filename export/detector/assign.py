@@ -17,7 +17,8 @@ IOU_COST = 6.0  # of the overlap against the class, as in PicoDet
 
 @dataclass(frozen=True)
 class Targets:
-    """True boxes of a batch, padded: boxes (B, G, 4) xyxy px, labels (B, G), valid and ignored (B, G) bool.
+    """True boxes of a batch, padded: boxes (B, G, 4) xyxy px, labels (B, G), valid and ignored (B, G) bool, and how
+    sure each is, certainty (B, G): 1 where it is true, else the score of the network that predicted it.
 
     told: (B, C) bool, the classes that a picture's labels tell all of. kept: (B, C) bool, the classes of which training
     stays with what another network says of the picture.
@@ -29,6 +30,7 @@ class Targets:
     ignored: Tensor
     told: Tensor
     kept: Tensor
+    certainty: Tensor
 
     def to(self, device: torch.device) -> Targets:
         """The same on another device."""

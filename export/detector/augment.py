@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -54,7 +55,7 @@ def flip(example: Example) -> Example:
     """Left for right."""
     boxes = example.boxes.copy()
     boxes[:, [0, 2]] = example.image.shape[1] - example.boxes[:, [2, 0]]
-    return Example(np.ascontiguousarray(example.image[:, ::-1]), boxes, example.labels, example.visible)
+    return replace(example, image=np.ascontiguousarray(example.image[:, ::-1]), boxes=boxes)
 
 
 def recolour(image: NDArray[np.uint8], generator: Generator) -> NDArray[np.uint8]:
@@ -83,7 +84,7 @@ def recolour(image: NDArray[np.uint8], generator: Generator) -> NDArray[np.uint8
     return image
 
 
-_Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32]]
+_Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]
 
 
 def _scale(example: Example, longer: float, generator: Generator) -> NDArray[np.float64]:
@@ -115,9 +116,10 @@ def _paste(canvas: NDArray[np.uint8], example: Example, scale: NDArray, corner: 
         clipped[keep].astype(np.float32),
         example.labels[keep],
         (example.visible * share)[keep].astype(np.float32),
+        example.certainty()[keep],
     )
 
 
 def _join(canvas: NDArray[np.uint8], parts: Sequence[_Part]) -> Example:
-    boxes, labels, visible = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Example(canvas, boxes, labels, visible)
+    boxes, labels, visible, scores = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Example(canvas, boxes, labels, visible, scores=scores)

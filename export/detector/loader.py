@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections import Counter, deque
+import signal
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from multiprocessing.queues import Queue
@@ -67,15 +67,9 @@ class Batches:
         for worker in workers:
             worker.start()
         try:
-            with ThreadPoolExecutor(1) as pool:  # the next batch is unpacked while the network works on this one
-                waiting: deque[Future[tuple[Tensor, Targets]]] = deque()
-                for index in range(first, len(self)):
-                    at = (index - first) % self._workers
-                    waiting.append(pool.submit(_next, queues[at], workers[at]))
-                    if len(waiting) > 1:
-                        yield waiting.popleft().result()
-                while waiting:
-                    yield waiting.popleft().result()
+            for index in range(first, len(self)):
+                at = (index - first) % self._workers
+                yield _next(queues[at], workers[at])
         finally:
             for worker in workers:
                 worker.kill()
@@ -121,16 +115,18 @@ class Batches:
         return replace(made, image=recolour(made.image, generator), told=example.told, kept=example.kept)
 
     def _fill(self, queue: Queue, epoch: int, first: int) -> None:
-        """What one process does: every so many batches one."""
+        """What one process does: every so many batches one, handed over in shared memory."""
         cv2.setNumThreads(0)
+        torch.set_num_threads(1)  # threads of OpenMP do not survive a fork
         for index in range(first, len(self), self._workers):
-            queue.put(self._pick(epoch, index))
+            queue.put(self.make(epoch, index))
+        signal.pause()  # until killed: who takes a batch asks its maker for the memory
 
 
 def _next(queue: Queue, worker: BaseProcess) -> tuple[Tensor, Targets]:
     while True:
         try:
-            return collate(queue.get(timeout=5.0))
+            return queue.get(timeout=5.0)
         except Empty:
             if not worker.is_alive():
                 raise ExportError(f"a process that makes training pictures died (code {worker.exitcode})") from None
@@ -159,6 +155,7 @@ def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
         torch.zeros(shape, dtype=torch.bool),
         torch.from_numpy(np.stack([example.told for example in examples])),
         torch.from_numpy(np.stack([example.kept for example in examples])),
+        torch.zeros(shape),
     )
     for row, example in enumerate(examples):
         count, ignored = len(example.boxes), torch.from_numpy(example.ignored())
@@ -166,5 +163,6 @@ def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
         targets.labels[row, :count] = torch.from_numpy(example.labels)
         targets.valid[row, :count] = ~ignored
         targets.ignored[row, :count] = ignored
+        targets.certainty[row, :count] = torch.from_numpy(example.certainty())
     # NHWC memory is what oneDNN's convolutions want; the permutation above gives it for free.
     return images, targets

@@ -30,7 +30,8 @@ def detection_loss(
 ) -> tuple[dict[str, Tensor], Assignment]:
     """Rows and truth to `total`, `scores`, `box`, `bins`, each per unit of overlap reached at positive cells.
 
-    Scores: varifocal loss (Zhang et al. 2021) or, of heads with an objectness, cross entropy towards the overlap; where
+    Scores: varifocal loss (Zhang et al. 2021) or, of heads with an objectness, cross entropy towards the overlap, times
+    the box's certainty where a network predicted it; where
     a cell speaks for no box, only for classes that this picture's labels tell (`Targets.told`), and not where it is
     exempt. Box: 1 - GIoU. Bins: distribution
     focal loss (Li et al. 2020), of heads that have them. mean: of a number over all processes that train together.
@@ -40,7 +41,7 @@ def detection_loss(
     truth = targets.boxes.gather(1, found.box[..., None].expand(-1, -1, 4))
     label = targets.labels.gather(1, found.box)
     iou, overlap = generalised_iou(rows.boxes, truth)
-    quality = iou.detach().clamp(min=0.0) * found.positive
+    quality = iou.detach().clamp(min=0.0) * found.positive * targets.certainty.gather(1, found.box)
     count = mean(quality.sum()).clamp(min=least)
 
     wanted = torch.zeros_like(rows.scores).scatter_(-1, label[..., None], quality[..., None])

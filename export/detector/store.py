@@ -30,6 +30,7 @@ class Example:
     unasked: boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None once a picture was changed.
     source: which of the training's sources it is from. told: (C,) bool, the classes that its labels tell all of.
     kept: (C,) bool, the classes of which training stays with what another network says of this picture.
+    scores: of a network that predicted the boxes, (N,); None where they are true.
     """
 
     image: NDArray[np.uint8]
@@ -40,6 +41,11 @@ class Example:
     source: int = 0
     told: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     kept: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    scores: NDArray[np.float32] | None = None
+
+    def certainty(self) -> NDArray[np.float32]:
+        """How sure each box is, (N,): 1 where it is true."""
+        return np.ones(len(self.boxes), dtype=np.float32) if self.scores is None else self.scores
 
     def ignored(self) -> NDArray[np.bool_]:
         """Boxes too small or too hidden to be asked for."""
@@ -60,8 +66,8 @@ def load_examples(
     number = {name: index for index, name in enumerate(names)}
     examples: list[Example] = []
     for source, spec in enumerate(specs):
-        pairs = list(_load(spec, number, size, limit, teach))
-        predicted, found = any(flag for _, flag in pairs), [example for example, _ in pairs]
+        found = list(_load(spec, number, size, limit, teach))
+        predicted = any(example.scores is not None for example in found)
         told = np.full(len(names), predicted)
         told[[label for example in found for label in example.labels]] = True
         kept = ~told | predicted
@@ -72,28 +78,20 @@ def load_examples(
     return examples
 
 
-_Pair = tuple[Example, bool]  # with whether a network predicted its boxes
-
-
-def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[_Pair]:
+def _load(spec: str, number: dict[str, int], size: int, limit: int | None, teach: Teacher | None) -> Iterator[Example]:
     if is_unlabelled(spec):
         for path, boxes in taught_pictures(Path(spec), teach or (lambda _: UNTAUGHT), limit):
-            yield _example(read_picture(path), boxes, number, size), boxes.predicted
+            yield _example(read_picture(path), boxes, number, size)
         return
     drive = open_drive(spec)
     if not drive.images:
         for image, boxes in LabelledPictures(drive, limit):
-            yield _example(image, boxes, number, size), boxes.predicted
+            yield _example(image, boxes, number, size)
         return
     count = min(len(drive.images), len(drive.boxes))
     chosen = np.unique(np.linspace(0, count - 1, min(limit or count, count)).astype(int)) if count else []
     with ThreadPoolExecutor(2) as pool:
-        yield from pool.map(
-            lambda at: (
-                _example(read_picture(drive.images[at]), drive.boxes[at], number, size), drive.boxes[at].predicted
-            ),
-            chosen,
-        )  # fmt: skip
+        yield from pool.map(lambda at: _example(read_picture(drive.images[at]), drive.boxes[at], number, size), chosen)
 
 
 def is_unlabelled(spec: str) -> bool:
@@ -116,4 +114,5 @@ def _example(image: NDArray[np.uint8], truth: LabelledBoxes, number: dict[str, i
         np.array([number[truth.labels[row]] for row in rows], dtype=np.int64),
         visible[rows].astype(np.float32),
         truth.ignorable()[rows],
+        scores=None if truth.scores is None else truth.scores[rows].astype(np.float32),
     )

@@ -24,15 +24,15 @@ class LabelledBoxes:
     """True boxes of one picture: xyxy in px from the outer edge of the first one, (N, 4); class names, length N.
 
     visible: share of each box that is not hidden, 0..1, shape (N,); None where unknown.
-    ids: which object of `objects.json` each box shows; empty where unknown. predicted: a network told them and nobody
-    looked; those that it doubts have a visibility of 0.
+    ids: which object of `objects.json` each box shows; empty where unknown. scores: of a network that predicted the
+    boxes, (N,); None where they are true. Those that it doubts have a visibility of 0.
     """
 
     boxes: NDArray[np.float64]
     labels: tuple[str, ...]
     visible: NDArray[np.float64] | None = None
     ids: tuple[str, ...] = ()
-    predicted: bool = False
+    scores: NDArray[np.float64] | None = None
 
     def seen_ids(self) -> set[str]:
         """Objects that this picture counts as having seen; a visibility that is not known counts as whole."""

@@ -108,4 +108,4 @@ def predicted_boxes(boxes: NDArray[np.float64], labels: Sequence[str], scores: N
     """What a network told of a picture, as labels: sure boxes, and doubted ones with a visibility of 0."""
     rows = np.flatnonzero(scores >= DOUBT_SCORE)
     visible = (scores[rows] >= LABEL_SCORE).astype(np.float64)
-    return LabelledBoxes(boxes[rows], tuple(labels[int(row)] for row in rows), visible, predicted=True)
+    return LabelledBoxes(boxes[rows], tuple(labels[int(row)] for row in rows), visible, scores=scores[rows])

@@ -40,7 +40,8 @@ def targets(boxes, labels, ignored=None, told=(True, True)):
     boxes = torch.tensor(boxes, dtype=torch.float32).reshape(1, -1, 4)
     ignored = torch.zeros(boxes.shape[1], dtype=torch.bool) if ignored is None else torch.tensor(ignored)
     told = torch.tensor([told])
-    return Targets(boxes, torch.tensor(labels, dtype=torch.int64)[None], ~ignored[None], ignored[None], told, ~told)
+    return Targets(boxes, torch.tensor(labels, dtype=torch.int64)[None], ~ignored[None], ignored[None], told, ~told,
+                   torch.ones(1, len(labels)))  # fmt: skip
 
 
 def blank(classes=2, size=128):
