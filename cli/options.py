@@ -41,7 +41,7 @@ BundleName = Annotated[
     arg(
         metavar="NAME|DIR",
         help="The model: a bundle folder, or a name in the cache (pulled when it is not there). By default "
-        "edgemap-nano for rendered pictures (demo, sim:, drive:), yolox-nano for those of a lens.",
+        "edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a lens.",
     ),
 ]
 OdometrySpec = Annotated[

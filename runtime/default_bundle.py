@@ -7,7 +7,7 @@ from pathlib import Path
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.reading import user_path
 
-RENDERED, LENS = "edgemap-nano", "yolox-nano"
+RENDERED, LENS = "edgemap-nano", "edgemap-pico"
 RENDERED_KINDS = ("sim", "drive")
 RECORDED_DEPTH = 3
 SIMULATION_FILE = "simulation.json"  # lies in what `edgemap simulate` writes

@@ -60,7 +60,7 @@ def shown_python():
 def test_shown_python_runs(block, tmp_path):
     """In a process of its own, in an empty folder, with painted bundles (a chair in every picture) under the names of
     those that come along: what is tested is the block, not a network."""
-    for name in ("edgemap-nano", "yolox-nano"):
+    for name in ("edgemap-nano", "edgemap-pico"):
         write_painted(tmp_path / "cache" / "bundles" / name, [("chair", 32.0, 33.0, 14.0, 42.0, 0.9)], odometry=False)
     result = subprocess.run(
         [sys.executable, "-c", block], cwd=tmp_path, env={**os.environ, "EDGEMAP_CACHE": str(tmp_path / "cache")},

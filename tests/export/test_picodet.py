@@ -5,7 +5,12 @@ import onnx
 import onnxruntime as ort
 import pytest
 
+pytest.importorskip("torch")
+
+import torch
+
 from edgemap.export.adopt import adopt
+from edgemap.export.detector.graph import Graph
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.manifest import read_manifest
 from edgemap.runtime.store import bundle_folder
@@ -36,13 +41,17 @@ def test_heads_are_scores_and_bins_of_the_file(file):
         np.testing.assert_allclose(rows[:, 80:], np.asarray(bins)[0], atol=1e-3)
 
 
-def test_the_shipped_bundle_is_that_file(tmp_path, monkeypatch, file):
+def test_the_shipped_bundle_is_fine_tuned_from_that_file(tmp_path, monkeypatch, file):
+    """Every layer, but those before the odometry head's feature, which are the file's to the last bit."""
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
-    folder = bundle_folder("picodet-s")
+    folder = bundle_folder("edgemap-pico")
     manifest = read_manifest(folder)
     load_bundle(folder)
-    assert manifest.detector.decode == "dfl"
-    model, _ = adopt(file, manifest.detector.features[0].name)
-    weights = {item.name: item.raw_data for item in model.graph.initializer}
-    shipped = onnx.load(folder / "backbone.onnx").graph.initializer
-    assert {item.name: item.raw_data for item in shipped} == weights
+    feature = manifest.detector.features[0].name
+    model, detector = adopt(file, feature)
+    assert manifest.detector == detector
+    start, tuned = Graph(model), Graph(onnx.load(folder / "backbone.onnx")).state_dict()
+    same = {name for name, value in start.state_dict().items() if torch.equal(value, tuned[name])}
+    assert same == set(start.before(feature))
+    photographs = (folder / "photographs.txt").read_text().split()
+    assert len(set(photographs)) == len(photographs) == 2023  # whose licence wants them named

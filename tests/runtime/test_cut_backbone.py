@@ -69,7 +69,7 @@ def test_rows_follow_the_shape_of_the_pictures(size, rows):
     assert bundle.backbone.outputs["feature_stride4"] == (1, 32, 104, 104)
 
 
-@pytest.mark.parametrize("name", ["yolox-nano", "picodet-s"])
+@pytest.mark.parametrize("name", ["yolox-nano", "edgemap-pico"])
 def test_a_file_of_fixed_size_is_left_as_it_is(name):
     bundle = load_bundle(bundle_folder(name), 1)
     assert bundle.for_pictures(640, 480).backbone.inputs == bundle.backbone.inputs

@@ -26,5 +26,5 @@ def small():
 
 @pytest.fixture(scope="session")
 def start(small):
-    """`picodet-s` for small pictures."""
-    return small("picodet-s")
+    """`edgemap-pico` for small pictures."""
+    return small("edgemap-pico")

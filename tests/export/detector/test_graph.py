@@ -22,9 +22,9 @@ from edgemap.runtime.decode import Decoder  # noqa: E402
 from edgemap.runtime.manifest import HeadSpec, read_manifest  # noqa: E402
 from edgemap.runtime.preprocess import Preprocessor, place  # noqa: E402
 
-SHIPPED = ("picodet-s", "edgemap-nano", "yolox-nano")
+SHIPPED = ("edgemap-pico", "edgemap-nano", "yolox-nano")
 MODELS = Path(models.__file__).parent
-HEADS = {"picodet-s": "picodet-s", "edgemap-nano": "yolox-nano", "yolox-nano": "yolox-nano"}
+HEADS = {"edgemap-pico": "picodet-s", "edgemap-nano": "yolox-nano", "yolox-nano": "yolox-nano"}
 
 
 def changed(name):
@@ -190,7 +190,7 @@ def test_graphs_that_cannot_be_trained_are_refused(start):
 
 
 def test_damaged_checkpoints_are_refused_by_name(tmp_path):
-    path, start = tmp_path / "best.pt", load_network(str(MODELS / "picodet-s"))
+    path, start = tmp_path / "best.pt", load_network(str(MODELS / "edgemap-pico"))
     start.save(path, {})
     document = torch.load(path, weights_only=True)
     bad = start.graph.model()

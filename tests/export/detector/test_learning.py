@@ -143,7 +143,7 @@ def test_the_distance_of_heads_without_bins_is_how_far_edges_move(small):
     assert float(found) == pytest.approx(expected, rel=0.01)
 
 
-@pytest.mark.parametrize("name", ["picodet-s", "edgemap-nano", "yolox-nano"])
+@pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano", "yolox-nano"])
 def test_loss_falls_towards_truth_only_heads(small, name):
     """Gradient steps on what a network says, its weights left alone, end at the true box."""
     start = small(name)
@@ -162,7 +162,7 @@ def test_loss_falls_towards_truth_only_heads(small, name):
     assert overlap(rows.boxes[0, best][None], truth.boxes[0])[0, 0] > 0.9
 
 
-@pytest.mark.parametrize("name", ["picodet-s", "edgemap-nano", "yolox-nano"])
+@pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano", "yolox-nano"])
 def test_no_step_waits_for_a_value(small, name):
     """On torch's `meta` device tensors have no values: what would wait for a GPU, or is made elsewhere, fails."""
     network = small(name).copy().to("meta")

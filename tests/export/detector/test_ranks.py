@@ -73,7 +73,7 @@ def trained(folder: Path, processes: int, batch: int, name: str) -> dict:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["picodet-s", "edgemap-nano"])
+@pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano"])
 def test_two_processes_train_as_one_with_the_doubled_batch(tmp_path, name):
     one, two = trained(tmp_path / "one", 1, 4, name), trained(tmp_path / "two", 2, 2, name)
     for name, tensor in one["change"].items():
