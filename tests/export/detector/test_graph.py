@@ -47,8 +47,11 @@ def outputs(model: onnx.ModelProto, tensor: np.ndarray) -> dict[str, np.ndarray]
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_torch_computes_what_onnxruntime_does(name):
-    model, _ = load_detector(str(MODELS / name))
-    picture = np.random.default_rng(0).uniform(0, 255, (1, 3, 416, 416)).astype(np.float32)
+    model, manifest = load_detector(str(MODELS / name))
+    spec = manifest.detector.input
+    mean, std = (np.reshape(values, (3, 1, 1)) for values in (spec.mean, spec.std))
+    pixels = np.random.default_rng(0).uniform(0, 255, (1, 3, 416, 416))
+    picture = ((pixels * spec.scale - mean) / std).astype(np.float32)
     graph = Graph(model)
     with torch.no_grad():
         ours = dict(zip(graph.outputs, graph(torch.from_numpy(picture)), strict=True))
