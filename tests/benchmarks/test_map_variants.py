@@ -39,6 +39,7 @@ def test_true_poses_beside_it_tell_the_attitude_nothing(demo):
     assert drive.mount is not None
     count = 15
     stamps = np.arange(drive.stamps_s[0], drive.stamps_s[count], 0.01)
+    assert drive.mount
     up = drive.mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
     drive = replace(drive, imu=ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1))))
     told = []

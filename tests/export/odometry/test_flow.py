@@ -111,6 +111,7 @@ def test_loss_and_motion_stay_on_their_device():
     loss, parts = recipe.loss(head, away, 0.5)
     loss.backward()
     motions, covariances, state = recipe.unroll(head, away, None)
+    assert covariances is not None
     assert {part.device.type for part in (loss, *parts.values(), motions, covariances, *state)} == {"meta"}
 
 
