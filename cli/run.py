@@ -174,9 +174,8 @@ def command(
         mapped = choose_classes(classes, loaded)
         lens, camera_mount = lens_and_mount(source, intrinsics, mount)
         floor = FloorCamera(lens, camera_mount)
-        loaded = loaded.for_pictures(
-            lens.width, lens.height, odometry == "paper"
-        )  # the network for whole inputs may go
+        # The network for whole inputs may go now.
+        loaded = loaded.for_pictures(lens.width, lens.height, odometry == "paper")
         chosen = SlamOptions(
             odometry, not without_wheels, not without_imu, clustering, loop_closure, forgets(forget, saved, clustering),
             allow_untrained, mapped, threshold,

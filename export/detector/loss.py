@@ -31,11 +31,10 @@ def detection_loss(
     """Rows and truth to `total`, `scores`, `box`, `bins`, each per unit of overlap reached at positive cells.
 
     Scores: varifocal loss (Zhang et al. 2021) or, of heads with an objectness, cross entropy towards the overlap, times
-    the box's certainty where a network predicted it; where
-    a cell speaks for no box, only for classes that this picture's labels tell (`Targets.told`), and not where it is
-    exempt. Box: 1 - GIoU. Bins: distribution
-    focal loss (Li et al. 2020), of heads that have them. mean: of a number over all processes that train together.
-    least: that much overlap is divided by where less is reached. Gives the assignment, too.
+    the box's certainty where a network predicted it; where a cell speaks for no box, only for classes that this
+    picture's labels tell (`Targets.told`), and not where it is exempt. Box: 1 - GIoU. Bins: distribution focal loss (Li
+    et al. 2020), of heads that have them. mean: of a number over all processes that train together. least: that much
+    overlap is divided by where less is reached. Gives the assignment, too.
     """
     found = assign(rows, targets)
     truth = targets.boxes.gather(1, found.box[..., None].expand(-1, -1, 4))
