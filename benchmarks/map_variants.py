@@ -139,6 +139,7 @@ def observed_by(
             confidence=confidence,
             health=config.health,
             rest=config.rest,
+            height=config.height,
         )
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)

@@ -18,6 +18,7 @@ from edgemap.runtime.attitude.inertial import AttitudeRule
 from edgemap.runtime.budget import Effort
 from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.health import HealthRule
+from edgemap.runtime.height_check import HeightRule
 from edgemap.runtime.odometry import OdometryRules
 from edgemap.runtime.plain_yaml import read_yaml
 from edgemap.runtime.reading import Strict, convert, decode_json, one_line, read_bytes, user_path
@@ -55,6 +56,7 @@ class Config:
     floor: boxes to observations. association, registration, forgetting: the map's objects. loop_closure: keyframes,
     landmarks and loop hypotheses. odometry: planar landmarks, wheels, hybrid, coasting. camera: when a live one is
     opened again. health: of pictures. rest: when a robot stands. attitude: gravity and gyro against the mount.
+    height: of the lens, by sizes and the accelerometer.
     """
 
     floor: FloorRule = field(default_factory=FloorRule)
@@ -67,6 +69,7 @@ class Config:
     health: HealthRule = field(default_factory=HealthRule)
     rest: RestRule = field(default_factory=RestRule)
     attitude: AttitudeRule = field(default_factory=AttitudeRule)
+    height: HeightRule = field(default_factory=HeightRule)
 
 
 def config_document(config: Config) -> dict[str, Any]:

@@ -19,6 +19,7 @@ class FrameObservations:
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
     frame, None for the level robot's. searched: whether objects were detected in it, so that what is missing is gone.
     at_rest: the robot stands still and nothing changed, so the boxes are those of the last picture that was searched.
+    mount_fault: one line where sizes or forces show that the mount is wrong, once.
     """
 
     index: int
@@ -31,12 +32,13 @@ class FrameObservations:
     camera: FloorCamera | None = None
     searched: bool = True
     at_rest: bool = False
+    mount_fault: str = ""
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the picture or the motion, where it is news."""
+        """What is wrong with the picture, the mount or the motion, where it is news."""
         return tuple(
-            dict.fromkeys(fault for fault in (self.health.fault, self._attitude_fault, self.motion.fault) if fault)
+            dict.fromkeys(filter(None, (self.health.fault, self._attitude_fault, self.mount_fault, self.motion.fault)))
         )
 
     @property

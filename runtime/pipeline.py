@@ -20,6 +20,7 @@ from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.health import HealthMonitor, HealthRule, PictureHealth
+from edgemap.runtime.height_check import HeightCheck, HeightRule
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.protocol import Motion, Odometry, StartsAhead
 from edgemap.runtime.preprocess import Preprocessor
@@ -47,6 +48,7 @@ class Pipeline:
         confidence: float | None = None,
         health: HealthRule | None = None,
         rest: RestRule | None = None,
+        height: HeightRule | None = None,
     ) -> None:
         self.camera, self.odometry = camera, odometry
         self._begin_odometry = odometry.begin if isinstance(odometry, StartsAhead) else lambda *_: None
@@ -66,6 +68,7 @@ class Pipeline:
         self._names = bundle.names
         self._found = Detections.none(bundle.names)  # in the last picture that was searched
         self._health, self._rest = HealthMonitor(health), RestMonitor(rest)
+        self._height = HeightCheck(camera.mount, height)
         self._since_seen = SE2()
         self._moved: tuple[SE2, NDArray[np.float64]] | None = None  # over the last frame, for the attitude
         self._watch = Stopwatch()
@@ -97,8 +100,12 @@ class Pipeline:
         sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s, frame.depth)
         stage("floor")
         motion = motion or self._move(frame, outputs)
+        fault = self._height.judge(frame, camera, detections, motion)
+        stage("height")
         stages_ms = self._watch.stages_ms
-        return FrameObservations(frame.index, frame.stamp_s, detections, sightings, motion, stages_ms, health, camera)
+        return FrameObservations(
+            frame.index, frame.stamp_s, detections, sightings, motion, stages_ms, health, camera, mount_fault=fault
+        )
 
     def _stand(self, frame: Frame, health: PictureHealth, camera: FloorCamera) -> FrameObservations:
         """No network runs and nothing is counted again; the first frame that differs is compared with the last one."""

@@ -52,6 +52,7 @@ def build_slam(
         confidence=options.confidence,
         health=config.health,
         rest=config.rest,
+        height=config.height,
     )
     forgets = floor if options.forgets else None
     mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)

@@ -44,6 +44,7 @@ class Attitude:
     covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: what it comes from, for people. fault: one line where it shows that the mount is wrong, once.
+    carried: whether the tilt scatters as that of a mounted camera does not.
     """
 
     roll_rad: float
@@ -53,6 +54,7 @@ class Attitude:
     rotation: GyroRotation | None = None
     source: str = "mount"
     fault: str = ""
+    carried: bool = False
 
     @classmethod
     def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:

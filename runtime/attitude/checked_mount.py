@@ -69,7 +69,7 @@ class CheckedMount:
         share = min(1.0, self._rule.width_px / lens.width)
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
-        self._confirmed = False
+        self._confirmed = self._carried = False
         self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
         self._strips: list[tuple[int, MatLike]] = []  # of it, not looked at yet, with their first columns
@@ -80,10 +80,11 @@ class CheckedMount:
         """The attitude at the frame's stamp."""
         fault = self._look(frame)
         other = self._other.step(frame)
-        if not fault and not self._offset.any():
+        if not (fault or self._carried or self._offset.any()):
             return other
         roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
-        return replace(other, roll_rad=roll, pitch_rad=pitch, fault="; ".join(filter(None, (other.fault, fault))))
+        fault = "; ".join(filter(None, (other.fault, fault)))
+        return replace(other, roll_rad=roll, pitch_rad=pitch, fault=fault, carried=self._carried)
 
     def reset(self, reason: str) -> None:
         """The mount and its offset stay."""
@@ -139,6 +140,7 @@ class CheckedMount:
             return ""
         middle, scatter = median_and_scatter(estimates[:, 1:])
         steady = scatter.max() < rule.steady_rad
+        self._carried = not steady
         off = np.abs(middle - self._offset).max()
         self._confirmed = bool(steady and off < rule.wrong_rad)
         if not steady or self._confirmed:

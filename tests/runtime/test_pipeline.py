@@ -83,6 +83,7 @@ def test_stages_stand_in_the_order_of_the_step(bundle):
         "decode",
         "floor",
         "odometry",
+        "height",
         "closure",
         "map",
         "relocalisation",
