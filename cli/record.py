@@ -17,6 +17,7 @@ from edgemap.cli.options import (
     read_intrinsics,
     read_mount,
 )
+from edgemap.cli.ros2 import DepthTopicName
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
@@ -46,6 +47,7 @@ def command(
     ] = None,
     realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
     without_depth: WithoutDepth = False,
+    depth_topic: DepthTopicName = None,
 ) -> None:
     """Record a camera: pictures, lens, mount and odometry as ROS 2 messages in one MCAP file.
 
@@ -54,6 +56,7 @@ def command(
     """
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.cameras.reading import next_frame
+    from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.loop import stop_on_signals
     from edgemap.runtime.reading import print_message
     from edgemap.runtime.recordings.facts import Facts
@@ -62,7 +65,9 @@ def command(
     at_least(1, frames=frames)
     check_name(out)
     track = wheel_track(wheel)
-    with open_described(camera, camera_file, realtime, depth=not without_depth) as source:
+    with open_described(
+        camera, camera_file, realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth
+    ) as source:
         if track is None and isinstance(source.wheel, Path):
             track = wheel_track(source.wheel)
         lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics

@@ -47,6 +47,15 @@ ImuTopic = Annotated[
         "frame to the camera's.",
     ),
 ]
+DepthTopicName = Annotated[
+    str | None,
+    arg(
+        name="depth-topic",
+        metavar="/TOPIC",
+        help="Depth of the pictures' own pixels (sensor_msgs/Image 16UC1 or 32FC1, or compressedDepth), of ros2: or a "
+        "recording; by default a topic .../aligned_depth_to_color/... is taken.",
+    ),
+]
 FRAMES = "map,odom,base_link,camera_optical_frame"
 
 

@@ -36,6 +36,7 @@ from edgemap.cli.options import (
 from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RerunPictures, RobotName, open_publishers
 from edgemap.cli.ros2 import (
     FRAMES,
+    DepthTopicName,
     ImuTopic,
     OdomTf,
     Ros2,
@@ -121,6 +122,7 @@ def command(
     odom_tf: OdomTf = True,
     wheel_topic: WheelTopic = None,
     imu_topic: ImuTopic = None,
+    depth_topic: DepthTopicName = None,
     threads: Threads = None,
     precision: PrecisionName = "default",
     engine: EngineName = "default",
@@ -165,7 +167,7 @@ def command(
     share = read_share(cpu)
     watched = foxglove is not None or ros2 or share is not None or temperature is not None
     tuned = load_config(config)[0] if config else Config()
-    topics = SensorTopics(wheel_topic, imu_topic, frame_names(ros2_frames)[3])
+    topics = SensorTopics(wheel_topic, imu_topic, depth_topic, frame_names(ros2_frames)[3])
     paced = (realtime or watched) and not view
     with open_described(camera, camera_file, paced, frames, tuned.camera, topics, not without_depth) as source:
         pace = "camera" if source.live or realtime or view or watched else "files"

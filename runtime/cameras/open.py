@@ -43,9 +43,12 @@ def open_camera(
 
     Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
     """
-    recorded = topics is not None and spec.partition("#")[0].endswith(".mcap")
-    camera = _open(spec, intrinsics, mount, recovery, depth, topics if recorded else None)
-    if topics is not None and not recorded and (topics.wheels or topics.imu):
+    topics = topics or SensorTopics()
+    recorded, by_ros = spec.partition("#")[0].endswith(".mcap"), spec.startswith("ros2:")
+    if topics.depth and not (recorded or by_ros):
+        raise CameraError(f"camera {spec}: a topic of depth goes with pictures of a ROS 2 topic or a recording only")
+    camera = _open(spec, intrinsics, mount, recovery, depth, topics)
+    if not recorded and (topics.wheels or topics.imu):
         try:
             camera = _with_topics(camera, topics)
         except BaseException:
@@ -64,7 +67,7 @@ def _open(
     mount: Mount | None,
     recovery: RecoveryRule | None,
     depth: bool,
-    topics: SensorTopics | None,
+    topics: SensorTopics,
 ) -> Camera:
     kind, _, rest = spec.partition(":")
     if spec == "demo":
@@ -84,9 +87,11 @@ def _open(
         return _open_live(StreamDriver(spec), intrinsics, mount, recovery)
     if kind == "ros2":
         from edgemap.runtime.ros2.camera import Ros2Camera
+        from edgemap.runtime.ros2.depth import DepthTopic
         from edgemap.runtime.ros2.node import shared_node
 
-        return Ros2Camera(shared_node(), rest, intrinsics, mount, recovery)
+        node = shared_node()
+        return Ros2Camera(node, rest, intrinsics, mount, recovery, DepthTopic(node, topics.depth) if depth else None)
     if spec.partition("#")[0].endswith(".mcap"):
         from edgemap.runtime.cameras.recording import RecordingCamera
 

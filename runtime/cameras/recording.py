@@ -38,8 +38,8 @@ STAMP_TOLERANCE_S = 1e-6  # between a stamp and its whole nanoseconds
 class RecordingCamera(CameraBase):
     """`FILE.mcap` or `FILE.mcap#/topic`: ours, or a ROS 2 bag; without a topic its first one with pictures.
 
-    topics: of the file, for wheel odometry and inertial samples, in place of those that it would take. depth: whether
-    frames bring the depth that edgemap recorded, or that a bag has aligned to the colour picture.
+    topics: of the file, for wheel odometry, inertial samples and depth, in place of those that it would take. depth:
+    whether frames bring the depth that edgemap recorded, or that a bag has aligned to the colour picture.
     Stamps are the pictures' headers', or the time of recording where those are zero. A file that was cut off gives
     every complete picture and then a CameraError that says so. Raises CameraError.
     """
@@ -61,10 +61,12 @@ class RecordingCamera(CameraBase):
         self._recording = recording = McapReading(path)
         self._last_ns = self._last_s = -math.inf
         try:
-            self.topic = self._choose(topic)
+            self.topic = self._choose(topic, topics.depth if topics else None)
             self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
             own = DEPTH in recording.topics and RECORD in recording.metadata
-            self._depth = (RecordedDepth(recording, DEPTH) if own else depth_of(recording)) if depth else None
+            wanted = topics.depth if topics else None
+            own = own and wanted is None
+            self._depth = (RecordedDepth(recording, DEPTH) if own else depth_of(recording, wanted)) if depth else None
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count
             self._messages = recording.messages(self.topic)
@@ -103,9 +105,9 @@ class RecordingCamera(CameraBase):
         self._open = False
         self._recording.close()
 
-    def _choose(self, topic: str) -> str:
+    def _choose(self, topic: str, depth: str | None) -> str:
         topics = self._recording.topics
-        shown = {name: found for name, found in topics.items() if name != DEPTH and ALIGNED not in name}
+        shown = {name: found for name, found in topics.items() if name not in (DEPTH, depth) and ALIGNED not in name}
         pictures = [name for name, found in shown.items() if found.kind in PICTURE_KINDS and found.count]
         if topic in pictures:
             return topic

@@ -7,7 +7,8 @@ names; else the four bytes of each float32.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import cv2
@@ -25,7 +26,10 @@ from edgemap.runtime.recordings.reader import McapReading
 PER_METRE = 1000, 10000  # steps of a metre: of nearly every depth camera, and of the near-range ones
 FLOATS = "32FC1 in bytes; png"
 ALIGNED = "aligned_depth_to_color"  # in the topic's name
-APART_S = 0.01  # between the stamps of a picture and its depth
+APART_S = 0.02  # between the stamps of a picture and its depth
+QUANTISED = struct.Struct(
+    "<iff"
+)  # before the PNG of `compressedDepth`: a format, and A and B of depth = A / (value - B)
 
 
 def encoded_depth(depth: Depth) -> tuple[bytes, str]:
@@ -57,7 +61,34 @@ def raw_depth(message: Any, name: str) -> Depth:
         raise CameraError(f"{name}: depth of {width}x{height} px {one_line(message.encoding, 40)} in rows of {step}")
     rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)[:, : width * int(kind[1])]
     values = np.ascontiguousarray(rows).view((">" if message.is_bigendian else "<") + kind).astype(np.float32)
-    return values if kind == "f4" else values / np.float32(1000)
+    return _known(values) if kind == "f4" else values / np.float32(1000)
+
+
+def compressed_depth(message: Any, name: str) -> Depth:
+    """A decoded `sensor_msgs/CompressedImage` of compressed_depth_image_transport: `16UC1` or `32FC1; compressedDepth`.
+
+    Raises CameraError.
+    """
+    form, data = str(message.format), bytes(message.data)
+    image = decoded(data[QUANTISED.size :], name, cv2.IMREAD_UNCHANGED)
+    if "compressedDepth" not in form or image is None or image.dtype != np.uint16 or image.ndim != 2:
+        raise CameraError(f"{name}: {one_line(form, 40)} is not compressedDepth as PNG")
+    if form.startswith("16UC1"):
+        return image.astype(np.float32) / np.float32(1000)
+    _, share, offset = QUANTISED.unpack_from(data)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _known(np.where(image > 0, np.float32(share) / (image - np.float32(offset)), np.float32(0)))
+
+
+def _known(depth: NDArray[Any]) -> Depth:
+    """Depth (H, W) as a Frame has it, 0 where unknown."""
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, 0.0).astype(np.float32)
+
+
+READERS: dict[str, Callable[[Any, str], Depth]] = {
+    "sensor_msgs/Image": raw_depth,
+    "sensor_msgs/CompressedImage": compressed_depth,
+}
 
 
 def own_depth(message: Any, name: str) -> Depth:
@@ -95,11 +126,19 @@ class RecordedDepth:
         return None
 
 
-def depth_of(recording: McapReading) -> RecordedDepth | None:
-    """The depth of somebody else's recording that is aligned to the colour picture, as Intel's driver publishes it."""
-    topics = recording.topics.items()
-    found = [name for name, known in topics if ALIGNED in name and known.kind == "sensor_msgs/Image" and known.count]
-    return RecordedDepth(recording, found[0], raw_depth, APART_S) if found else None
+def depth_of(recording: McapReading, topic: str | None = None) -> RecordedDepth | None:
+    """The depth of somebody else's recording: of a topic, by default of the first that Intel's driver has aligned to
+    the colour picture. Raises CameraError where there is no such topic, or it is no depth."""
+    found = {name: known.kind for name, known in recording.topics.items() if known.kind in READERS and known.count}
+    if topic is not None and topic not in found:
+        raise CameraError(f"{recording.path}: no topic {topic} of sensor_msgs Image or CompressedImage, for depth")
+    chosen = topic or aligned(found)
+    return RecordedDepth(recording, chosen, READERS[found[chosen]], APART_S) if chosen else None
+
+
+def aligned(kinds: Mapping[str, str]) -> str | None:
+    """Of topics and their kinds, the first of raw pictures that its name says is depth aligned to the colour."""
+    return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
 
 
 def _stamped(log_ns: int, decode: Callable[[], Any]) -> tuple[int, Any]:

@@ -16,6 +16,7 @@ from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import INFO, KINDS
 from edgemap.runtime.recordings.foreign import info_topics, lens_of, mount_of
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
+from edgemap.runtime.ros2.depth import DepthTopic
 from edgemap.runtime.ros2.node import Node, Subscription
 from edgemap.runtime.ros2.tf import TfListener
 
@@ -27,14 +28,14 @@ PUBLISHER_S, PICTURE_S, BESIDE_S, GRAB_S = 5.0, 5.0, 1.0, 0.5  # waits: for each
 
 
 class Ros2Device:
-    """A subscription to a topic with pictures, open since its first picture. Stamps are the messages'.
+    """A subscription to a topic with pictures, open since its first picture, and to depth. Stamps are the messages'.
 
     Raises CameraError where nobody publishes such a topic, or no picture comes.
     """
 
-    def __init__(self, node: Node, topic: str, name: str) -> None:
+    def __init__(self, node: Node, topic: str, name: str, depth: DepthTopic | None = None) -> None:
         self.rate_hz: float | None = None
-        self._name = name
+        self._name, self._depth = name, depth
         kind = node.kind_of(topic, PUBLISHER_S)
         if kind not in PICTURES:
             others = ", ".join(name for name, known in sorted(node.published().items()) if known in PICTURES) or "none"
@@ -55,11 +56,16 @@ class Ros2Device:
     def grab(self) -> Picture | None:
         """The newest picture; None where none came. Raises CameraError or Ros2Error for one that is damaged."""
         found, self._first = self._first or self._next(GRAB_S), None
-        return None if found is None else Picture(found[0], found[1])
+        if found is None:
+            return None
+        stamp_s, image, _ = found
+        return Picture(stamp_s, image, None if self._depth is None else self._depth.at(stamp_s, self.intrinsics))
 
     def close(self) -> None:
         """Unsubscribe."""
         self._pictures.close()
+        if self._depth is not None:
+            self._depth.close()
 
     def _next(self, timeout_s: float) -> tuple[float, Any, str] | None:
         message = self._pictures.newest() if self._pictures.wait(timeout_s) else None
@@ -72,15 +78,15 @@ class Ros2Device:
 class Ros2Driver:
     """Opens the topic of a SPEC `ros2:/topic`."""
 
-    def __init__(self, node: Node, topic: str) -> None:
+    def __init__(self, node: Node, topic: str, depth: DepthTopic | None = None) -> None:
         self.name = f"ros2:{topic}"
         self.frame_id = ""
-        self._node, self._topic = node, topic
+        self._node, self._topic, self._depth = node, topic, depth
         self._tf = TfListener(node, self.name)
 
     def open(self) -> Ros2Device:
         """Subscribe. Raises CameraError as `Ros2Device` does."""
-        device = Ros2Device(self._node, self._topic, self.name)
+        device = Ros2Device(self._node, self._topic, self.name, self._depth)
         self.frame_id = device.frame_id
         return device
 
@@ -106,8 +112,9 @@ class Ros2Camera(LiveCamera):
         intrinsics: Intrinsics | None = None,
         mount: Mount | None = None,
         rule: RecoveryRule | None = None,
+        depth: DepthTopic | None = None,
     ) -> None:
-        driver = Ros2Driver(node, topic)
+        driver = Ros2Driver(node, topic, depth)
         super().__init__(driver, intrinsics, mount, rule)
         self.optical = driver.frame_id
         self.mount = mount or driver.mount()

@@ -2,7 +2,10 @@
 
 # pyright: reportOptionalMemberAccess=false
 
+# pyright: reportOptionalSubscript=false
+
 import io
+import struct
 
 import cv2
 import numpy as np
@@ -293,3 +296,28 @@ def test_depth_that_is_aligned_to_the_colour_comes_with_the_pictures(tmp_path, e
     np.testing.assert_allclose(np.asarray(frames[3].depth), raw / 1000.0, rtol=1e-6)
     with open_camera(str(path), depth=False) as camera:
         assert all(frame.depth is None for frame in drain(camera))
+
+
+@pytest.mark.parametrize("form", ["16UC1; compressedDepth png", "32FC1; compressedDepth png"])
+def test_depth_of_a_named_topic_comes_compressed(tmp_path, form):
+    """PNG of 16 bits behind twelve bytes; metres as A / (value - B), 0 where unknown, as image_transport has it."""
+    depth = np.linspace(0.5, 4.0, 48 * 64, dtype=np.float32).reshape(48, 64)
+    scale, offset = (0.0, 0.0) if form.startswith("16UC1") else (10_000.0, 500.0)
+    raw = np.rint(depth * 1000.0 if not scale else scale / depth + offset).astype(np.uint16)
+    raw[3, 5] = 0
+    data = struct.pack("<iff", 0, scale, offset) + cv2.imencode(".png", raw)[1].tobytes()
+    messages = [("/cam/depth/compressedDepth", T0, compressed(T0, data, form))]
+    messages += [("/cam/image_raw", T0, image(T0, BGR, "bgr8"))]
+    path = write_bag(tmp_path / "bag", messages)
+    with open_camera(str(path), topics=SensorTopics(depth="/cam/depth/compressedDepth")) as camera:
+        (frame,) = drain(camera)
+    assert frame.depth[3, 5] == 0.0
+    known = raw > 0
+    np.testing.assert_allclose(frame.depth[known], depth[known], atol=1e-3)
+    with pytest.raises(CameraError, match="no topic /nowhere of sensor_msgs"):
+        open_camera(str(path), topics=SensorTopics(depth="/nowhere"))
+
+
+def test_a_topic_of_depth_beside_a_camera_of_another_kind_is_one_line():
+    with pytest.raises(CameraError, match="a topic of depth goes with pictures of a ROS 2 topic or a recording only"):
+        open_camera("demo", topics=SensorTopics(depth="/cam/depth"))

@@ -159,9 +159,20 @@ struct Image {
     Header header; uint32_t height = 0, width = 0; std::string encoding; uint8_t big = 0; uint32_t step = 0;
     std::vector<uint8_t> data;
     FIELDS { header.fields(a); a(height); a(width); a(encoding); a(big); a(step); a(data); }
-    void fill(int i, const std::string&) {
+    template <class V> void depth(V first, V across, V down, V tick) {  // with padded rows
+        step = 64 * sizeof(V) + 8;
+        data.assign(height * step, 0);
+        for (uint32_t y = 0; y < height; ++y)
+            for (uint32_t x = 0; x < width; ++x)
+                reinterpret_cast<V*>(&data[y * step])[x] = first + V(across * x) + V(down * y) + tick;
+    }
+    void fill(int i, const std::string& asked) {
         header = stamped(i, "front_optical");
-        height = 48; width = 64; encoding = "rgb8"; step = 200;  // 192 and padding
+        height = 48; width = 64;
+        encoding = asked.empty() ? "rgb8" : asked;
+        if (asked == "16UC1") return depth<uint16_t>(1000, 2, 5, uint16_t(i % 100));
+        if (asked == "32FC1") return depth<float>(1.0f, 0.5f, -100.0f, 0.0f);
+        step = 200;  // 192 and padding
         data.assign(height * step, 0);
         for (uint32_t y = 0; y < height; ++y)
             for (uint32_t x = 0; x < width; ++x) {

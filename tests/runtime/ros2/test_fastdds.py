@@ -3,6 +3,8 @@
 Debian's Fast DDS stands for ROS 2: names, types and QoS as rmw_fastrtps has them, CDR by Fast CDR (fastdds_peer.cpp).
 """
 
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 from __future__ import annotations
 
 import json
@@ -29,11 +31,15 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
+from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.reading import next_frame
 from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.odometry.recorded import RecordedOdometry
+from edgemap.runtime.recordings.facts import Facts
+from edgemap.runtime.recordings.recorder import Recorder
 from edgemap.runtime.ros2.camera import Ros2Camera
+from edgemap.runtime.ros2.depth import DepthTopic
 from edgemap.runtime.ros2.discovery import Discovery
 from edgemap.runtime.ros2.node import Node, Reliability, node_for
 from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
@@ -270,6 +276,55 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
     expected_gyro = np.column_stack([np.full(len(ticks), -0.02), -0.1 * ticks, np.full(len(ticks), 0.01)])
     np.testing.assert_allclose(samples.gyro_rad_s, expected_gyro, atol=1e-6)
     np.testing.assert_allclose(samples.accel_m_s2, [[-0.2, -9.81, 0.1]] * len(samples), atol=1e-9)
+
+
+def frames_with_depth(program, node, monkeypatch, depth, asked=None, count=3, most=100):
+    """Frames of a camera beside whose pictures these topics are published, until so many have brought depth."""
+    for wait, limit_s in (("camera.PUBLISHER_S", 30.0), ("camera.PICTURE_S", 30.0), ("depth.WAIT_S", 0.3)):
+        monkeypatch.setattr(f"edgemap.runtime.ros2.{wait}", limit_s)
+    wanted = ("rt/front/image_raw,Image,reliable,1000", "rt/front/camera_info,CameraInfo,reliable,1000", *depth)
+    topic, frames = DepthTopic(node, asked), []
+    with Peer(program, "publish", *wanted), Ros2Camera(node, "/front/image_raw", depth=topic) as camera:
+        while len(frames) < most and sum(frame.depth is not None for frame in frames) < count:
+            frames.append(next_frame(camera, lambda fault: pytest.fail(str(fault))))
+    return frames
+
+
+def test_depth_comes_from_a_topic_and_is_replayed_to_the_bit(program, node, monkeypatch, tmp_path):
+    beside = "rt/front/aligned_depth_to_color"
+    depth = (f"{beside}/image_raw,Image,reliable,1000,16UC1", f"{beside}/camera_info,CameraInfo,reliable,1000")
+    frames = frames_with_depth(program, node, monkeypatch, depth)
+    found = [frame for frame in frames if frame.depth is not None]
+    assert len(found) == 3
+    for frame in found:
+        at = round((frame.stamp_s - 100.0) * 20)
+        assert frame.depth[5, 7] == np.float32((1000 + 2 * 7 + 5 * 5 + at % 100) / 1000.0)
+    path = tmp_path / "a.mcap"
+    recorder = Recorder(path, Facts("ros2:/front/image_raw", LENS, MOUNT, 20.0), lossless=True)
+    for frame in frames:
+        recorder.picture(frame)
+    recorder.close()
+    with open_camera(str(path)) as camera:
+        for frame in frames:
+            again = camera.read()
+            assert (again.depth is None) == (frame.depth is None)
+            if frame.depth is not None:
+                np.testing.assert_array_equal(again.depth, frame.depth)
+
+
+def test_depth_in_metres_from_a_topic_that_is_named_has_no_unknown_values(program, node, monkeypatch):
+    topic = ("rt/registered/depth,Image,reliable,1000,32FC1",)
+    frames = frames_with_depth(program, node, monkeypatch, topic, "/registered/depth", 1)
+    depth = frames[-1].depth
+    np.testing.assert_array_equal(depth[0], np.float32(1.0) + np.float32(0.5) * np.arange(64, dtype=np.float32))
+    assert not depth[1:].any()  # -99 m and less
+
+
+@pytest.mark.parametrize("depth", [(), ("rt/other/depth,Image,reliable,1000",)])
+def test_pictures_come_without_depth_that_is_missing_or_none(program, node, monkeypatch, depth):
+    frames = frames_with_depth(program, node, monkeypatch, depth, "/other/depth", most=5)
+    assert len(frames) == 5
+    assert all(frame.depth is None for frame in frames)
 
 
 def test_a_topic_that_nobody_publishes_is_one_line(node, monkeypatch):
