@@ -22,6 +22,8 @@ class Frame:
     depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth
     camera.
     search: whether its objects are looked for; a budget decides that, and a recording keeps it.
+    movers: (N, 4) boxes, px, of people and animals in this picture, or in the last one that was searched; none as delivered
+    by cameras.
     attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
     moved: what the odometry measured from the frame before the last to the last, the gyro left out: motion of the base
     and covariance (3, 3); None where it measured nothing, and as delivered by cameras.
@@ -34,6 +36,7 @@ class Frame:
     name: str = ""
     imu: ImuSamples = field(default_factory=ImuSamples.none)
     depth: NDArray[np.float32] | None = None
+    movers: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
     attitude: Attitude | None = None
     search: bool = True
     moved: tuple[SE2, NDArray[np.float64]] | None = None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.movers import mover_boxes
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.attitude.protocol import AttitudeSource
@@ -132,6 +133,7 @@ class Pipeline:
     def _move(self, frame: Frame, features: Tensors) -> Motion:
         """The odometry's step, with the backbone's outputs where it ran."""
         self._since_seen = SE2()
+        frame = replace(frame, movers=mover_boxes(self._found))
         motion = self.odometry.step(frame, features).checked(self.odometry.name)
         self._moved = motion.moved()
         self._watch.stage("odometry")

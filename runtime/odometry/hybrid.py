@@ -124,11 +124,11 @@ class HybridOdometry:
         self._begun = {
             index: self._beside.submit(self._members[index].odometry.step, frame, features) for index in beside
         }
-        self._begun_with = frame
+        self._begun_with = frame.index
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """The members' fused motion since the last frame."""
-        if self._begun_with is not frame:
+        if self._begun_with != frame.index:
             self.begin(frame, features)
         motions = [Motion(blind=True)] * len(self._members)
         for index, member in enumerate(self._members):
@@ -174,7 +174,7 @@ class HybridOdometry:
         self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
         self._woken = set[int]()
         self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
-        self._begun_with: Frame | None = None
+        self._begun_with: int | None = None  # index of that frame
         self._conflicts, self._first = 0, True
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 

@@ -96,6 +96,7 @@ class PlanarRule:
     nodding_share: float = 0.1
     nodding_sigmas: float = 3.0
     level_rad: float = math.radians(0.6)
+    mover_margin_px: int = 6
     rise_per_rad: float = 0.5
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
@@ -147,6 +148,7 @@ class PlanarOdometry:
         if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
             self._start_again()
         last, self._grey = self._grey, grey
+        self._moving = self._mover_mask(frame)
         self._attend(frame.attitude)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
@@ -260,6 +262,14 @@ class PlanarOdometry:
         reaches = (falls * self._reach_m > camera.mount.height_m).astype(np.uint8) * 255
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
+    def _mover_mask(self, frame: Frame) -> NDArray[np.bool_]:
+        """Where people and animals are in the picture, at the working width."""
+        mask = np.zeros(self._size[::-1], dtype=bool)
+        margin = self._rule.mover_margin_px
+        for x0, y0, x1, y1 in (frame.movers * (self._size[0] / frame.image.shape[1])).astype(np.intp).tolist():
+            mask[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = True
+        return mask
+
     def _locate(self, index: int) -> Located:
         """The view that the landmarks agree on; where few agree, and more of a fresh set do, that of the fresh set."""
         seen, noise = self._bearings(self._corners), self._noise_now()
@@ -345,6 +355,8 @@ class PlanarOdometry:
         self._before, self._corners = self._corners, moved.reshape(-1, 2)
         inside = ((self._corners >= 0) & (self._corners <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
         good = (status.reshape(-1) == 1) & inside
+        columns, rows = np.where(inside[:, None], self._corners, 0.0).astype(np.intp).T
+        good &= ~self._moving[rows, columns]
         self._before = self._before[good]
         self._keep(good)
 
@@ -367,7 +379,7 @@ class PlanarOdometry:
         missing = self._rule.corners - len(self._corners)
         if missing < self._rule.corners // 5:
             return
-        free = np.full(grey.shape, 255, dtype=np.uint8)
+        free = np.where(self._moving, 0, 255).astype(np.uint8)
         for corner in self._corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.corners_apart_px, 0, -1)
         columns, rows = self._corners.astype(np.intp).T
