@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.odometry.rolling import Lateral, Rolling
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 Array = NDArray[np.float64]
@@ -191,7 +192,8 @@ def project(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint) -> Proje
 class Located:
     """view: the pose found. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given landmarks.
     weights (N,): 0 for a track that does not fit. residual (N, 2), projection: at that view. scale: relative correction
-    of the inverse depths off the floor."""
+    of the inverse depths off the floor. lateral: m and m^2, the motion across its chord as the floor alone shows it and
+    its variance, None where little floor is in view. slid: that contradicts a robot that rolls."""
 
     view: Viewpoint
     covariance: Array
@@ -199,6 +201,8 @@ class Located:
     residual: Array
     projection: Projection
     scale: float
+    lateral: tuple[float, float] | None = None
+    slid: bool = False
 
 
 DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
@@ -207,13 +211,22 @@ KNOWN_YAW_RAD = 0.02  # standard deviation below which a gyro's yaw is a better 
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
 
-def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: Viewpoint, noise: Noise) -> Located:
+def locate(
+    landmarks: Landmarks,
+    seen: Array,
+    camera: FloorCamera,
+    start: Viewpoint,
+    noise: Noise,
+    before: SE2 | None = None,
+    rolling: Rolling | None = None,
+) -> Located:
     """The view that fits the seen points best, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
     the rotation only. `noise` is the prior of yaw, pitch, roll and rise about the start's. Points off the floor keep
     their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
-    scale annealed.
+    scale annealed. before: the last picture's pose, from which the robot rolled, unless much floor in view shows that
+    it slid.
     """
     projection = project(landmarks, camera, start)
     view, log_scale = start if noise.yaw_rad < KNOWN_YAW_RAD else _rotated_to(projection, seen, start), 0.0
@@ -224,6 +237,7 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: Viewpo
     tight = noise.tilt_rad**-2
     prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
+    lateral: Lateral | None = None
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
         projection = project(scaled, camera, view)
@@ -237,12 +251,34 @@ def locate(landmarks: Landmarks, seen: Array, camera: FloorCamera, start: Viewpo
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
         yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
         gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
+        if before is not None and rolling is not None:
+            lateral = rolling.lateral(before.inverse() @ view.pose)
+            across = lateral.by_motion / lateral.variance_m2
+            information[:3, :3] += np.outer(lateral.by_motion, across)
+            gradient[:3] -= across * lateral.residual_m
         step = np.asarray(np.linalg.solve(information, gradient), dtype=np.float64)
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    covariance = np.asarray(np.linalg.inv(information)[:6, :6] * excess, dtype=np.float64)
-    return Located(view, covariance, weights, residual, projection, log_scale)
+    inverse = np.linalg.inv(information)
+    measured = None
+    if lateral is not None and float(weights[landmarks.floor | landmarks.measured].sum()) > SHOWS_LATERAL:
+        measured = _without_rolling(lateral, inverse, excess)
+        if measured[0] ** 2 > LATERAL_GATE * (measured[1] + lateral.variance_m2):
+            return replace(locate(landmarks, seen, camera, start, noise), lateral=measured, slid=True)
+    covariance = np.asarray(inverse[:6, :6] * excess, dtype=np.float64)
+    return Located(view, covariance, weights, residual, projection, log_scale, measured)
+
+
+SHOWS_LATERAL = 60.0  # landmarks on the floor that show how the robot moves across its heading
+LATERAL_GATE = 25.0  # squared, in standard deviations
+
+
+def _without_rolling(lateral: Lateral, inverse: Array, excess: float) -> tuple[float, float]:
+    """The lateral residual, m, and its variance as the landmarks alone have them, from those with the constraint."""
+    known = float(lateral.by_motion @ inverse[:3, :3] @ lateral.by_motion)
+    share = max(1.0 - known / lateral.variance_m2, 1e-6)
+    return lateral.residual_m / share, excess * known / share
 
 
 NEIGHBOUR_DEPTH = 0.3  # relative standard deviation of an inverse depth below which it is used for new landmarks

@@ -30,6 +30,7 @@ from edgemap.geometry.odometry.landmarks import (
     with_neighbours_depth,
 )
 from edgemap.geometry.odometry.planar import planar_motion
+from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.depth import Depth
 from edgemap.runtime.frame import Frame
@@ -97,6 +98,11 @@ class PlanarRule:
     nodding_sigmas: float = 3.0
     level_rad: float = math.radians(0.6)
     mover_margin_px: int = 6
+    lateral_m: float = 0.001
+    lateral_share: float = 0.01
+    axle_sigma_m: tuple[float, float] = (0.01, 1.0)
+    slides_share: float = 0.3
+    slides_weight: float = 0.05
     rise_per_rad: float = 0.5
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
@@ -137,6 +143,9 @@ class PlanarOdometry:
         self._attitude: Attitude | None = None
         self._nods_seen = 0
         self._nodding2 = 0.0  # mean square of the tilt's change from picture to picture
+        known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
+        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
+        self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
 
@@ -176,6 +185,7 @@ class PlanarOdometry:
             covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._learn_nodding(found.view)
+        self._learn_rolling(found, motion)
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
@@ -274,10 +284,11 @@ class PlanarOdometry:
         """The view that the landmarks agree on; where few agree, and more of a fresh set do, that of the fresh set."""
         seen, noise = self._bearings(self._corners), self._noise_now()
         start = self._ahead(self._since @ self._motion)
-        found = locate(self._landmarks, seen, self._camera, start, noise)
+        rolls = self._rolls()
+        found = locate(self._landmarks, seen, self._camera, start, noise, *rolls)
         if self._rotation_held and found.weights.sum() < self._rule.trusted_share * len(seen):
             free = replace(noise, yaw_rad=math.inf, tilt_rad=self._noise.tilt_rad)
-            other = locate(self._landmarks, seen, self._camera, start, free)
+            other = locate(self._landmarks, seen, self._camera, start, free, *rolls)
             if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
                 self._rotation_held, found, noise = False, other, free
         if self._trusted and found.weights.sum() > self._rule.trusted_share * len(seen):
@@ -289,11 +300,22 @@ class PlanarOdometry:
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
         start = self._ahead(rough.motion if rough and not self._rotation_held else self._since @ self._motion)
-        other = locate(renewed, seen, self._camera, start, noise)
+        other = locate(renewed, seen, self._camera, start, noise, *rolls)
         if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
             return found
         self._landmarks = renewed
         return other
+
+    def _rolls(self) -> tuple[SE2, Rolling] | tuple[None, None]:
+        """The pose that the robot rolled on from, where it does and that pose was measured."""
+        rolls = self._since == SE2() and self._carried_rad() == 0.0 and self._slides < self._rule.slides_share
+        return (self._view.pose, self._rolling) if rolls else (None, None)
+
+    def _learn_rolling(self, found: Located, motion: SE2) -> None:
+        """Where the axle lies, and whether the robot moves sideways by itself."""
+        if found.lateral is not None:
+            self._slides += self._rule.slides_weight * (found.slid - self._slides)
+            self._rolling = self._rolling.learnt(*found.lateral, motion.yaw_rad)
 
     def _ahead(self, motion: SE2) -> Viewpoint:
         """The view after a motion, tilted and as high as before."""

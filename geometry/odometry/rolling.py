@@ -1,0 +1,55 @@
+"""Wheels roll and do not slide: what that says of a planar motion, and where the axle is learnt to lie."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt
+
+
+@dataclass(frozen=True, slots=True)
+class Lateral:
+    """A motion's part across its chord, beyond what the axle explains. residual_m; by_motion (3,): its derivative by a
+    further motion of the base, per m, m, rad; variance_m2: expected of a robot that rolls."""
+
+    residual_m: float
+    by_motion: Array
+    variance_m2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rolling:
+    """The nonholonomic constraint of a robot on wheels: it moves along an arc, tangential to its heading at the axle.
+
+    lateral_m, share: standard deviation of what it slides nevertheless, and per metre and radian of motion. axle_m:
+    how far behind the base's origin its wheels' axle lies, 0 where the mount's lever arm is right; axle_sigma_m of it.
+    """
+
+    lateral_m: float
+    share: float
+    axle_m: float
+    axle_sigma_m: float
+
+    def lateral(self, moved: SE2) -> Lateral:
+        """Of a motion since the last picture."""
+        c, s = math.cos(moved.yaw_rad / 2.0), math.sin(moved.yaw_rad / 2.0)
+        along, across = c * moved.x_m + s * moved.y_m, c * moved.y_m - s * moved.x_m
+        slides = self.lateral_m + self.share * (math.hypot(moved.x_m, moved.y_m) + abs(moved.yaw_rad))
+        variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
+        gradient = np.array([s, c, -along / 2.0 - self.axle_m])
+        return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
+
+    def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> Rolling:
+        """With the axle after one motion whose lateral residual was measured without this constraint (Kalman)."""
+        prior = self.axle_sigma_m**2
+        gain = prior * yaw_rad / (variance_m2 + self.lateral_m**2 + prior * yaw_rad**2)
+        sigma = math.sqrt(max(prior * (1.0 - gain * yaw_rad), FOLLOWED_M**2))
+        return replace(self, axle_m=self.axle_m + gain * lateral_m, axle_sigma_m=sigma)
