@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.benchmarks.odometry_replay import FeatureSource, Followed, follow
+from edgemap.benchmarks.odometry_replay import Followed, follow
 from edgemap.evaluation.attitude import attitude_figures
 from edgemap.evaluation.availability import availability
 from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
@@ -27,7 +27,10 @@ from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.drives import READERS, open_drive
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry import open_odometry
+from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.rest import RestRule
 
+NO_REST = RestRule(told_s=1e9, seen_s=1e9)  # what an odometry says of a robot that stands is judged as well
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 
 
@@ -88,7 +91,7 @@ def score_drive(
         motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
         attitude = open_attitude(odometry, camera, floor, selection.imu)
         followed = follow(
-            camera, motion, FeatureSource(bundle, camera.intrinsics), attitude=attitude, first=selection.first,
+            camera, Pipeline(bundle, floor, motion, attitude=attitude, rest=NO_REST), first=selection.first,
             every=selection.every, frames=selection.frames, progress=progress,
         )  # fmt: skip
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)

@@ -22,8 +22,8 @@ class Frame:
     depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth
     camera.
     search: whether its objects are looked for; a budget decides that, and a recording keeps it.
-    movers: (N, 4) boxes, px, of people and animals in this picture, or in the last one that was searched; none as delivered
-    by cameras.
+    movers: (N, 4) boxes, px, of people and animals in this picture, or in the last one that was searched; none as
+    delivered by cameras.
     attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
     moved: what the odometry measured from the frame before the last to the last, the gyro left out: motion of the base
     and covariance (3, 3); None where it measured nothing, and as delivered by cameras.

@@ -260,7 +260,7 @@ def locate(
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    inverse = np.linalg.inv(information)
+    inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
     measured = None
     if lateral is not None and float(weights[landmarks.floor | landmarks.measured].sum()) > SHOWS_LATERAL:
         measured = _without_rolling(lateral, inverse, excess)

@@ -44,7 +44,7 @@ class Rolling:
         along, across = c * moved.x_m + s * moved.y_m, c * moved.y_m - s * moved.x_m
         slides = self.lateral_m + self.share * (math.hypot(moved.x_m, moved.y_m) + abs(moved.yaw_rad))
         variance = slides**2 + (self.axle_sigma_m * moved.yaw_rad) ** 2
-        gradient = np.array([s, c, -along / 2.0 - self.axle_m])
+        gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> Rolling:

@@ -67,6 +67,10 @@ class PlanarRule:
     robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). nodding_sigmas: of that, the standard deviation of a
     picture's tilt. level_rad: what nods more is carried, and rises and sinks as well: by rise_per_rad of the mount's
     height for each radian beyond.
+    mover_margin_px: about boxes of people and animals, where no corner is used. lateral_m, lateral_share: as of
+    `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
+    it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
+    itself. slides_weight: of the newest step in that share.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
     and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
@@ -100,7 +104,7 @@ class PlanarRule:
     mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
-    axle_sigma_m: tuple[float, float] = (0.01, 1.0)
+    axle_sigma_m: tuple[float, float] = (0.02, 1.0)
     slides_share: float = 0.3
     slides_weight: float = 0.05
     rise_per_rad: float = 0.5
@@ -157,7 +161,7 @@ class PlanarOdometry:
         if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
             self._start_again()
         last, self._grey = self._grey, grey
-        self._moving = self._mover_mask(frame)
+        self._still = self._still_mask(frame)
         self._attend(frame.attitude)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
@@ -272,12 +276,12 @@ class PlanarOdometry:
         reaches = (falls * self._reach_m > camera.mount.height_m).astype(np.uint8) * 255
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
-    def _mover_mask(self, frame: Frame) -> NDArray[np.bool_]:
-        """Where people and animals are in the picture, at the working width."""
-        mask = np.zeros(self._size[::-1], dtype=bool)
+    def _still_mask(self, frame: Frame) -> NDArray[np.uint8]:
+        """0 where people and animals are in the picture, at the working width, 255 elsewhere."""
+        mask = np.full(self._size[::-1], 255, dtype=np.uint8)
         margin = self._rule.mover_margin_px
         for x0, y0, x1, y1 in (frame.movers * (self._size[0] / frame.image.shape[1])).astype(np.intp).tolist():
-            mask[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = True
+            mask[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
         return mask
 
     def _locate(self, index: int) -> Located:
@@ -376,9 +380,8 @@ class PlanarOdometry:
         )  # fmt: skip
         self._before, self._corners = self._corners, moved.reshape(-1, 2)
         inside = ((self._corners >= 0) & (self._corners <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
-        good = (status.reshape(-1) == 1) & inside
-        columns, rows = np.where(inside[:, None], self._corners, 0.0).astype(np.intp).T
-        good &= ~self._moving[rows, columns]
+        columns, rows = np.clip(np.nan_to_num(self._corners), 0, np.array(self._size) - 1).astype(np.intp).T
+        good = (status.reshape(-1) == 1) & inside & (self._still[rows, columns] > 0)
         self._before = self._before[good]
         self._keep(good)
 
@@ -387,7 +390,9 @@ class PlanarOdometry:
         width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
         if self._window is None:
             self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+        still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
         small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
+        small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
         shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
         surprise = SHIFT_PX * np.array(shift) - medians(expected - self._corners)
         clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
@@ -401,7 +406,7 @@ class PlanarOdometry:
         missing = self._rule.corners - len(self._corners)
         if missing < self._rule.corners // 5:
             return
-        free = np.where(self._moving, 0, 255).astype(np.uint8)
+        free = self._still.copy()
         for corner in self._corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.corners_apart_px, 0, -1)
         columns, rows = self._corners.astype(np.intp).T

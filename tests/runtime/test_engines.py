@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.odometry_replay import FeatureSource
 from edgemap.cli.options import chosen_engine, chosen_precision
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime import engine_choice
@@ -18,6 +17,7 @@ from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError
 from edgemap.runtime.network import Compute, Network
 from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.processor import computes_bf16
 from edgemap.runtime.store import bundle_folder
 
@@ -59,9 +59,10 @@ def test_flow_odometry_moves_the_same_in_openvino(engine, off_m):
         frames = [frame for _ in range(6) if (frame := camera.read()) is not None]
     odometries = [LearnedOdometry(bundle, "flow", floor) for _ in range(2)]
     odometries[1]._network = open_network(NANO / "odometry.flow.onnx", Compute(1, engine=engine))
-    source = FeatureSource(bundle, camera.intrinsics)
+    fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height)
+    preprocess = Preprocessor(fitted.detector.input)
     for frame in frames:
-        features = source(frame)
+        features = fitted.backbone.run({fitted.detector.input.name: preprocess(frame.image)[0]})
         ours, theirs = (odometry.step(frame, features).motion.vector() for odometry in odometries)
         np.testing.assert_allclose(theirs, ours, atol=off_m)
 

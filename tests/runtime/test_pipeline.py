@@ -59,6 +59,20 @@ def pipeline(bundle, object_map=None, poses=None):
     return SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(trajectory, "test")), Mapper(object_map))
 
 
+class Told(RecordedOdometry):
+    """Remembers where it was told that people are."""
+
+    def step(self, frame, features):
+        self.movers = frame.movers
+        return super().step(frame, features)
+
+
+def test_odometry_is_told_where_people_are(bundle):
+    odometry = Told(Trajectory(np.arange(3) / 10, (SE2(),) * 3), "test")
+    Pipeline(bundle, FLOOR, odometry).step(Frame(0, 0.0, noise(0)))
+    np.testing.assert_allclose(odometry.movers, [[6.0, 30.0, 14.0, 50.0]], atol=0.5)
+
+
 @pytest.mark.parametrize("kind", [FloorMap, PaperMap])
 def test_one_chair_seen_ten_times_is_one_object_where_geometry_says(bundle, kind):
     pipe = pipeline(bundle, kind())

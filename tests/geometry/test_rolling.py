@@ -1,0 +1,46 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edgemap.geometry.odometry.rolling import Rolling
+from edgemap.geometry.se2 import SE2
+
+ROLLING = Rolling(lateral_m=0.001, share=0.01, axle_m=0.0, axle_sigma_m=0.3)
+
+
+def arc(length_m: float, yaw_rad: float, axle_m: float = 0.0) -> SE2:
+    """The motion of a base whose axle, so far behind it, rolls along an arc."""
+    chord = length_m * float(np.sinc(yaw_rad / (2.0 * math.pi)))
+    rolled = SE2(chord * math.cos(yaw_rad / 2.0), chord * math.sin(yaw_rad / 2.0), yaw_rad)
+    return SE2(axle_m).inverse() @ rolled @ SE2(axle_m)
+
+
+@given(st.floats(-0.2, 0.2), st.floats(-0.3, 0.3))
+def test_what_rolls_has_no_lateral_part(length_m, yaw_rad):
+    assert abs(ROLLING.lateral(arc(length_m, yaw_rad)).residual_m) < 1e-12
+
+
+def test_the_derivative_is_that_of_a_further_motion():
+    moved, step = SE2(0.05, 0.02, 0.08), 1e-6
+    here = ROLLING.lateral(moved)
+    for column, further in enumerate([SE2(step), SE2(0.0, step), SE2(0.0, 0.0, step)]):
+        slope = (ROLLING.lateral(moved @ further).residual_m - here.residual_m) / step
+        assert slope == pytest.approx(here.by_motion[column], abs=1e-5)
+
+
+def test_the_axle_is_learnt_from_turns():
+    rolling, rng = ROLLING, np.random.default_rng(0)
+    before = abs(rolling.lateral(arc(0.05, 0.1, 0.2)).residual_m)
+    for yaw_rad in rng.uniform(-0.1, 0.1, 60).tolist():
+        seen = rolling.lateral(arc(0.03, yaw_rad, 0.2)).residual_m + rng.normal(0.0, 0.003)
+        rolling = rolling.learnt(seen, 0.003**2, yaw_rad)
+    assert rolling.axle_m == pytest.approx(0.2, abs=0.02)
+    assert before > 0.015
+    assert abs(rolling.lateral(arc(0.05, 0.1, 0.2)).residual_m) < 0.002
+
+
+def test_a_straight_way_teaches_no_axle():
+    assert ROLLING.learnt(0.05, 1e-6, 0.0) == ROLLING
