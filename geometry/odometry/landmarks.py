@@ -115,13 +115,13 @@ def new_landmarks(
     view: Viewpoint,
     noise: Noise,
     reach_m: float,
-    trusting: bool = True,
+    trusting: bool | NDArray[np.bool_] = True,
     depth_m: Array | None = None,
 ) -> Landmarks:
     """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach.
 
-    trusting: they count as floor at once; else their depth must show it first, since a table is seen below the horizon
-    too. depth_m: (N,) along the optical axis where a depth camera measured it, else NaN.
+    trusting: whether they (N,) count as floor at once; else their depth must show it first, since a table is seen below
+    the horizon too. depth_m: (N,) along the optical axis where a depth camera measured it, else NaN.
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
@@ -217,19 +217,21 @@ def locate(
     camera: FloorCamera,
     start: Viewpoint,
     noise: Noise,
-    before: SE2 | None = None,
-    rolling: Rolling | None = None,
+    doubtful: NDArray[np.bool_] | None = None,
+    rolling: tuple[SE2, Rolling] | None = None,
 ) -> Located:
     """The view that fits the seen points best, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
     the rotation only. `noise` is the prior of yaw, pitch, roll and rise about the start's. Points off the floor keep
     their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
-    scale annealed. before: the last picture's pose, from which the robot rolled, unless much floor in view shows that
-    it slid.
+    scale annealed. doubtful (N,): seen on what may move by itself, so they count once the others have found the view.
+    rolling: the last picture's pose and how the robot rolled on from it, unless much floor in view shows that it slid.
     """
     projection = project(landmarks, camera, start)
-    view, log_scale = start if noise.yaw_rad < KNOWN_YAW_RAD else _rotated_to(projection, seen, start), 0.0
+    sure = np.ones(len(seen), dtype=bool) if doubtful is None or doubtful.all() else ~doubtful
+    known_yaw = noise.yaw_rad < KNOWN_YAW_RAD
+    view, log_scale = start if known_yaw else _rotated_to(projection, seen, start, sure), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
     residual, information = seen, np.eye(7)
     off_floor = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
@@ -244,15 +246,17 @@ def locate(
         residual = seen - projection.seen
         white, jacobian = _whitened(projection, residual, off_floor, landmarks.variance, sigma2)
         distance2 = (white**2).sum(axis=0)
-        weights = np.where(projection.ahead, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
+        counts = projection.ahead & (sure | (scale <= 1.0))
+        weights = np.where(counts, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
         weighted = jacobian * weights
         information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + damped
         gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
         yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
         gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
-        if before is not None and rolling is not None:
-            lateral = rolling.lateral(before.inverse() @ view.pose)
+        if rolling is not None:
+            before, how = rolling
+            lateral = how.lateral(before.inverse() @ view.pose)
             across = lateral.by_motion / lateral.variance_m2
             information[:3, :3] += np.outer(lateral.by_motion, across)
             gradient[:3] -= across * lateral.residual_m
@@ -265,7 +269,7 @@ def locate(
     if lateral is not None and float(weights[landmarks.floor | landmarks.measured].sum()) > SHOWS_LATERAL:
         measured = _without_rolling(lateral, inverse, excess)
         if measured[0] ** 2 > LATERAL_GATE * (measured[1] + lateral.variance_m2):
-            return replace(locate(landmarks, seen, camera, start, noise), lateral=measured, slid=True)
+            return replace(locate(landmarks, seen, camera, start, noise, doubtful), lateral=measured, slid=True)
     covariance = np.asarray(inverse[:6, :6] * excess, dtype=np.float64)
     return Located(view, covariance, weights, residual, projection, log_scale, measured)
 
@@ -453,10 +457,10 @@ def _whitened(
     return both[:, 0], both[:, 1:]
 
 
-def _rotated_to(projection: Projection, seen: Array, start: Viewpoint) -> Viewpoint:
+def _rotated_to(projection: Projection, seen: Array, start: Viewpoint, sure: NDArray[np.bool_]) -> Viewpoint:
     """The start, rotated by the median residual of its projection: yaw and pitch change fast, and are common to all."""
-    across, down = medians(seen - projection.seen)
-    yaw, pitch = medians(projection.by_view[:, [0, 1], [2, 3]])
+    across, down = medians((seen - projection.seen)[sure])
+    yaw, pitch = medians(projection.by_view[sure][:, [0, 1], [2, 3]])
     return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))
 
 

@@ -70,7 +70,8 @@ class PlanarRule:
     mover_margin_px: about boxes of people and animals, where no corner is used. lateral_m, lateral_share: as of
     `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
     it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
-    itself. slides_weight: of the newest step in that share.
+    itself. slides_weight: of the newest step in that share. carried_s: for which a camera counts as carried, not on
+    wheels, after it nodded so, and settled_s after the start.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
     and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
@@ -104,9 +105,11 @@ class PlanarRule:
     mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
-    axle_sigma_m: tuple[float, float] = (0.02, 1.0)
+    axle_sigma_m: tuple[float, float] = (0.01, 1.0)
     slides_share: float = 0.3
     slides_weight: float = 0.05
+    carried_s: float = 30.0
+    settled_s: float = 1.0
     rise_per_rad: float = 0.5
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
@@ -149,6 +152,7 @@ class PlanarOdometry:
         self._nodding2 = 0.0  # mean square of the tilt's change from picture to picture
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
         self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
+        self._carried_s = -math.inf  # when it last nodded as a carried camera does
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
@@ -161,7 +165,7 @@ class PlanarOdometry:
         if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
             self._start_again()
         last, self._grey = self._grey, grey
-        self._still = self._still_mask(frame)
+        self._mark_movers(frame)
         self._attend(frame.attitude)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
         if last is None:
@@ -169,6 +173,7 @@ class PlanarOdometry:
             self._seek(grey, frame.depth)
             if first:
                 self._coasting.begin(frame.stamp_s)
+                self._carried_s = frame.stamp_s - self._rule.carried_s + self._rule.settled_s
                 return Motion()
             fault = f"planar odometry: started again at {frame.stamp_s:.3f} s"
             return self._coasting.guess(frame.stamp_s, fault)
@@ -276,44 +281,50 @@ class PlanarOdometry:
         reaches = (falls * self._reach_m > camera.mount.height_m).astype(np.uint8) * 255
         return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
 
-    def _still_mask(self, frame: Frame) -> NDArray[np.uint8]:
-        """0 where people and animals are in the picture, at the working width, 255 elsewhere."""
-        mask = np.full(self._size[::-1], 255, dtype=np.uint8)
+    def _mark_movers(self, frame: Frame) -> None:
+        """Where people and animals are in the picture, at the working width: 0 in `_still`, 255 elsewhere."""
+        self._movers = (frame.movers * (self._size[0] / frame.image.shape[1])).astype(np.intp)
+        self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
         margin = self._rule.mover_margin_px
-        for x0, y0, x1, y1 in (frame.movers * (self._size[0] / frame.image.shape[1])).astype(np.intp).tolist():
-            mask[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
-        return mask
+        for x0, y0, x1, y1 in self._movers.tolist():
+            self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
+
+    def _doubtful(self, corners: Pixels) -> NDArray[np.bool_]:
+        """Which corners (N, 2) lie on people and animals, (N,)."""
+        columns, rows = corners.astype(np.intp).T
+        return self._still[rows, columns] == 0
 
     def _locate(self, index: int) -> Located:
         """The view that the landmarks agree on; where few agree, and more of a fresh set do, that of the fresh set."""
         seen, noise = self._bearings(self._corners), self._noise_now()
         start = self._ahead(self._since @ self._motion)
-        rolls = self._rolls()
-        found = locate(self._landmarks, seen, self._camera, start, noise, *rolls)
+        given = self._doubtful(self._corners), self._rolls()
+        found = locate(self._landmarks, seen, self._camera, start, noise, *given)
         if self._rotation_held and found.weights.sum() < self._rule.trusted_share * len(seen):
             free = replace(noise, yaw_rad=math.inf, tilt_rad=self._noise.tilt_rad)
-            other = locate(self._landmarks, seen, self._camera, start, free, *rolls)
+            other = locate(self._landmarks, seen, self._camera, start, free, *given)
             if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
                 self._rotation_held, found, noise = False, other, free
         if self._trusted and found.weights.sum() > self._rule.trusted_share * len(seen):
             return found
         rays = _rays(self._bearings(self._before))
-        renewed = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m)
+        still = ~self._doubtful(self._before)
+        renewed = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m, still)
         before = self._camera_before.floor_points(self._before[renewed.floor])
         after = self._camera.floor_points(self._corners[renewed.floor])
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
         start = self._ahead(rough.motion if rough and not self._rotation_held else self._since @ self._motion)
-        other = locate(renewed, seen, self._camera, start, noise, *rolls)
+        other = locate(renewed, seen, self._camera, start, noise, *given)
         if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
             return found
         self._landmarks = renewed
         return other
 
-    def _rolls(self) -> tuple[SE2, Rolling] | tuple[None, None]:
-        """The pose that the robot rolled on from, where it does and that pose was measured."""
-        rolls = self._since == SE2() and self._carried_rad() == 0.0 and self._slides < self._rule.slides_share
-        return (self._view.pose, self._rolling) if rolls else (None, None)
+    def _rolls(self) -> tuple[SE2, Rolling] | None:
+        """The pose that the robot rolled on from, and how, where it is on wheels and that pose was measured."""
+        on_wheels = self._seen_s - self._carried_s > self._rule.carried_s and self._slides < self._rule.slides_share
+        return (self._view.pose, self._rolling) if on_wheels and self._since == SE2() else None
 
     def _learn_rolling(self, found: Located, motion: SE2) -> None:
         """Where the axle lies, and whether the robot moves sideways by itself."""
@@ -333,6 +344,8 @@ class PlanarOdometry:
         self._nods_seen += 1
         share = max(self._rule.nodding_share, 1.0 / (2.0 + self._nods_seen) if self._rotation_known else 0.0)
         self._nodding2 += share * ((pitch_rad**2 + roll_rad**2) / 2.0 - self._nodding2)
+        if self._carried_rad() > 0.0:
+            self._carried_s = self._seen_s
 
     def _carried_rad(self) -> float:
         """By how much the camera nods more between pictures than one on wheels; 0 for that."""
@@ -380,8 +393,7 @@ class PlanarOdometry:
         )  # fmt: skip
         self._before, self._corners = self._corners, moved.reshape(-1, 2)
         inside = ((self._corners >= 0) & (self._corners <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
-        columns, rows = np.clip(np.nan_to_num(self._corners), 0, np.array(self._size) - 1).astype(np.intp).T
-        good = (status.reshape(-1) == 1) & inside & (self._still[rows, columns] > 0)
+        good = (status.reshape(-1) == 1) & inside
         self._before = self._before[good]
         self._keep(good)
 
@@ -390,9 +402,10 @@ class PlanarOdometry:
         width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
         if self._window is None:
             self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
-        still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
         small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
-        small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
+        if len(self._movers):
+            still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
+            small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
         shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
         surprise = SHIFT_PX * np.array(shift) - medians(expected - self._corners)
         clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
@@ -406,7 +419,7 @@ class PlanarOdometry:
         missing = self._rule.corners - len(self._corners)
         if missing < self._rule.corners // 5:
             return
-        free = self._still.copy()
+        free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self._corners.astype(np.intp).tolist():
             cv2.circle(free, corner, self._rule.corners_apart_px, 0, -1)
         columns, rows = self._corners.astype(np.intp).T
@@ -430,7 +443,8 @@ class PlanarOdometry:
             fresh = np.asarray(found.reshape(-1, 2) + [0.0, top], dtype=np.float32)
             rays = _rays(self._bearings(fresh))
             depths = None if depth is None else self._depths(fresh, depth)
-            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, self._trusting(), depths)
+            trusting = np.asarray(self._trusting() & ~self._doubtful(fresh))
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting, depths)
             if self._rotation_held:
                 apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
                 near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
