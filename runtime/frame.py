@@ -25,6 +25,7 @@ class Frame:
     movers: (N, 4) boxes, px, of people and animals in this picture, or in the last one that was searched; none as
     delivered by cameras.
     attitude: of the camera at this stamp, known once the step has judged it; None as delivered by cameras.
+    covered: share of the picture that shows nothing, known once the step has judged it.
     moved: what the odometry measured from the frame before the last to the last, the gyro left out: motion of the base
     and covariance (3, 3); None where it measured nothing, and as delivered by cameras.
     Raises ValueError where the image is not (H, W, 3) uint8, or the depth not (H, W).
@@ -39,6 +40,7 @@ class Frame:
     movers: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
     attitude: Attitude | None = None
     search: bool = True
+    covered: float = 0.0
     moved: tuple[SE2, NDArray[np.float64]] | None = None
 
     def _repr_png_(self) -> bytes:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which
 FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
 PERCENTILE = 0.99  # of the absolute structure
 DECODER_GREY = 128  # what decoders leave where data is missing
+TILES = 16, 12  # across and down, of a picture that may be covered in part
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,10 @@ class HealthRule:
     frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share: of the rows, at
     the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels by which the
     other rows changed. repeated_s: of stream, between two faults of one blindness.
+    part_every_s, part_s: of pictures that are compared for what covers a part of the lens: tiles that stay as plain as
+    `covered` and change by less than part_still grey levels while others change by more. part_share, part_lasts_s: of
+    the tiles, and for how long, from which on that is a fault (half a picture covered has 0.35 to 0.40; walls that
+    rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04).
     """
 
     dark: int = 24
@@ -40,18 +46,25 @@ class HealthRule:
     torn_share: float = 0.15
     moved: float = 4.0
     repeated_s: float = 10.0
+    part_every_s: float = 0.3
+    part_s: float = 1.0
+    part_still: float = 8.0
+    part_share: float = 0.3
+    part_lasts_s: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class PictureHealth:
     """kind: dark, blown, covered, blurred, frozen, repeated or torn; empty for a picture that can be trusted.
 
-    reason: one line for people, the same as long as it lasts. fault: the reason where it is news, else empty.
+    reason: one line for people, the same as long as it lasts. fault: the reason where it is news, else empty. covered:
+    share of a picture that can be trusted that shows nothing.
     """
 
     kind: str = ""
     reason: str = ""
     fault: str = ""
+    covered: float = 0.0
 
     @property
     def stale(self) -> bool:
@@ -82,19 +95,49 @@ class HealthMonitor:
         changed = last is None or not np.array_equal(grid, last)
         if changed:
             self._changed_s = frame.stamp_s
-        kind, detail = _content(_small(half), self._rule)
+        small = _small(half)
+        fine = cv2.blur(small, (FINE_PX, FINE_PX))
+        structure = cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX)))
+        kind, detail = _content(small, fine, structure, self._rule)
         if not kind and not changed:
             kind = "repeated" if frame.stamp_s - self._changed_s < self._rule.frozen_s else "frozen"
             detail = f"has not changed since {self._changed_s:.3f} s"
         elif not kind and last is not None and last.shape == grid.shape:
             kind, detail = _torn(grid, last, self._rule)
-        return self._found(kind, detail, frame.stamp_s)
+        found = self._found(kind, detail, frame.stamp_s)
+        return found if found.blind else self._covered_in_part(found, small, structure, frame.stamp_s)
 
     def reset(self) -> None:
         """Forget the last picture."""
+        self._seen: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
+        self._covered, self._part_due_s = 0.0, math.inf
         self._last: NDArray[np.uint8] | None = None
         self._changed_s = self._reported_s = -math.inf
         self._kind = self._reason = ""
+
+    def _covered_in_part(
+        self, health: PictureHealth, small: MatLike, structure: MatLike, stamp_s: float
+    ) -> PictureHealth:
+        """A good picture's health with the share that a cover takes, by what the last second showed."""
+        rule, seen = self._rule, self._seen
+        if not seen or stamp_s - seen[-1][0] >= rule.part_every_s:
+            seen.append((stamp_s, small, _tile_maxima(structure)))
+            while stamp_s - seen[0][0] > rule.part_s + rule.part_every_s:
+                seen.popleft()
+            if stamp_s - seen[0][0] >= rule.part_s:
+                changes = cv2.resize(cv2.absdiff(small, seen[0][1]), TILES, interpolation=cv2.INTER_AREA)
+                plain = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
+                if (changes >= rule.part_still).any():  # at rest nothing tells a cover
+                    self._covered = float((plain & (changes < rule.part_still)).mean())
+        if self._covered < rule.part_share:
+            self._part_due_s = math.inf
+        elif self._part_due_s == math.inf:
+            self._part_due_s = stamp_s + rule.part_lasts_s
+        if stamp_s < self._part_due_s:
+            return replace(health, covered=self._covered)
+        self._part_due_s = stamp_s + rule.repeated_s
+        fault = f"picture covered in part ({100 * self._covered:.0f} % of it stays plain while the rest moves)"
+        return replace(health, covered=self._covered, fault=fault)
 
     def _found(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
         if not kind:
@@ -114,8 +157,16 @@ def _small(half: NDArray[np.uint8]) -> MatLike:
     return cv2.resize(half, (width // step, max(1, height // step)), interpolation=cv2.INTER_AREA)
 
 
-def _content(grey: MatLike, rule: HealthRule) -> tuple[str, str]:
-    """What one picture's own content says, and the number."""
+def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
+    """Of each of TILES, (down, across); what is left over at the right and below does not count."""
+    across, down = TILES
+    height, width = values.shape[0] // down, values.shape[1] // across
+    tiles = values[: height * down, : width * across].reshape(down, height, across, width)
+    return tiles.max(axis=(1, 3))
+
+
+def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[str, str]:
+    """What one picture's own content says, and the number. fine, structure: without the finest and the coarsest."""
     shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
     bright = int(np.searchsorted(shares, 0.98))
     if bright < rule.dark:
@@ -123,8 +174,7 @@ def _content(grey: MatLike, rule: HealthRule) -> tuple[str, str]:
     blown = 1.0 - float(shares[rule.blown - 1])
     if blown > rule.blown_share:
         return "blown", f"{100 * blown:.0f} % of it saturated"
-    fine = cv2.blur(grey, (FINE_PX, FINE_PX))
-    coarse = _percentile(cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX))))
+    coarse = _percentile(structure)
     if coarse < rule.covered:
         return "covered", f"contrast {coarse} grey levels: a covered lens, or a plain surface"
     sharpness = _percentile(cv2.absdiff(grey, fine)) / coarse

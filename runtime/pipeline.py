@@ -80,7 +80,7 @@ class Pipeline:
         health = self._health.judge(frame)
         stage("health")
         attitude = self.attitude.step(replace(frame, moved=self._moved))
-        frame, camera = replace(frame, attitude=attitude), self.camera.at(attitude)
+        frame, camera = replace(frame, attitude=attitude, covered=health.covered), self.camera.at(attitude)
         stage("attitude")
         at_rest = self._rest.judge(frame, health, self.odometry.still(frame.stamp_s, attitude))
         stage("rest")

@@ -69,6 +69,20 @@ def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(bundle, kind):
     assert not any(step.health.blind for step in (*steps[: BLIND.start], *steps[BLIND.stop + 1 :]))
 
 
+def test_what_covers_two_thirds_of_the_lens_is_a_fault_and_does_not_outvote_the_wheels(bundle):
+    def held(image, _):
+        rows = len(image) // 3
+        ruined = image.copy()
+        ruined[rows:] = RUINED["covered"](image, None)[rows:]
+        return ruined
+
+    steps, off = drive(bundle, held, wheels=True)
+    assert math.hypot(off[0], off[1]) < 0.25  # 0.7 m where the camera counted as ever
+    assert any("covered in part" in fault for step in steps[BLIND] for fault in step.observed.faults)
+    assert not any("covered in part" in fault for step in steps[: BLIND.start] for fault in step.observed.faults)
+    assert not any(step.health.blind for step in steps[BLIND])  # what is seen is still mapped
+
+
 @pytest.mark.parametrize("kind", ["dark", "frozen"])
 def test_without_wheels_the_covariance_covers_the_error(bundle, kind):
     steps, off = drive(bundle, RUINED[kind], wheels=False)

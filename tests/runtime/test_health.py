@@ -21,6 +21,13 @@ def pictures():
         return [frame.image for _ in range(20) if (frame := camera.read()) is not None]
 
 
+@pytest.fixture(scope="module")
+def drive():
+    """5 s of the demo with turns."""
+    with open_camera("demo") as camera:
+        return [frame.image for _ in range(140) if (frame := camera.read()) is not None and frame.index >= 90]
+
+
 def noisy(image, sigma, seed=0):
     return np.clip(image + np.random.default_rng(seed).normal(0.0, sigma, image.shape), 0, 255).astype(np.uint8)
 
@@ -28,6 +35,19 @@ def noisy(image, sigma, seed=0):
 def kinds(images, rate_hz=10.0):
     monitor = HealthMonitor()
     return [monitor.judge(Frame(i, i / rate_hz, np.ascontiguousarray(image))).kind for i, image in enumerate(images)]
+
+
+@pytest.mark.parametrize("part", [np.s_[:, :320], np.s_[:, 320:], np.s_[:240], np.s_[240:], np.s_[:0]])
+def test_half_a_picture_that_stays_plain_while_the_rest_moves_is_a_fault(drive, part):
+    monitor, told = HealthMonitor(), []
+    for index, image in enumerate(drive):
+        image = image.copy()
+        image[part] = noisy(np.full_like(image, 70), 4.0, index)[part]
+        health = monitor.judge(Frame(index, index / 10.0, image))
+        assert not health.blind
+        told += [health.fault] if health.fault else []
+    assert ["covered in part" in fault for fault in told] == ([True] if image[part].size else [])
+    assert 0.3 < health.covered < 0.5 if told else health.covered < 0.2
 
 
 def test_good_pictures_are_trusted(pictures):

@@ -139,6 +139,17 @@ def test_reset_reaches_every_member():
     assert [member.resets for member in members] == [2, 2]
 
 
+def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
+    motions = {"camera": motion(0.02, 0.005), "wheels": motion(0.07, 0.002)}
+    moved = {}
+    for covered in (0.0, 0.7):
+        hybrid = HybridOdometry([Member(Scripted(found, found), source) for source, found in motions.items()])
+        for stamp_s in (0.0, 0.1):
+            moved[covered] = hybrid.step(replace(at(stamp_s), covered=covered), {}).motion.x_m
+    assert moved[0.0] == pytest.approx(0.045, abs=0.003)  # between both
+    assert moved[0.7] == pytest.approx(0.07, abs=0.001)
+
+
 def test_a_doubted_member_counts_less():
     start = motion(0.0, 1.0)
     sure, doubted = Scripted(start, motion(0.10, 0.01)), Scripted(start, motion(0.12, 0.01))
