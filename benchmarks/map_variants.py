@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -81,42 +81,36 @@ class SideBySide:
             odometry.reset(reason)
 
 
-def map_drive(
-    drive: Drive,
-    bundle: Bundle,
-    variants: Mapping[str, Variant],
-    frames: int | None = None,
-    confidence: float | None = None,
-    config: Config | None = None,
-    imu: bool = True,
-    progress: Callable[[], object] = lambda: None,
-) -> dict[str, list[MapObject]]:
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A drive, the bundle that sees it, and what all variants share. frames: the first ones, None for all. confidence:
+    the bundle's own where None. imu: whether the drive's may be used."""
+
+    drive: Drive
+    bundle: Bundle
+    frames: int | None = None
+    confidence: float | None = None
+    config: Config = field(default_factory=Config)
+    imu: bool = True
+
+
+def map_drive(replay: Replay, variants: Mapping[str, Variant]) -> dict[str, list[MapObject]]:
     """The map that each variant makes of the drive's first frames, as `run` would. Raises what `observed_by` raises."""
-    config = config or Config()
-    mappers = {name: variant.mapper(config) for name, variant in variants.items()}
-    for observed in observed_by(drive, bundle, variants, frames, confidence, config, imu):
+    mappers = {name: variant.mapper(replay.config) for name, variant in variants.items()}
+    for observed in observed_by(replay, variants):
         for name, mapper in mappers.items():
             mapper.step(observed[name])
-        progress()
     return {name: mapper.objects() for name, mapper in mappers.items()}
 
 
-def observed_by(
-    drive: Drive,
-    bundle: Bundle,
-    variants: Mapping[str, Variant],
-    frames: int | None = None,
-    confidence: float | None = None,
-    config: Config | None = None,
-    imu: bool = True,
-) -> Iterator[dict[str, FrameObservations]]:
+def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dict[str, FrameObservations]]:
     """What the front end makes of each of the drive's first frames, for each variant.
 
     Poses that are given bring their attitudes; other variants see the floor by the IMU's, where `imu` and the drive
     allow it, or the mount's.
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
     """
-    config = config or Config()
+    drive, bundle, config, frames = replay.drive, replay.bundle, replay.config, replay.frames
     with drive_camera(drive, str(drive.folder)) as camera:
         if camera.intrinsics is None or camera.mount is None:
             raise CameraError(f"{drive.folder}: neither intrinsics nor mount known")
@@ -129,14 +123,16 @@ def observed_by(
                 for spec, wheels in sources
             }
         )
-        estimated, given = (open_attitude(spec, camera, floor, imu, config.attitude) for spec in ("estimated", "truth"))
+        estimated, given = (
+            open_attitude(spec, camera, floor, replay.imu, config.attitude) for spec in ("estimated", "truth")
+        )
         pipeline = Pipeline(
             bundle,
             floor,
             odometry,
             rule=config.floor,
             attitude=estimated,
-            confidence=confidence,
+            confidence=replay.confidence,
             health=config.health,
             rest=config.rest,
             height=config.height,

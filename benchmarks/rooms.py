@@ -153,13 +153,13 @@ def _known(rows: list[dict[str, Any]], variant: str, key: str) -> list[float]:
 
 
 def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
-    from edgemap.benchmarks.map_variants import map_drive, true_objects
+    from edgemap.benchmarks.map_variants import Replay, map_drive, true_objects
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.drives import open_drive
 
     drive = open_drive(f"drive:{folder}")
     truth = true_objects(drive, frames)
-    maps = map_drive(drive, bundle, variants, frames)
+    maps = map_drive(Replay(drive, bundle, frames), variants)
     mount = drive.mount and {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)}
     facts = {"home": folder.name, "objects_true": len(scored(truth)), "mount": mount}
     return {**facts, "maps": {name: score_map(objects, truth) for name, objects in maps.items()}}

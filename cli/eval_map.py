@@ -72,7 +72,7 @@ def command(
     from itertools import pairwise
     from math import degrees
 
-    from edgemap.benchmarks.map_variants import Variant, map_drive, true_objects
+    from edgemap.benchmarks.map_variants import Replay, Variant, map_drive, true_objects
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.objects import score_map, scored
     from edgemap.runtime.config import Config, load_config
@@ -112,7 +112,8 @@ def command(
         variants["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
         if odometry == "hybrid" and document["wheels"]:
             variants["without_wheels"] = replace(variants["estimated"], wheels=False)
-        for name, objects in map_drive(drive, loaded, variants, count, confidence, tuned, not without_imu).items():
+        replay = Replay(drive, loaded, count, confidence, tuned, not without_imu)
+        for name, objects in map_drive(replay, variants).items():
             document[name] = score_map(objects, truth)
             if plot:
                 from edgemap.plots.floor_map import plot_map

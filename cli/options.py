@@ -40,8 +40,8 @@ BundleName = Annotated[
     str | None,
     arg(
         metavar="NAME|DIR",
-        help="The model: a bundle folder, or a name in the cache (pulled when it is not there). By default "
-        "edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a lens.",
+        help="The model: a bundle folder, or a name of the package or the cache (pulled when it is in neither). By "
+        "default edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a lens.",
     ),
 ]
 OdometrySpec = Annotated[
@@ -202,12 +202,14 @@ def find_bundle(
     from edgemap.runtime.bundle import load_bundle
     from edgemap.runtime.default_bundle import default_bundle
     from edgemap.runtime.reading import print_message
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.store import bundle_folder, passed_over
 
     if name is None:
         name, reason = default_bundle(*specs)
         print_message(f"bundle {name}: {reason}")
     folder = bundle_folder(name)
+    if (other := passed_over(name)) is not None:
+        print_message(f"bundle {name}: the one that comes with edgemap, not another of its name (--bundle {other})")
     if folder.suffix == ".onnx" or folder.is_file():
         made = folder.stem
         raise OptionError(

@@ -22,7 +22,7 @@ from edgemap.geometry.odometry.flow_cells import CHANNELS
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.manifest import FORMAT, DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
 
-NANO = "edgemap-nano"
+OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
 
 
 def export_backbone(
@@ -116,7 +116,7 @@ def open_backbone(
 
 def is_trained(backbone: str) -> bool:
     """Whether a backbone is a detector that was trained here: its best.pt, or our own by name."""
-    return backbone.endswith(".pt") or backbone == NANO
+    return backbone.endswith(".pt") or backbone in OWN
 
 
 def is_onnx(backbone: str) -> bool:

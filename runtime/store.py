@@ -36,15 +36,27 @@ def downloads_folder() -> Path:
 def bundle_folder(name: str) -> Path:
     """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name.
 
-    A name is looked up in the cache, where users put theirs, then among the bundles that come with the package.
+    A name is looked up among the bundles that come with the package, then in the cache: what was put there under a
+    shipped name may be of an earlier version (`passed_over`).
     """
     path = user_path(name)
     if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
         return path
+    shipped = _shipped_folder() / name
+    return shipped if (shipped / MANIFEST_NAME).is_file() else cache_folder() / "bundles" / name
+
+
+def passed_over(name: str) -> Path | None:
+    """The bundle in the cache whose name is that of another one that comes with the package, and is therefore not used.
+
+    Raises BundleError where either has no manifest that can be read.
+    """
+    if not _NAME.fullmatch(name):
+        return None
     cached, shipped = cache_folder() / "bundles" / name, _shipped_folder() / name
-    if not (cached / MANIFEST_NAME).is_file() and (shipped / MANIFEST_NAME).is_file():
-        return shipped
-    return cached
+    if not all((folder / MANIFEST_NAME).is_file() for folder in (cached, shipped)):
+        return None
+    return None if read_manifest(cached).sha256 == read_manifest(shipped).sha256 else cached
 
 
 def install_folder(folder: Path) -> Path:

@@ -81,7 +81,7 @@ def _render_home(task: tuple[Path, int, int]) -> int:
     lit = bake(build_scene(apartment, home), home, BakeSettings.draft())
     views = draw_views(apartment, home, per_home)
     renderer = Renderer(lit, views[0].camera.intrinsics)
-    frames = []
+    frames, digits = [], max(2, len(str(per_home - 1)))  # in order of their names
     for number, shown in enumerate(views):
         rng = np.random.default_rng([home, number, 7])
         mount = shaken(shown.camera.mount, shown.effects.shake_rad, shown.velocity, rng)
@@ -91,7 +91,7 @@ def _render_home(task: tuple[Path, int, int]) -> int:
         frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
         boxes = picture_boxes(renderer, view, apartment, shown.movers)
         picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)
-        _write(folder, f"{home:06d}_{number:02d}", encoded(picture, shown.effects.jpeg_quality), boxes, lens)
+        _write(folder, f"{home:06d}_{number:0{digits}d}", encoded(picture, shown.effects.jpeg_quality), boxes, lens)
         frames.append(boxes)
     renderer.close()
     models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}

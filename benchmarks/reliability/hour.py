@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.benchmarks.map_variants import Variant, observed_by, true_objects
+from edgemap.benchmarks.map_variants import Replay, Variant, observed_by, true_objects
 from edgemap.benchmarks.reliability.day import GROWTH_MB, drive_through
 from edgemap.benchmarks.reliability.parts import PartReport
 from edgemap.evaluation.objects import score_map
@@ -92,7 +92,7 @@ def _observed(drive: Drive, frames: int, path: Path) -> list[FrameObservations]:
     """What the front end makes of the drive's pictures; recorded beside them."""
     if not path.is_file():
         bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
-        observed = [seen["own"] for seen in observed_by(drive, bundle, {"own": Variant()}, frames)]
+        observed = [seen["own"] for seen in observed_by(Replay(drive, bundle, frames), {"own": Variant()})]
         unfinished = path.with_suffix(".part")
         unfinished.write_bytes(pickle.dumps(observed))
         unfinished.replace(path)

@@ -45,9 +45,11 @@ class _PoseMessage(msgspec.Struct):
 
 @dataclass(slots=True)
 class Robot:
-    """What is known of one robot. came_s: clock of its last map; refused: why its last message was not taken."""
+    """What is known of one robot. restarted: since its latest map, which stays while it has more than the new one.
+    came_s: clock of its last map; refused: why its last message was not taken."""
 
     here: bool = False
+    restarted: bool = False
     latest: RobotMap | None = None
     pose: SE2 | None = None
     came_s: float | None = None
@@ -168,6 +170,7 @@ class PlaceKeeper:
         """Take in one message. Raises MapError where it is none of ours, DiskError where it cannot be kept."""
         source = f"{kind} of {name}"
         if kind == "here":
+            robot.restarted |= bool(message) and not robot.here
             robot.here, self._stale = bool(message), self._stale or robot.here != bool(message)
             return
         if kind == "pose":
@@ -186,6 +189,13 @@ class PlaceKeeper:
                     f"{source}: {item.id} lies, or is unsure by, more than {LARGEST_M:g} m, or is seen too often"
                 )
         robot.refused, robot.came_s, latest = "", time.monotonic(), _robot_map(objects, annotations)
+        before = 0 if robot.latest is None else len(robot.latest.objects)
+        if robot.restarted and len(objects) < before:
+            robot.refused = (
+                f"{len(objects)} objects since it started again: its map of {before} stays until it has as many"
+            )
+            return
+        robot.restarted = False
         if robot.latest is None or robot.latest.key != latest.key:
             robot.latest, self._stale = latest, True
             save_map(self.folder / "robots" / f"{name}.json", objects, annotations)

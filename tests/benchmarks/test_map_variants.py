@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.map_variants import Variant, map_drive, observed_by
+from edgemap.benchmarks.map_variants import Replay, Variant, map_drive, observed_by
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.open import DEMO
@@ -27,10 +27,10 @@ def places(objects):
 def test_side_by_side_is_the_same_as_alone(demo):
     drive, bundle = demo
     variants = {"wheels": Variant("hybrid"), "none": Variant("hybrid", wheels=False), "true": Variant("truth")}
-    together = map_drive(drive, bundle, variants, frames=40)
+    together = map_drive(Replay(drive, bundle, 40), variants)
     assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
     for name, variant in variants.items():
-        assert places(map_drive(drive, bundle, {name: variant}, frames=40)[name]) == places(together[name])
+        assert places(map_drive(Replay(drive, bundle, 40), {name: variant})[name]) == places(together[name])
 
 
 def test_true_poses_beside_it_tell_the_attitude_nothing(demo):
@@ -43,7 +43,7 @@ def test_true_poses_beside_it_tell_the_attitude_nothing(demo):
     drive = replace(drive, imu=ImuSamples(stamps, np.zeros((len(stamps), 3)), np.tile(up, (len(stamps), 1))))
     told = []
     for variants in ({"own": Variant()}, {"true": Variant("truth"), "own": Variant()}):
-        cameras = [seen["own"].camera for seen in observed_by(drive, bundle, variants, count)]
+        cameras = [seen["own"].camera for seen in observed_by(Replay(drive, bundle, count), variants)]
         told.append([camera.mount.pitch_rad for camera in cameras if camera])
         assert len(told[-1]) == len(cameras)
     assert told[0] == told[1]

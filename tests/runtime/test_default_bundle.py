@@ -1,5 +1,8 @@
 """A source without `--bundle` gets the model that knows its pictures."""
 
+import re
+import shutil
+
 import pytest
 from support.recordings import noise, record
 
@@ -7,7 +10,7 @@ from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.default_bundle import LENS, RENDERED, default_bundle
 from edgemap.runtime.manifest import read_manifest
 from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.store import bundle_folder, passed_over
 
 
 @pytest.mark.parametrize("spec", ["demo", "sim:8000", "drive:home"])
@@ -46,3 +49,18 @@ def test_both_come_with_the_package_trained_odometry_included(name, tmp_path, mo
     assert manifest.odometry["flow"].trained
     assert manifest.licence.startswith("Apache-2.0")
     load_bundle(bundle_folder(name), 1)
+
+
+def test_a_bundle_in_the_cache_does_not_stand_for_the_one_of_its_name_that_comes_with_edgemap(tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path))
+    shipped = bundle_folder(RENDERED)
+    cached = tmp_path / "bundles" / RENDERED
+    shutil.copytree(shipped, cached)
+    assert passed_over(RENDERED) is None  # the same
+    manifest = cached / "bundle.json"
+    manifest.write_text(re.sub(r'("backbone.onnx": ")[0-9a-f]{8}', r"\g<1>00000000", manifest.read_text()))
+    assert bundle_folder(RENDERED) == shipped
+    assert passed_over(RENDERED) == cached
+    shutil.copytree(shipped, tmp_path / "bundles" / "my-flat")
+    assert bundle_folder("my-flat") == tmp_path / "bundles" / "my-flat"
+    assert passed_over("my-flat") is None

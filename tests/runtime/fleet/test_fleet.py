@@ -112,6 +112,10 @@ def test_a_robot_that_was_away_replaces_what_it_had_said(tmp_path, address, open
     robots = until(keeper, lambda robots: not robots["leaves"]["here"])
     assert "pose_place_map" in robots["leaves"]  # what it has seen stays in the map
     back = opened(FleetSink("home", "leaves", address))
+    drive(back, maps[1][:3], stamp_s=3590.0)
+    robots = until(keeper, lambda robots: robots["leaves"]["here"] and "refused" in robots["leaves"])
+    assert f"its map of {len(maps[1])} stays" in robots["leaves"]["refused"]
+    assert len(keeper.robots["leaves"].latest.objects) == len(maps[1])
     more = [replace(item, count=item.count + 5) for item in maps[1]]
     drive(back, more, stamp_s=3600.0)
     until(keeper, lambda robots: robots["leaves"]["here"] and keeper.robots["leaves"].latest.objects[0].count == 15)
