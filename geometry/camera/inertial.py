@@ -46,7 +46,7 @@ class InertialNoise:
     """
 
     gyro: float = 5e-4
-    gyro_share: float = 0.01
+    gyro_share: float = 0.003
     accel: float = 0.2
     offset: float = OFFSET_RAD
     bias_walk: float = 1e-5
@@ -63,7 +63,7 @@ class InertialNoise:
     rest_yaw: float = 0.05
     moved: float = 0.05
     risen: float = 0.1
-    turned: float = 0.003
+    turned: float = 0.0003
     turned_share: float = 0.05
     gap_s: float = 0.05
     gap: float = 0.5

@@ -10,7 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
-from edgemap.geometry.odometry.covariance_intersection import GATE, KNOWN_SIGMA, MotionEstimate, consensus, fused
+from edgemap.geometry.odometry.covariance_intersection import (
+    GATE,
+    KNOWN_SIGMA,
+    MotionEstimate,
+    consensus,
+    distance,
+    fused,
+)
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
@@ -27,7 +34,8 @@ class HybridRule:
     """How the hybrid weighs its members.
 
     gate: squared Mahalanobis distance up to which two motions agree. known_sigma: m and rad; a standard deviation
-    beyond it has less weight where sources disagree. lasting_conflict: steps in a row in which sources disagree make a
+    beyond it has less weight where sources disagree. gyro_gate: the same distance, up to which a motion counts fully
+    beside a gyro. lasting_conflict: steps in a row in which sources disagree make a
     fault; a wheel slips for less. repeated_s: of stream, between two mentions of a member that stays out.
     flow_covariance_scale, planar_covariance_scale, wheels_covariance_scale, gyro_covariance_scale: factors on the
     members' covariances, so that errors and covariance agree; the flow head's errors last, so the drift asks for more
@@ -47,6 +55,7 @@ class HybridRule:
 
     gate: float = GATE
     known_sigma: float = KNOWN_SIGMA
+    gyro_gate: float = 1.0
     lasting_conflict: int = 10
     repeated_s: float = 10.0
     flow_covariance_scale: float = 16.0
@@ -213,7 +222,7 @@ class HybridOdometry:
             guess = self._coasting.guess(stamp_s, faults)
             guess = guess if not alive else _with_gyro_yaw(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
-        found = consensus(alive, self._rule.gate, self._rule.known_sigma)
+        found = consensus(self._held_to_gyro(alive), self._rule.gate, self._rule.known_sigma)
         wheels = self._of(WHEELS, alive)
         camera = None if wheels is None else self._of(CAMERA, alive)
         faults = "; ".join(filter(None, (faults, self._scale.judge(camera, wheels))))
@@ -227,6 +236,16 @@ class HybridOdometry:
         without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
         members = self._answers(alive, [found])
         return Motion(motion, np.asarray(found.covariance), faults, members=members, without_gyro=without_gyro)
+
+    def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
+        """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by
+        its bias and scale, which its covariance holds, and pictures by what moves and wheels by slips, which theirs do
+        not."""
+        gyro = next((item for item in alive if item.source == GYRO), None)
+        if gyro is None:
+            return list(alive)
+        excess = [max(distance(item, gyro) / self._rule.gyro_gate, 1.0) for item in alive]
+        return [replace(item, covariance=item.covariance * share) for item, share in zip(alive, excess, strict=True)]
 
     def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
         """What became of each member in a step, as of `Motion.members`."""

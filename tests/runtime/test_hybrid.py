@@ -246,6 +246,17 @@ def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
     assert hybrid.step_blind(0.2, "dark", attitude).moved() is None
 
 
+def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
+    """0.2 rad of yaw at a stated 0.01 beside a gyro that says none: halfway between would be 0.1."""
+    camera = Scripted(motion(0.0, 1.0), motion(0.1, 0.01, 0.2))
+    hybrid = HybridOdometry([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
+    attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=GyroRotation(np.eye(3), 0.0, 0.001))
+    found = [hybrid.step(replace(at(index / 10), attitude=attitude), {}) for index in range(2)][1]
+    assert abs(found.motion.yaw_rad) < 0.001
+    assert found.motion.x_m == pytest.approx(0.1, abs=1e-3)
+    assert found.covariance[0, 0] == pytest.approx(400 * 0.01**2, rel=0.05)  # it may be as wrong as it is in yaw
+
+
 @pytest.mark.parametrize(("dt_s", "variance"), [(0.1, 1e-4), (0.2, 1e-4), (1 / 30, 9e-4)])
 def test_a_member_whose_errors_outlast_a_short_step_counts_less_in_it(dt_s, variance):
     hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 2), "camera", steady_s=0.1)])

@@ -70,7 +70,7 @@ def test_samples_without_errors_are_the_motions_own():
     turned = samples.gyro_rad_s @ MOUNT.rotation_base_optical().T  # in base axes
     yaw = np.cumsum(turned[:, 2]) / 200.0
     true = np.interp(samples.stamps_s, np.arange(len(motion.samples)) * SAMPLE_S, motion.samples[:, 2])
-    assert np.abs(yaw - true).max() < 0.01
+    assert np.degrees(np.abs(yaw - true).max()) < 0.1  # 0.6 where the yaw is rounded off more than the pictures'
 
 
 def test_a_datasheets_imu_follows_the_nods():
