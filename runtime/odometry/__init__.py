@@ -13,7 +13,7 @@ from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry.coasting import CoastingRule
 from edgemap.runtime.odometry.gyro import GyroOdometry
 from edgemap.runtime.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
-from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.odometry.learned import FlowRule, LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
@@ -27,10 +27,11 @@ __all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajec
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """What is tuned of the robot's own motion: planar landmarks, wheels, the hybrid of all, a guess while blind, and
-    camera against wheels."""
+    """What is tuned of the robot's own motion: planar landmarks, the flow head's keyframes, wheels, the hybrid of all,
+    a guess while blind, and camera against wheels."""
 
     planar: PlanarRule = field(default_factory=PlanarRule)
+    flow: FlowRule = field(default_factory=FlowRule)
     wheels: DriftRate = WHEEL
     hybrid: HybridRule = field(default_factory=HybridRule)
     coasting: CoastingRule = field(default_factory=CoastingRule)
@@ -61,7 +62,7 @@ def open_odometry(
     if spec == "planar":
         return RestingOdometry(PlanarOdometry(floor, rules.planar, rules.coasting))
     if spec in ("flow", "paper"):
-        return LearnedOdometry(bundle, spec, floor, allow_untrained, rules.coasting)
+        return LearnedOdometry(bundle, spec, floor, allow_untrained, rules.coasting, rules.flow)
     if spec == "truth":
         if camera.truth is None:
             raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
@@ -88,7 +89,7 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
     rule = rules.hybrid
     head, flow = bundle.manifest.odometry.get("flow"), None
     if head is not None and head.trained:
-        flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting)
+        flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting, rule=rules.flow)
     carried = flow is not None and flow.outside_envelope
     scale = rule.planar_covariance_scale * (rule.outside_planar_covariance_scale if carried else 1.0)
     members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), CAMERA, scale)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,9 +20,19 @@ from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
 from edgemap.runtime.odometry.protocol import Motion, blind_motion, no_motion
 from edgemap.runtime.preprocess import cell_grid
 
-LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # between frames; after a longer gap the head starts again
+LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # from keyframe to frame; after a longer gap the head starts again
 NOMINAL_DT_S = 0.1  # for a first frame
 MARGIN = 0.05  # share of a span of the envelope that a camera may lie outside without a word
+
+
+@dataclass(frozen=True, slots=True)
+class FlowRule:
+    """From when on the flow head is compared with a newer frame. keyframe_s: age of its keyframe, seconds; the head's
+    errors hardly shrink with the time between pictures, so at 30 Hz motions from picture to picture drift up to nine
+    times as much as those from every third. keyframe_rad: rotation since; its search reaches about twice as far."""
+
+    keyframe_s: float = 0.075
+    keyframe_rad: float = 0.1
 
 
 def initial_states(head: OdometryHead) -> Tensors:
@@ -32,7 +43,9 @@ def initial_states(head: OdometryHead) -> Tensors:
 class LearnedOdometry:
     """A head of the bundle: `paper`, or `flow`, which also reads the camera's geometry and the time between frames.
 
-    Raises OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
+    flow measures from a keyframe, whose features its state holds, to each frame; the motions told are the increments,
+    which add up to what was measured. Its state advances where the frame becomes the next keyframe. Raises
+    OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
     """
 
     needs_features = True
@@ -44,8 +57,9 @@ class LearnedOdometry:
         camera: FloorCamera,
         allow_untrained: bool = False,
         coasting: CoastingRule | None = None,
+        rule: FlowRule | None = None,
     ) -> None:
-        self.name, self._coasting_rule = kind, coasting
+        self.name, self._coasting_rule, self._rule = kind, coasting, rule or FlowRule()
         self._head, self._network = bundle.odometry_head(kind)
         if not self._head.trained and not allow_untrained:
             raise OdometryError(
@@ -71,18 +85,22 @@ class LearnedOdometry:
 
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
-        dt_s, self._last_s = frame.stamp_s - self._last_s, frame.stamp_s
-        since, since_covariance = self._since, self._since_covariance
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        if not self._fresh and self._geometry and not SHORTEST_DT_S <= dt_s <= LONGEST_DT_S:
+        dt_s, step_s, self._last_s = frame.stamp_s - self._keyframe_s, frame.stamp_s - self._last_s, frame.stamp_s
+        if not self._fresh and self._geometry and not (step_s >= SHORTEST_DT_S and dt_s <= LONGEST_DT_S):
             self._start_again()
         fresh, self._fresh = self._fresh, False
         if self._head.window and self._fed > self._head.window:
             self._states, self._fed = initial_states(self._head), 0
             self._feed(self._last, NOMINAL_DT_S)
+            self._states = self._next_states
         motion, covariance = self._feed(features, NOMINAL_DT_S if fresh else dt_s)
-        if fresh and math.isfinite(dt_s):
-            return blind_motion(f"{self.name} odometry: {dt_s:.3f} s since the last frame, started again")
+        since, blind = self._since, self._blind_covariance
+        self._since, self._blind_covariance = motion, np.zeros((3, 3))
+        old = dt_s >= self._rule.keyframe_s or abs(motion.yaw_rad) >= self._rule.keyframe_rad
+        if fresh or old or not self._geometry:
+            self._next_keyframe(frame.stamp_s)
+        if fresh and math.isfinite(step_s):
+            return blind_motion(f"{self.name} odometry: {step_s:.3f} s since the last frame, started again")
         if fresh:
             self._coasting.begin(frame.stamp_s)
             return Motion(fault=self._warning)
@@ -91,12 +109,12 @@ class LearnedOdometry:
             return blind_motion(f"{self.name} odometry: motion not finite at frame {frame.index}, state reset")
         motion = since.inverse() @ motion
         self._coasting.saw(motion, frame.stamp_s)
-        return Motion(motion, covariance + since_covariance)
+        return Motion(motion, covariance + blind)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
-        """A guess; the next picture measures the motion since the last one."""
+        """A guess; the next picture measures the motion since the keyframe."""
         guess = self._coasting.guess(stamp_s, reason)
-        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
+        self._since, self._blind_covariance = self._since @ guess.motion, self._blind_covariance + guess.covariance
         return guess
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
@@ -104,28 +122,34 @@ class LearnedOdometry:
         return None
 
     def rest(self, stamp_s: float) -> Motion:
-        """The last features are as of this stamp."""
+        """The last features are as of this stamp, and the next keyframe's."""
         self._last_s = stamp_s
+        self._next_keyframe(stamp_s)
         self._coasting.saw(SE2(), stamp_s)
         return no_motion()
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again from the initial states."""
         self._start_again()
-        self._coasting, self._last_s = Coasting(self._coasting_rule), -math.inf
-        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._coasting, self._last_s, self._keyframe_s = Coasting(self._coasting_rule), -math.inf, -math.inf
+        self._blind_covariance = np.zeros((3, 3))  # of what was guessed since the last picture
 
     def _start_again(self) -> None:
         self._states, self._fed = initial_states(self._head), 0
+        self._next_states, self._since = self._states, SE2()  # after the last frame; motion since the keyframe
         self._last: Tensors = {}
         self._fresh = True
+
+    def _next_keyframe(self, stamp_s: float) -> None:
+        """The last frame, which showed what a stamp shows, is the keyframe from now on."""
+        self._states, self._keyframe_s, self._since = self._next_states, stamp_s, SE2()
 
     def _feed(self, features: Tensors, dt_s: float) -> tuple[SE2, np.ndarray]:
         head, tensors = self._head, dict(self._geometry)
         if head.geometry is not None:
             tensors[head.geometry.dt] = np.array([[dt_s]], dtype=np.float32)
         outputs = self._network.run({head.feature_input: features[head.feature], **tensors, **self._states})
-        self._states = {state.input: outputs[state.output] for state in head.states}
+        self._next_states = {state.input: outputs[state.output] for state in head.states}
         self._last, self._fed = {head.feature: features[head.feature]}, self._fed + 1
         covariance = self._covariance
         if head.geometry is not None:

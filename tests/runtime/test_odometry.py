@@ -11,6 +11,7 @@ import pytest
 from support import painted
 from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
+from edgemap.benchmarks.odometry_replay import FeatureSource
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
@@ -265,6 +266,29 @@ def test_a_head_with_a_window_starts_anew_from_the_last_frame(tmp_path):
     frame = Frame(0, 0.0, np.zeros((64, 64, 3), np.uint8))
     motions = [odometry.step(frame, features).motion.x_m for _ in range(6)]
     assert motions == pytest.approx([0.0, 0.01, 0.02, 0.01, 0.02, 0.01])
+
+
+def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
+    """Each frame is compared with a keyframe 0.1 s old, not with the one before."""
+    bundle, frames = load_bundle(bundle_folder("edgemap-nano"), 1), drive(MOTIONS["straight"][:6])[0]
+    source, image = FeatureSource(bundle, CAMERA.intrinsics), frames[0].image
+    name = bundle.manifest.odometry["flow"].feature
+    features = [{name: source(frame)[name].copy()} for frame in frames]
+
+    def path(chosen):
+        odometry, pose, ends = LearnedOdometry(bundle, "flow", CAMERA), SE2(), []
+        for index, stamp_s in chosen:
+            step = odometry.step(Frame(index, stamp_s, image), features[index])
+            assert not step.blind
+            pose = pose @ step.motion
+            if stamp_s in (0.1, 0.2):
+                ends.append(pose.vector())
+        return np.array(ends)
+
+    rarely = path([(0, 0.0), (2, 0.1), (5, 0.2)])
+    often = path([(0, 0.0), (1, 0.04), (3, 0.07), (2, 0.1), (3, 0.13), (4, 0.17), (5, 0.2)])
+    np.testing.assert_allclose(often, rarely, atol=1e-6)
+    assert np.abs(rarely[:, 0]).max() > 0.02
 
 
 def test_an_untrained_head_is_refused_unless_forced(tmp_path):
