@@ -96,6 +96,7 @@ def command(
             raise OptionError(f"--{name} {value}: must be above 0")
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore
+    from edgemap.export.odometry.flow import FlowHead
     from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
     from edgemap.export.odometry.train import HeadTraining, OdometrySettings
@@ -117,9 +118,11 @@ def command(
         kernel=kernel, slope=0.0 if relu else 0.1,
     )  # fmt: skip
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
-    recipe = (
-        flow_recipe(rate or 1e-3, length or 8) if head == "flow" else paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
-    )
+    if isinstance(begun.head, FlowHead):
+        print(f"lengths in units of {begun.head.unit_m:g} m, after the nearest floor in view", flush=True)
+        recipe = flow_recipe(rate or 1e-3, length or 8, begun.head.unit_m)
+    else:
+        recipe = paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16, device)
     trainer = HeadTraining(begun, recipe, train, held_back, output, settings)
     if resume:

@@ -60,6 +60,7 @@ class _OdometryRecord(msgspec.Struct):
     slope: Share = 0.1
     stride: Width | None = None
     sizes: dict[Name, Width] = {}
+    unit_m: Annotated[float, Meta(gt=0.0, le=1000.0)] = 1.0
 
 
 def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
@@ -77,7 +78,7 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
             "slope": head.slope,
         }
     else:
-        document |= {"stride": head.stride, "sizes": asdict(head.sizes)}
+        document |= {"stride": head.stride, "sizes": asdict(head.sizes), "unit_m": head.unit_m}
     save_whole(document, path)
 
 
@@ -96,7 +97,7 @@ def load_head(path: Path) -> HeadCheckpoint:
 
 def _head(record: _OdometryRecord, path: Path) -> PaperHead | FlowHead:
     if record.kind == "flow" and record.stride is not None:
-        return FlowHead(record.shape, record.stride, _sizes(record, path))
+        return FlowHead(record.shape, record.stride, _sizes(record, path), record.unit_m)
     if record.kind == "paper" and record.hidden is not None and record.dense is not None:
         return PaperHead(record.shape, record.hidden, record.dense, record.kernel, record.slope)
     raise ExportError(f"{path}: a head of kind {record.kind} lacks its sizes")

@@ -16,7 +16,7 @@ from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.flow_loss import ClipBatch
 
 LONGEST_DT_S = 0.25
-FASTEST_YAW_RAD, FASTEST_M = 0.30, 0.17  # of one step that skips pictures; what the search can follow
+FASTEST_YAW_RAD, FASTEST_UNITS = 0.30, 0.17  # of one step that skips pictures; what the search can follow
 KNOWN_ATTITUDE = 0.75  # of the clips of a robot that nods; the others know the mount alone
 ATTITUDE_SIGMA_DEG = (0.2, 0.5)  # standard deviation of a clip's attitudes, as a filter's
 ATTITUDE_LASTS_S = 2.0  # how long its errors last (Gauss and Markov, first order)
@@ -26,12 +26,14 @@ Chosen = tuple[FeatureDrive, NDArray[np.intp]]  # a drive and the frames of a cl
 
 @dataclass(frozen=True, slots=True)
 class Clips:
-    """How clips are cut. length: frames. skips: chosen among these, as far as `LONGEST_DT_S` allows."""
+    """How clips are cut. length: frames. skips: chosen among these, as far as `LONGEST_DT_S` allows. unit_m: the unit
+    of length of the head, metres."""
 
     length: int = 8
     skips: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     backwards: float = 0.3
     still: float = 0.05
+    unit_m: float = 1.0
 
 
 class ClipDraws:
@@ -70,7 +72,8 @@ class ClipDraws:
                 stop = int(rng.integers(1, rule.length))
                 indices[stop:] = indices[stop]
             motions = np.abs(drive.motions(indices))
-            if skip == 1 or (motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < FASTEST_M):
+            fastest_m = FASTEST_UNITS * rule.unit_m
+            if skip == 1 or (motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < fastest_m):
                 return drive, indices
 
 

@@ -21,8 +21,8 @@ from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, ShownCel
 GRID_STRIDE = 16  # px of the input per cell in which displacements are told
 COARSE_ROWS, COARSE_COLUMNS = 3, 7  # reach of the coarse search, in cells of stride 16: 112 px to the sides
 SIGMA = 0.01  # a cell's weight of 1 stands for this standard deviation of its bearing
-FAR_INVERSE_DEPTH = 0.4  # 1/m, what is taken for the depth of a cell that does not see the floor, at first
-FASTEST = (3.0, 1.0, 0.8)  # m, m, rad of one step: the coarse motion is cut to it, so that no outlier runs away
+FAR_INVERSE_DEPTH = 0.4  # 1/unit, what is taken for the depth of a cell that does not see the floor, at first
+FASTEST = (3.0, 1.0, 0.8)  # units, units, rad of one step: the coarse motion is cut to it, so that no outlier runs away
 SLOPE = 0.1
 
 
@@ -46,7 +46,7 @@ SMALL = FlowSizes(16, 32, 32, 28, 16, 2)  # of one that `smaller` makes: half th
 @dataclass(frozen=True, slots=True)
 class Look:
     """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). inverse_depth:
-    (B, 1, H, W), 1/m. solution: the motion from it."""
+    (B, 1, H, W), 1/unit. solution: the motion from it, in units."""
 
     moved: Tensor
     inverse_depth: Tensor
@@ -71,17 +71,20 @@ class FilledConv(nn.Conv2d):
 class FlowHead(nn.Module):
     """Features of one frame, the geometry and the state to the base's motion, its covariance and the new state.
 
-    shape: (1, C, H, W) of the features, stride: theirs, 4 or 8 input px. Buffers, not trained by gradient:
-    feature_mean and feature_std, (1, C, 1, 1). Raises ExportError for features that do not fit.
+    shape: (1, C, H, W) of the features, stride: theirs, 4 or 8 input px. unit_m: the unit in which the head counts
+    lengths, metres: what it learnt of depths and speeds of robots at home it then knows of a car's (`start.unit_of`).
+    Buffers, not trained by gradient: feature_mean and feature_std, (1, C, 1, 1). Raises ExportError for features that
+    do not fit.
     """
 
-    def __init__(self, shape: Sequence[int], stride: int, sizes: FlowSizes | None = None) -> None:
+    def __init__(self, shape: Sequence[int], stride: int, sizes: FlowSizes | None = None, unit_m: float = 1.0) -> None:
         super().__init__()
         sizes = sizes or FlowSizes()
         _, channels, height, width = shape
         if stride not in (4, 8) or (height * stride) % GRID_STRIDE or (width * stride) % GRID_STRIDE:
             raise ExportError(f"flow head: features {tuple(shape)} of stride {stride}; 4 or 8 are wanted")
         self.shape, self.stride, self.sizes = (1, channels, height, width), stride, sizes
+        self.unit_m = unit_m
         self.rows, self.columns = height * stride // GRID_STRIDE, width * stride // GRID_STRIDE
         self.reduce = nn.Conv2d(channels, sizes.fine, 3, 8 // stride, 1)
         self.coarsen = nn.Conv2d(sizes.fine, sizes.coarse, 3, 2, 1)
@@ -120,7 +123,8 @@ class FlowHead(nn.Module):
 
     @property
     def state_shapes(self) -> dict[str, tuple[int, ...]]:
-        """Names and shapes of the state: previous features, fine and coarse; the ConvLSTM's; the last velocity."""
+        """Names and shapes of the state: previous features, fine and coarse; the ConvLSTM's; the last velocity
+        in units."""
         rows, columns = self.rows, self.columns
         memory = (1, self.sizes.hidden, (rows + 1) // 2, (columns + 1) // 2)
         return {
@@ -155,15 +159,26 @@ class FlowHead(nn.Module):
         its covariance (1, 3, 3), then the new state.
         """
         fine, coarse = self.describe(feature)
-        last, hidden, cell = self.match(fine, coarse, cells, CellGeometry.of(cells, mount), dt_s, *state)[1:]
-        solution = last.solution
-        return solution.motion, solution.covariance, fine, coarse, hidden, cell, solution.motion / dt_s
+        geometry = CellGeometry.of(cells, mount, self.unit_m)
+        last, hidden, cell = self.match(fine, coarse, geometry, dt_s, *state)[1:]
+        motion = last.solution.motion
+        return *self.metric(last.solution), fine, coarse, hidden, cell, motion / dt_s
+
+    def metric(self, solution: MotionSolution) -> tuple[Tensor, Tensor]:
+        """The motion (B, 3) and its covariance (B, 3, 3) in metres and radians."""
+        if self.unit_m == 1.0:
+            return solution.motion, solution.covariance
+        units = self.units(solution.motion)
+        return solution.motion * units, solution.covariance * (units[:, None] * units)
+
+    def units(self, like: Tensor) -> Tensor:
+        """Metres and radians of a motion of 1, (3,)."""
+        return functional.pad(like.new_full((2,), self.unit_m), (0, 1), value=1.0)
 
     def match(
         self,
         fine: Tensor,
         coarse: Tensor,
-        cells: Tensor,
         geometry: CellGeometry,
         dt_s: Tensor,
         fine_before: Tensor,
@@ -177,13 +192,13 @@ class FlowHead(nn.Module):
         prior = velocity * dt_s * (1.0 + 0.1 * torch.tanh(expected[:, :3]))
         prior_information = torch.exp(expected[:, 3:].clamp(-4.0, 4.0)) / (dt_s * dt_s) * 50.0
         floor = torch.where(geometry.floor > 0.0, geometry.floor, FAR_INVERSE_DEPTH * torch.ones_like(geometry.floor))
-        shape = cells.shape[2:]
+        shape = (self.rows, self.columns)
+        known = torch.cat([geometry.here, geometry.floor, geometry.shown, floor.log() * 0.3], dim=1).unflatten(2, shape)
 
         scores = correlate(coarse, coarse_before, COARSE_ROWS, COARSE_COLUMNS)
         guess = _expected(scores, self.coarse_offsets, self.sharpness[0])
         memory = functional.interpolate(hidden, size=(self.rows, self.columns), mode="nearest")
-        known = torch.cat([cells[:, :2], cells[:, 6:], floor.unflatten(2, shape).log() * 0.3, guess * 0.3], dim=1)
-        found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known], dim=1))
+        found = self.search(torch.cat([scores.permute(0, 3, 1, 2), coarse, memory, known, guess * 0.3], dim=1))
         sight = ShownCells.of(geometry, prior)
         first = self._read(self.tell(found), guess, floor, geometry, sight, prior, prior, prior_information, 0)
 

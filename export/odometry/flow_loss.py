@@ -11,7 +11,9 @@ from torch.nn import functional
 from edgemap.export.odometry.flow import FlowHead, Look
 from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, placed
 
-MOTION_SIGMA = torch.tensor([0.006, 0.004, 0.006])  # m, m, rad: what counts as a small error of one step, at first
+MOTION_SIGMA = torch.tensor(
+    [0.006, 0.004, 0.006]
+)  # units, units, rad: what counts as a small error of one step, at first
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 COVARIANCE_WEIGHT = 0.03
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly
@@ -33,7 +35,7 @@ class ClipBatch:
 def run_clip(
     head: FlowHead, batch: ClipBatch, state: list[Tensor] | None = None
 ) -> tuple[list[tuple[Look, Look]], list[Tensor]]:
-    """The looks of frames 1 to T - 1, and the state after them: memory and velocity.
+    """The looks of frames 1 to T - 1, lengths in the head's unit, and the state after them: memory and velocity.
 
     state: before frame 1; None is a fresh one. Frame 0 only gives its features.
     """
@@ -46,10 +48,10 @@ def run_clip(
     hidden, cell, velocity = state or fresh
     looks = []
     for index in range(1, length):
-        dt_s, cells = batch.dt_s[:, index : index + 1], batch.cells[:, index]
-        geometry = CellGeometry.of(cells, batch.mount[:, index])
+        dt_s = batch.dt_s[:, index : index + 1]
+        geometry = CellGeometry.of(batch.cells[:, index], batch.mount[:, index], head.unit_m)
         first, second, hidden, cell = head.match(
-            fine[:, index], coarse[:, index], cells, geometry, dt_s, fine[:, index - 1], coarse[:, index - 1],
+            fine[:, index], coarse[:, index], geometry, dt_s, fine[:, index - 1], coarse[:, index - 1],
             hidden, cell, velocity,
         )  # fmt: skip
         velocity = second.solution.motion.detach() / dt_s
@@ -60,8 +62,9 @@ def run_clip(
 def flow_loss(head: FlowHead, batch: ClipBatch, progress: float) -> tuple[Tensor, dict[str, Tensor]]:
     """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1."""
     motion, coarse = [], []
+    units = head.units(batch.motions)
     for index, (first, second) in enumerate(run_clip(head, batch)[0], start=1):
-        true = batch.motions[:, index]
+        true = batch.motions[:, index] / units
         motion.append(_motion_loss(second.solution, true, progress))
         coarse.append(_huber((first.solution.motion - true) / placed(MOTION_SIGMA, true) / 2.0).mean())
     parts = {"motion": torch.stack(motion).mean(), "coarse": torch.stack(coarse).mean()}

@@ -54,19 +54,19 @@ class Recipe:
         return spans | {"rate_hz": (round(slowest, 2), spans["rate_hz"][1])}
 
 
-def flow_recipe(rate: float = 1e-3, length: int = 8) -> Recipe:
-    """AdamW with a cosine, the loss of `flow_loss`."""
+def flow_recipe(rate: float = 1e-3, length: int = 8, unit_m: float = 1.0) -> Recipe:
+    """AdamW with a cosine, the loss of `flow_loss`. unit_m: the head's unit of length, metres."""
 
     def optimizer(head: nn.Module) -> torch.optim.Optimizer:
         return torch.optim.AdamW(head.parameters(), lr=rate, weight_decay=1e-3)
 
     def unroll(head: FlowHead, batch: ClipBatch, state: list[Tensor] | None) -> Any:
         looks, new = run_clip(head, batch, state)
-        solutions = [second.solution for _, second in looks]
-        motions = torch.stack([solution.motion for solution in solutions], dim=1)
-        return motions, torch.stack([solution.covariance for solution in solutions], dim=1), new
+        motions, covariances = zip(*(head.metric(second.solution) for _, second in looks), strict=True)
+        return torch.stack(motions, dim=1), torch.stack(covariances, dim=1), new
 
-    return Recipe("flow", Clips(length), rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)
+    clips = Clips(length, unit_m=unit_m)
+    return Recipe("flow", clips, rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)
 
 
 def paper_recipe(length: int = 10, factor: float = 1.0) -> Recipe:

@@ -1,8 +1,8 @@
 """Where a moving base makes points of the picture go, and the motion that explains what was seen: least squares.
 
 Everything is in normalised image points ("bearings") of cells on a grid, so that one network serves any lens and mount.
-Batches: B pictures, N cells. The unknowns are the base's motion since the previous frame (x m, y m, yaw rad) and how
-much the camera tilted on its springs meanwhile (roll, pitch, rad).
+Batches: B pictures, N cells. The unknowns are the base's motion since the previous frame (x, y, yaw rad; lengths in the
+head's unit) and how much the camera tilted on its springs meanwhile (roll, pitch, rad).
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def _copied(constant: Tensor, device: torch.device, kind: torch.dtype) -> Tensor
 
 @dataclass(frozen=True, slots=True)
 class CellGeometry:
-    """Constant geometry, as `geometry.flow_cells` gives it, flattened. here: bearings (B, 2, N). right, down: change of
-    the bearing per cell, (B, 2, N). floor: inverse depth of the floor, 1/m, (B, 1, N). shown: 0 or 1, (B, 1, N).
-    rotation: base from optical, (B, 3, 3). lens: in the base frame, m, (B, 3, 1)."""
+    """Constant geometry, as `geometry.flow_cells` gives it, flattened, lengths in a head's unit. here: bearings
+    (B, 2, N). right, down: change of the bearing per cell, (B, 2, N). floor: inverse depth of the floor, (B, 1, N).
+    shown: 0 or 1, (B, 1, N). rotation: base from optical, (B, 3, 3). lens: in the base frame, (B, 3, 1)."""
 
     here: Tensor
     right: Tensor
@@ -44,11 +44,13 @@ class CellGeometry:
     lens: Tensor
 
     @staticmethod
-    def of(cells: Tensor, mount: Tensor) -> CellGeometry:
-        """cells: (B, 8, H, W). mount: (B, 12)."""
+    def of(cells: Tensor, mount: Tensor, unit_m: float = 1.0) -> CellGeometry:
+        """cells: (B, 8, H, W). mount: (B, 12). unit_m: the unit of length, metres."""
         flat = cells.flatten(2)
         here, right, down, floor, shown = flat.split([2, 2, 2, 1, 1], dim=1)
         rotation, lens = mount[:, :9].reshape(-1, 3, 3), mount[:, 9:].reshape(-1, 3, 1)
+        if unit_m != 1.0:
+            floor, lens = floor * unit_m, lens / unit_m
         return CellGeometry(here, right, down, floor, shown, rotation, lens)
 
     def bearings_of(self, cells_moved: Tensor) -> Tensor:

@@ -38,7 +38,6 @@ class _Step:
     before: int
     now: int
     dt_s: Tensor
-    cells: Tensor
     geometry: CellGeometry
     hidden: Tensor
     cell: Tensor
@@ -53,6 +52,7 @@ def fit_smaller(
 ) -> None:
     """Fit the small head to the large one. pairs: the same drives as features that the small and the large one read,
     cell by cell of the same places. every: so many steps one is looked at."""
+    small.unit_m = large.unit_m
     steps = [
         step for index, pair in enumerate(pairs) for step in _steps(large, *pair, SKIPS[index % len(SKIPS)], every)
     ]
@@ -81,7 +81,7 @@ def _steps(large: FlowHead, own: FeatureDrive, theirs: FeatureDrive, skip: int, 
     hooks = [large.get_submodule(name).register_forward_hook(keep(name)) for name in LAYERS]
     device = large.sharpness.device
     cells, mount = torch.from_numpy(theirs.cells).to(device), torch.from_numpy(theirs.mount).to(device)
-    geometry, found = CellGeometry.of(cells, mount), []
+    geometry, found = CellGeometry.of(cells, mount, large.unit_m), []
     hidden, cell, velocity = (
         torch.zeros(large.state_shapes[name], device=device) for name in ("hidden", "cell", "velocity")
     )
@@ -90,12 +90,12 @@ def _steps(large: FlowHead, own: FeatureDrive, theirs: FeatureDrive, skip: int, 
         fine, coarse = large.describe(_feature(theirs, now, device))
         dt_s = torch.tensor([[theirs.stamps_s[now] - theirs.stamps_s[before]]], dtype=torch.float32).to(device)
         _, last, new_hidden, new_cell = large.match(
-            fine, coarse, cells, geometry, dt_s, fine_before, coarse_before, hidden, cell, velocity
+            fine, coarse, geometry, dt_s, fine_before, coarse_before, hidden, cell, velocity
         )
         if count % every == every - 1:
             expected = large.expect(hidden.mean(dim=(2, 3)))
             state = hidden, cell, velocity, expected
-            found.append(_Step(own, before, now, dt_s, cells, geometry, *state, dict(gave)))
+            found.append(_Step(own, before, now, dt_s, geometry, *state, dict(gave)))
         hidden, cell, velocity = new_hidden, new_cell, last.solution.motion / dt_s
     for hook in hooks:
         hook.remove()
@@ -179,12 +179,12 @@ def _rows(
         raise _Reached
 
     hook = conv.register_forward_pre_hook(stop)
-    fine_before, coarse_before = small.describe(_feature(step.drive, step.before, step.cells.device))
-    fine, coarse = small.describe(_feature(step.drive, step.now, step.cells.device))
+    fine_before, coarse_before = small.describe(_feature(step.drive, step.before, step.geometry.here.device))
+    fine, coarse = small.describe(_feature(step.drive, step.now, step.geometry.here.device))
     units = kept["hidden"]
     state = step.hidden[:, units], step.cell[:, units], step.velocity
     try:
-        small.match(fine, coarse, step.cells, step.geometry, step.dt_s, fine_before, coarse_before, *state)
+        small.match(fine, coarse, step.geometry, step.dt_s, fine_before, coarse_before, *state)
     except _Reached:
         pass
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -51,12 +52,14 @@ def begin(
                 f"{start}: a {earlier.kind} head for features {tuple(earlier.head.shape)}, "
                 f"not {kind} for {tuple(store.shape)}"
             )
+        if isinstance(earlier.head, FlowHead):
+            earlier.head.unit_m = unit_of(drives)
         if (earlier.backbone, earlier.feature) != (backbone, feature):
             _standardise(earlier.head, sample)
         return HeadCheckpoint(earlier.head, backbone, feature, kind)
     torch.manual_seed(seed)
     if kind == "flow":
-        head = FlowHead(store.shape, store.stride, FlowSizes() if larger is None else SMALL)
+        head = FlowHead(store.shape, store.stride, FlowSizes() if larger is None else SMALL, unit_of(drives))
     else:
         head = random_head(store.shape, seed, kernel, slope)
         head.motion_scale.copy_(torch.from_numpy(_scale(drives)))
@@ -64,6 +67,13 @@ def begin(
     if larger is not None and isinstance(head, FlowHead):
         _fit(head, larger, store, drives[:: -(-len(drives) // FIT_DRIVES)], device)
     return HeadCheckpoint(head, backbone, feature, kind)
+
+
+def unit_of(drives: Sequence[FeatureDrive]) -> float:
+    """The unit in which a flow head counts lengths, metres: how far away these cameras see the nearest floor, along the
+    optical axis, as a power of two. It is 1 for robots at home and 8 for KITTI's car; where no floor is in view, 1."""
+    nearest = [1.0 / most for drive in drives if (most := float(drive.cells[:, 6].max())) > 0.0]
+    return 2.0 ** round(math.log2(float(np.median(nearest)))) if nearest else 1.0
 
 
 def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:

@@ -18,6 +18,7 @@ from edgemap.export.odometry.clips import LONGEST_DT_S, ClipDraws, Clips, make_b
 from edgemap.export.odometry.flow import FlowHead  # noqa: E402
 from edgemap.export.odometry.flow_loss import flow_loss, run_clip  # noqa: E402
 from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
+from edgemap.export.odometry.start import unit_of  # noqa: E402
 from edgemap.export.odometry.validate import estimate, validate  # noqa: E402
 from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
 from edgemap.geometry.camera.mount import Mount  # noqa: E402
@@ -61,6 +62,26 @@ def test_the_state_carries_everything_from_chunk_to_chunk():
     assert (len(steps), covariances.shape) == (11, (11, 3, 3))
 
 
+def test_a_unit_of_length_is_a_larger_world():
+    """Eight times as high and as fast, counted in units of 8 m: the same head tells 8 times the motion."""
+    drive, head = floor_drive(3, frames=6), new_head().eval()
+    cells, mount = drive.cells.copy(), drive.mount.copy()
+    cells[:, 6] /= 8.0
+    mount[:, 9:] *= 8.0
+    large = replace(drive, cells=cells, mount=mount, poses=drive.poses * [8.0, 8.0, 1.0])
+    assert (unit_of([drive, drive, large]), unit_of([large])) == (0.5, 4.0)  # its floor begins 0.46 m ahead
+    recipe, batches = flow_recipe(), [make_batch([(each, np.arange(6))]) for each in (drive, large)]
+    motions, covariances, _ = recipe.unroll(head, batches[0], None)
+    loss = flow_loss(head, batches[0], 0.5)[0]
+    head.unit_m = 8.0
+    units = torch.tensor([8.0, 8.0, 1.0])
+    found, told, _ = recipe.unroll(head, batches[1], None)
+    torch.testing.assert_close(found, motions * units, atol=1e-5, rtol=1e-4)
+    torch.testing.assert_close(told, covariances * units[:, None] * units, atol=1e-8, rtol=1e-3)
+    torch.testing.assert_close(flow_loss(head, batches[1], 0.5)[0], loss, atol=1e-4, rtol=1e-4)
+    assert [clips.unit_m for clips in (recipe.clips, flow_recipe(unit_m=8.0).clips)] == [1.0, 8.0]
+
+
 def test_one_step_at_a_time_is_the_same_as_a_clip():
     drive, head = floor_drive(4, frames=5), new_head().eval()
     batch = make_batch([(drive, np.arange(5))])
@@ -94,9 +115,11 @@ def test_the_loss_prefers_the_truth_and_honest_doubt():
 
 def test_a_checkpoint_gives_the_head_back(tmp_path):
     head = new_head()
+    head.unit_m = 4.0
     save_head(HeadCheckpoint(head, "edgemap-nano", "stride4", "flow", measured={"a": 1}), tmp_path / "best.pt")
     found = load_head(tmp_path / "best.pt")
-    assert (found.kind, found.feature, found.head.stride, found.measured) == ("flow", "stride4", 4, {"a": 1})
+    assert (found.kind, found.feature, found.measured) == ("flow", "stride4", {"a": 1})
+    assert (found.head.stride, found.head.unit_m) == (4, 4.0)
     for name, tensor in head.state_dict().items():
         torch.testing.assert_close(found.head.state_dict()[name], tensor)
     with pytest.raises(ExportError, match="stride 16; 4 or 8 are wanted"):
