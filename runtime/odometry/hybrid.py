@@ -21,7 +21,7 @@ from edgemap.geometry.odometry.covariance_intersection import (
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry.coasting import SHORTEST_DT_S, Coasting, CoastingRule
+from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
 from edgemap.runtime.odometry.protocol import Motion, Odometry, no_motion
 from edgemap.runtime.odometry.scale_check import NoScaleCheck, ScaleCheck
 
@@ -46,8 +46,6 @@ class HybridRule:
     flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
     missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
     flow_alone_s: longest step for which it is used where no other member measures the rotation.
-    flow_steady_s: for which its errors last: they add up in shorter steps, where its covariance is larger by the square
-    of flow_steady_s / step. At 30 Hz the camera alone drifts 1.1 instead of 4.5 % over 1 m (home 9100).
     covered_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
     and its edge stand still as the robot moves. covered_covariance_scale: one more factor for the camera there, and its
     power with what is covered beyond.
@@ -64,7 +62,6 @@ class HybridRule:
     gyro_covariance_scale: float = 1.0
     flow_reach_rad: float = 0.2
     flow_alone_s: float = 0.35
-    flow_steady_s: float = 0.1
     outside_flow_covariance_scale: float = 60.0
     outside_planar_covariance_scale: float = 2.0
     covered_share: float = 0.4
@@ -82,8 +79,7 @@ class Member:
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
     optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
-    alone_s: longest step for which it is used where no other member measures the rotation. steady_s: for which its
-    errors last; in shorter steps its covariance is larger by the square of steady_s / step.
+    alone_s: longest step for which it is used where no other member measures the rotation.
     """
 
     odometry: Odometry
@@ -92,11 +88,6 @@ class Member:
     optional: bool = False
     reach_rad: float = math.inf
     alone_s: float = math.inf
-    steady_s: float = 0.0
-
-    def scale(self, dt_s: float) -> float:
-        """Factor on its covariance in a step of this time."""
-        return self.covariance_scale * max(1.0, self.steady_s / max(dt_s, SHORTEST_DT_S)) ** 2
 
 
 class HybridOdometry:
@@ -211,7 +202,7 @@ class HybridOdometry:
         alive = [
             MotionEstimate(
                 motion.motion.vector(),
-                member.scale(dt_s) * self._rule.doubt(member.source, covered) * motion.covariance,
+                member.covariance_scale * self._rule.doubt(member.source, covered) * motion.covariance,
                 member.source,
                 members=frozenset([_short(member)]),
             )

@@ -255,10 +255,3 @@ def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
     assert abs(found.motion.yaw_rad) < 0.001
     assert found.motion.x_m == pytest.approx(0.1, abs=1e-3)
     assert found.covariance[0, 0] == pytest.approx(400 * 0.01**2, rel=0.05)  # it may be as wrong as it is in yaw
-
-
-@pytest.mark.parametrize(("dt_s", "variance"), [(0.1, 1e-4), (0.2, 1e-4), (1 / 30, 9e-4)])
-def test_a_member_whose_errors_outlast_a_short_step_counts_less_in_it(dt_s, variance):
-    hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 2), "camera", steady_s=0.1)])
-    hybrid.step(at(0.0), {})
-    assert hybrid.step(replace(FRAME, stamp_s=dt_s), {}).covariance[0, 0] == pytest.approx(variance)

@@ -11,7 +11,6 @@ import pytest
 from support import painted
 from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
-from edgemap.benchmarks.odometry_replay import FeatureSource
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
@@ -24,6 +23,7 @@ from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
+from edgemap.runtime.preprocess import Preprocessor
 from edgemap.runtime.store import bundle_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
 
@@ -271,9 +271,10 @@ def test_a_head_with_a_window_starts_anew_from_the_last_frame(tmp_path):
 def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
     """Each frame is compared with a keyframe 0.1 s old, not with the one before."""
     bundle, frames = load_bundle(bundle_folder("edgemap-nano"), 1), drive(MOTIONS["straight"][:6])[0]
-    source, image = FeatureSource(bundle, CAMERA.intrinsics), frames[0].image
-    name = bundle.manifest.odometry["flow"].feature
-    features = [{name: source(frame)[name].copy()} for frame in frames]
+    fitted, image = bundle.for_pictures(CAMERA.intrinsics.width, CAMERA.intrinsics.height), frames[0].image
+    preprocess, name = Preprocessor(fitted.detector.input), bundle.manifest.odometry["flow"].feature
+    tensors = [preprocess(frame.image)[0].copy() for frame in frames]
+    features = [{name: fitted.backbone.run({fitted.detector.input.name: tensor})[name].copy()} for tensor in tensors]
 
     def path(chosen):
         odometry, pose, ends = LearnedOdometry(bundle, "flow", CAMERA), SE2(), []
