@@ -119,7 +119,9 @@ class HeightCheck:
             weights.append(1.0 / (found[1] ** 2 + rule.accel_sigma**2))
         if not said:
             return ""
-        off, sigma = float(np.average(said, weights=weights)), 1.0 / math.sqrt(sum(weights))
+        off = float(np.average(said, weights=weights))
+        scatter2 = float(np.square(np.array(said) - off) @ weights) / max(len(said) - 1, 1)
+        sigma = math.sqrt(max(scatter2, 1.0) / sum(weights))  # of what disagrees more than it says (Birge 1932)
         if abs(off) < max(math.log1p(rule.wrong_share), rule.sigmas * sigma):
             return ""
         self._reported = True
