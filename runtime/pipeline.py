@@ -89,7 +89,7 @@ class Pipeline:
         motion = self._move_blind(frame, health) if health.blind else None
         if not self._searches(frame, health):
             motion = motion or self._move(frame, {})
-            return self._unsearched(frame, Detections.none(self._names), motion, health, camera)
+            return self._unsearched(frame, Detections.none(self._names), motion, health, self._rotated(camera, motion))
         tensor, placement = self._preprocess(frame.image)
         stage("preprocess")
         outputs = self._backbone.run({self._input_name: tensor})
@@ -98,9 +98,10 @@ class Pipeline:
             self._begin_odometry(frame, outputs)  # its network runs while this thread decodes
         detections = self._found = self._decode(outputs, placement)
         stage("decode")
+        motion = motion or self._move(frame, outputs)
+        camera = self._rotated(camera, motion)
         sightings = sightings_of(detections, camera, self.rule, frame.index, frame.stamp_s, frame.depth)
         stage("floor")
-        motion = motion or self._move(frame, outputs)
         fault = self._height.judge(frame, camera, detections, motion)
         stage("height")
         stages_ms = self._watch.stages_ms
@@ -113,7 +114,15 @@ class Pipeline:
         motion = self.odometry.rest(frame.stamp_s)
         self._moved = motion.moved()
         self._watch.stage("odometry")
+        camera = self._rotated(camera, motion)
         return replace(self._unsearched(frame, self._found, motion, health, camera), at_rest=True)
+
+    def _rotated(self, camera: FloorCamera, motion: Motion) -> FloorCamera:
+        """The frame's camera, where its attitude was predicted as the odometry saw it rotate."""
+        predicted = camera.attitude
+        if predicted is None or not predicted.predicted:
+            return camera
+        return self.camera.at(replace(self.attitude.rotated(motion.rotation), fault=predicted.fault))
 
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:
         """Whether the backbone runs: not on what shows nothing new of where the robot is, nor where a budget forbids it

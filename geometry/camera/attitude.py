@@ -31,6 +31,18 @@ class GyroRotation:
         return rotation_angle(self.rotation)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenRotation:
+    """The camera's rotation from the previous frame to this one, as tracked corners show it.
+
+    rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. sigma_rad: standard
+    deviation about each level axis.
+    """
+
+    rotation: Array
+    sigma_rad: float
+
+
 def rotation_angle(rotation: Array) -> float:
     """Angle of a rotation (3, 3), rad, 0 to pi."""
     return math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))
@@ -43,7 +55,8 @@ class Attitude:
 
     covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
-    source: what it comes from, for people. fault: one line where it shows that the mount is wrong, once.
+    source: what it comes from, for people. predicted: by what is known before this frame's rotation; the odometry shows
+    that. fault: one line where it shows that the mount is wrong, once.
     carried: whether the tilt scatters as that of a mounted camera does not.
     """
 
@@ -53,6 +66,7 @@ class Attitude:
     height_m: float | None = None
     rotation: GyroRotation | None = None
     source: str = "mount"
+    predicted: bool = False
     fault: str = ""
     carried: bool = False
 

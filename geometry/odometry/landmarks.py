@@ -52,6 +52,13 @@ def rotated(
     return math.atan2(base[1, 0], base[0, 0]), AttitudeError(pitch_rad, math.atan2(base[2, 1], base[2, 2]))
 
 
+def rotation_between(before: Viewpoint, camera_before: FloorCamera, after: Viewpoint, camera: FloorCamera) -> Array:
+    """(3, 3), takes optical directions of the later view into those of the earlier one."""
+    base_before = before.tilt.rotation() @ camera_before.mount.rotation_base_optical()
+    base_after = after.tilt.rotation() @ camera.mount.rotation_base_optical()
+    return base_before.T @ _rotation_z(before.pose.inverse() @ after.pose) @ base_after
+
+
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,

@@ -12,13 +12,13 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.room_edges import room_up
 from edgemap.geometry.robust import median_and_scatter
+from edgemap.runtime.attitude.pictures import PicturesAttitude
 from edgemap.runtime.attitude.protocol import AttitudeSource
-from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optical
+from edgemap.runtime.calibration.level import angles_text, pitch_roll
 from edgemap.runtime.calibration.segments import line_ends, segments_between
 from edgemap.runtime.frame import Frame
 
@@ -33,7 +33,7 @@ class MountRule:
 
     width_px: pictures are scaled down to it. strips: that a picture is cut into; their edges are found one after the
     other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two estimates, once
-    the mount is confirmed or after `first_s`, and before. reach_rad: of the search about the mount's angles. window_s:
+    the mount is confirmed or after `first_s`, and before. window_s:
     of estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
     estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: error from
     which a mount is wrong; up to there the given one holds. moved: mean grey levels between two pictures that count as
@@ -41,12 +41,11 @@ class MountRule:
     """
 
     width_px: int = 320
-    strips: int = 4
+    strips: int = 2
     strip_s: float = 0.09
     every_s: float = 1.5
-    first_every_s: float = 0.5
+    first_every_s: float = 0.25
     first_s: float = 10.0
-    reach_rad: float = math.radians(12.0)
     window_s: float = 20.0
     judged_s: float = 5.0
     fewest: int = 8
@@ -59,13 +58,20 @@ class CheckedMount:
     """Another source's attitude, about a mount that is checked against the edges of the room.
 
     Where they steadily give other angles than the mount's, that is reported once, as a fault, and theirs are used from
-    then on.
+    then on. What they show of single frames goes to `pictures`, which may be the other source, or behind it.
     """
 
-    def __init__(self, mount: Mount, lens: Intrinsics, other: AttitudeSource, rule: MountRule | None = None) -> None:
+    def __init__(
+        self,
+        mount: Mount,
+        lens: Intrinsics,
+        other: AttitudeSource,
+        pictures: PicturesAttitude,
+        rule: MountRule | None = None,
+    ) -> None:
         self.name = other.name
-        self._other, self._rule = other, rule or MountRule()
-        self._given = np.array([mount.roll_rad, mount.pitch_rad])
+        self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
+        self._mount, self._given = mount, np.array([mount.roll_rad, mount.pitch_rad])
         share = min(1.0, self._rule.width_px / lens.width)
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
@@ -82,9 +88,13 @@ class CheckedMount:
         other = self._other.step(frame)
         if not (fault or self._carried or self._offset.any()):
             return other
-        roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
         fault = "; ".join(filter(None, (other.fault, fault)))
+        roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
         return replace(other, roll_rad=roll, pitch_rad=pitch, fault=fault, carried=self._carried)
+
+    def rotated(self, rotation: SeenRotation | None) -> Attitude:
+        """The other source's; only pictures predict, and they know of the offset."""
+        return replace(self._other.rotated(rotation), carried=self._carried)
 
     def reset(self, reason: str) -> None:
         """The mount and its offset stay."""
@@ -99,7 +109,8 @@ class CheckedMount:
             return self._estimate(ends)
         if not self._strips and self._due(frame.stamp_s):
             self._begin(frame)
-        while self._strips and frame.stamp_s - self._started_s >= len(self._ends) * self._rule.strip_s:
+        first = self._started_s == self._first_s  # all at once: a carried camera may be tilted by far
+        while self._strips and (first or frame.stamp_s - self._started_s >= len(self._ends) * self._rule.strip_s):
             left, strip = self._strips.pop()
             self._ends.append(line_ends(strip) + [left, 0.0])
         return ""
@@ -107,7 +118,7 @@ class CheckedMount:
     def _due(self, stamp_s: float) -> bool:
         """Whether it is time for the next picture."""
         self._first_s = min(self._first_s, stamp_s)
-        settled = self._confirmed or stamp_s - self._first_s >= self._rule.first_s
+        settled = not self._carried and (self._confirmed or stamp_s - self._first_s >= self._rule.first_s)
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
 
     def _begin(self, frame: Frame) -> None:
@@ -119,13 +130,13 @@ class CheckedMount:
         if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
             return
         edges = np.linspace(0, self._lens.width, self._rule.strips + 1).astype(int).tolist()
+        self._pictures.begin_edges()
         self._last, self._strips = coarse, [(left, grey[:, left:right]) for left, right in pairwise(edges)]
 
     def _estimate(self, ends: Array) -> str:
         """Estimate the mount by the edges of one picture, (N, 2, 2) px."""
         edges = segments_between(ends, self._lens)
-        roll, pitch = self._given.tolist()
-        found = room_up(edges.normals, edges.lengths, up_optical(pitch, roll), self._rule.reach_rad)
+        found = self._pictures.see_edges(edges.normals, edges.lengths)
         if found is None:
             return ""
         pitch, roll = pitch_roll(found)
@@ -146,6 +157,8 @@ class CheckedMount:
         if not steady or self._confirmed:
             return ""
         self._offset = middle
+        roll, pitch = (self._given + middle).tolist()
+        self._pictures.correct_mount(replace(self._mount, roll_rad=roll, pitch_rad=pitch))
         given, found = np.degrees(self._given), np.degrees(self._given + middle)
         return (
             f"mount: {angles_text(given[1], given[0])} given, the room's edges give {angles_text(found[1], found[0])} "

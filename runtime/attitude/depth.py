@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.camera.depth_points import DepthPoints
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, follow_floor
@@ -56,8 +56,13 @@ class DepthAttitude:
         fault = self._judge(frame.stamp_s, plain, found[0].height_m)
         return replace(
             other, roll_rad=plain.roll_rad, pitch_rad=plain.pitch_rad, covariance_rad2=plain.covariance_rad2,
-            height_m=found[0].height_m, source=self.name, fault="; ".join(filter(None, (other.fault, fault))),
+            height_m=found[0].height_m, source=self.name, predicted=False,
+            fault="; ".join(filter(None, (other.fault, fault))),
         )  # fmt: skip
+
+    def rotated(self, rotation: SeenRotation | None) -> Attitude:
+        """The other source's, where no floor was in view."""
+        return self._other.rotated(rotation)
 
     def reset(self, reason: str) -> None:
         """Start again from the other source's attitude."""

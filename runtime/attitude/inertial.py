@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, SeenRotation
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
     InertialNoise,
@@ -19,8 +19,8 @@ from edgemap.geometry.camera.inertial import (
 )
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.checked_mount import MountRule
+from edgemap.runtime.attitude.pictures import PicturesRule
 from edgemap.runtime.attitude.protocol import AttitudeSource
-from edgemap.runtime.attitude.sources import NODDING_RAD
 from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optical
 from edgemap.runtime.frame import Frame
 
@@ -39,8 +39,7 @@ class AttitudeRule:
     nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. judged_s: of samples, before
     the mount is called wrong. steady_rad: standard deviation of tilt below which a camera is mounted, not carried.
     wrong_rad: more than the accelerometer's offset.
-    mount_sigma_rad: of the mount's angles where nothing measures tilt: a robot on wheels that brakes on hard floors.
-    noise: of the sensor and the filter. check: of the mount, by the pictures.
+    noise: of the sensor and the filter. pictures: where no samples come. check: of the mount, by the pictures.
     """
 
     farthest_rad: float = math.radians(6.0)
@@ -49,8 +48,8 @@ class AttitudeRule:
     judged_s: float = 10.0
     steady_rad: float = math.radians(2.0)
     wrong_rad: float = math.radians(4.5)
-    mount_sigma_rad: float = NODDING_RAD
     noise: InertialNoise = field(default_factory=InertialNoise)
+    pictures: PicturesRule = field(default_factory=PicturesRule)
     check: MountRule = field(default_factory=MountRule)
 
 
@@ -125,6 +124,10 @@ class InertialAttitude:
         self._state = state
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(found, rotation=rotation, fault=self._check.judge(_angles(state.force_optical), span_s))
+
+    def rotated(self, rotation: SeenRotation | None) -> Attitude:
+        """The other source's, where no samples came."""
+        return self._other.rotated(rotation)
 
     def reset(self, reason: str) -> None:
         """Start again with the next samples."""

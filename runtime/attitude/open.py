@@ -6,8 +6,9 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.attitude.checked_mount import CheckedMount
 from edgemap.runtime.attitude.depth import DepthAttitude
 from edgemap.runtime.attitude.inertial import AttitudeRule, InertialAttitude
+from edgemap.runtime.attitude.pictures import PicturesAttitude
 from edgemap.runtime.attitude.protocol import AttitudeSource
-from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
+from edgemap.runtime.attitude.sources import RecordedAttitude
 from edgemap.runtime.cameras.protocol import Camera
 
 
@@ -15,11 +16,11 @@ def open_attitude(
     odometry: str, camera: Camera, floor: FloorCamera, imu: bool = True, rule: AttitudeRule | None = None
 ) -> AttitudeSource:
     """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
-    frames bring any and `imu` allows it, else the mount; either about a mount that the room's edges check. Where a
+    frames bring any and `imu` allows it, else the pictures; either about a mount that the room's edges check. Where a
     frame brings depth, the floor in it gives attitude and height."""
     if odometry == "truth" and camera.attitudes is not None:
         return RecordedAttitude(camera.attitudes, floor.mount)
     rule = rule or AttitudeRule()
-    still = MountAttitude(floor.mount, rule.mount_sigma_rad)
-    known = InertialAttitude(floor.mount, still, rule) if imu else still
-    return DepthAttitude(floor, CheckedMount(floor.mount, floor.intrinsics, known, rule.check))
+    pictures = PicturesAttitude(floor.mount, rule.pictures)
+    known = InertialAttitude(floor.mount, pictures, rule) if imu else pictures
+    return DepthAttitude(floor, CheckedMount(floor.mount, floor.intrinsics, known, pictures, rule.check))

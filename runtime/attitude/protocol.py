@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.runtime.frame import Frame
 
 
@@ -15,6 +15,11 @@ class AttitudeSource(Protocol):
 
     def step(self, frame: Frame) -> Attitude:
         """The camera's attitude at this frame."""
+        ...
+
+    def rotated(self, rotation: SeenRotation | None) -> Attitude:
+        """The last frame's attitude where `step` could only predict it, once its rotation is seen; None where no corner
+        showed it."""
         ...
 
     def reset(self, reason: str) -> None:

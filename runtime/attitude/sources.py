@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.frame import Frame
@@ -24,6 +24,10 @@ class MountAttitude:
         """The same in every frame."""
         return self._attitude
 
+    def rotated(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
+        """The same."""
+        return self._attitude
+
     def reset(self, reason: str) -> None:
         """Nothing to forget."""
 
@@ -34,11 +38,16 @@ class RecordedAttitude:
     name = "truth"
 
     def __init__(self, track: AttitudeTrack, mount: Mount) -> None:
-        self._track, self._height_m = track, mount.height_m
+        self._track, self._height_m, self._seen_s = track, mount.height_m, 0.0
 
     def step(self, frame: Frame) -> Attitude:
         """Read off the track at the frame's stamp."""
+        self._seen_s = frame.stamp_s
         return self._track.at(frame.stamp_s, self._height_m)
+
+    def rotated(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
+        """The same again: nothing is predicted."""
+        return self._track.at(self._seen_s, self._height_m)
 
     def reset(self, reason: str) -> None:
         """Nothing to forget."""

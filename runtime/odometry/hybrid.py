@@ -226,7 +226,11 @@ class HybridOdometry:
         seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
         without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
         members = self._answers(alive, [found])
-        return Motion(motion, np.asarray(found.covariance), faults, members=members, without_gyro=without_gyro)
+        rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
+        return Motion(
+            motion, np.asarray(found.covariance), faults,
+            members=members, without_gyro=without_gyro, rotation=rotation,
+        )  # fmt: skip
 
     def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by

@@ -10,7 +10,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.odometry.landmarks import (
@@ -27,6 +27,7 @@ from edgemap.geometry.odometry.landmarks import (
     refined,
     rescaled,
     rotated,
+    rotation_between,
     with_neighbours_depth,
 )
 from edgemap.geometry.odometry.planar import planar_motion
@@ -195,6 +196,7 @@ class PlanarOdometry:
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._learn_nodding(found.view)
         self._learn_rolling(found, motion)
+        seen = self._seen_rotation(found)
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
@@ -204,7 +206,7 @@ class PlanarOdometry:
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
         self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._levelling)
         self._seek(grey, frame.depth)
-        return Motion(motion, covariance)
+        return Motion(motion, covariance, rotation=seen)
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the landmarks stay for the next picture, which measures the motion since the last one."""
@@ -335,6 +337,11 @@ class PlanarOdometry:
     def _ahead(self, motion: SE2) -> Viewpoint:
         """The view after a motion, tilted and as high as before."""
         return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
+
+    def _seen_rotation(self, found: Located) -> SeenRotation:
+        """Of the camera since the last picture, among the landmarks."""
+        rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
+        return SeenRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))))
 
     def _learn_nodding(self, found: Viewpoint) -> None:
         """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""

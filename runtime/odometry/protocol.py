@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
@@ -54,7 +54,8 @@ class Motion:
     """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
     base frame. fault: one line on what failed or was left out, else empty. blind: nothing was measured, the motion is a
     guess. members: of a hybrid, by name: `used`, `blind` (it measured nothing) or `left_out` (it disagrees).
-    without_gyro: of a hybrid with one, what its other members measured: motion and covariance."""
+    without_gyro: of a hybrid with one, what its other members measured: motion and covariance. rotation: of the camera,
+    where tracked corners show it."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
@@ -62,6 +63,7 @@ class Motion:
     blind: bool = False
     members: Mapping[str, str] = field(default_factory=dict)
     without_gyro: tuple[SE2, Array] | None = None
+    rotation: SeenRotation | None = None
 
     def moved(self) -> tuple[SE2, Array] | None:
         """What the next frame's attitude is told (`Frame.moved`): a gyro learns nothing from itself."""
@@ -82,7 +84,8 @@ class Motion:
 
 def no_motion() -> Motion:
     """Of one frame at rest. What was missed shows in the motion up to the first frame after it."""
-    return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])))
+    rest = SeenRotation(np.eye(3), REST_RAD)
+    return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
 
 
 def blind_motion(fault: str) -> Motion:
