@@ -35,7 +35,7 @@ class Tilt:
         return Tilt(back @ self.up, back @ self.covariance @ rotation.rotation).widened(rotation.sigma_rad)
 
     def corrected(self, up: Array, sigma_rad: float, gate: float = math.inf) -> Tilt:
-        """By an observed direction (Kalman); one farther off than `gate` standard deviations has as much less weight."""
+        """By an observed direction (Kalman); farther off than `gate` standard deviations it has as much less weight."""
         off = _level(self.up) @ (up - self.up)
         innovation = self.covariance + sigma_rad**2 * np.eye(3)
         beyond2 = float(off @ np.linalg.solve(innovation, off)) / gate**2

@@ -33,8 +33,8 @@ class MountRule:
 
     width_px: pictures are scaled down to it. strips: that a picture is cut into; their edges are found one after the
     other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two estimates, once
-    the mount is confirmed or after `first_s`, and before. window_s:
-    of estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
+    the mount is confirmed or after `first_s`, and before or where the camera is carried. window_s: of estimates that
+    are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
     estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: error from
     which a mount is wrong; up to there the given one holds. moved: mean grey levels between two pictures that count as
     two views.
@@ -89,6 +89,8 @@ class CheckedMount:
         if not (fault or self._carried or self._offset.any()):
             return other
         fault = "; ".join(filter(None, (other.fault, fault)))
+        if other.source == self._pictures.name:  # it knows of the offset
+            return replace(other, fault=fault, carried=self._carried)
         roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
         return replace(other, roll_rad=roll, pitch_rad=pitch, fault=fault, carried=self._carried)
 
@@ -152,6 +154,7 @@ class CheckedMount:
         middle, scatter = median_and_scatter(estimates[:, 1:])
         steady = scatter.max() < rule.steady_rad
         self._carried = not steady
+        self._pictures.see_carried(self._carried)
         off = np.abs(middle - self._offset).max()
         self._confirmed = bool(steady and off < rule.wrong_rad)
         if not steady or self._confirmed:

@@ -27,10 +27,10 @@ class PicturesRule:
 
     nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. likely: standard deviations
     of nodding, at which the mount tells half as much of the tilt. swinging_rad_s: of a camera on a robot, which the
-    mount tells that much of, and of one that is carried (rendered robots 1 to 3 degrees a second, a hand-held camera 6,
-    two head cameras 16 to 18), which is about the mount's angles within carried_rad. swung_s: over which that is
-    judged. rotation_rad, rotation_share: standard deviation of the rotation between two pictures beside what the
-    corners say, and relative to it.
+    mount tells that much of, and of one that is carried, which is about the mount's angles within carried_rad (rendered
+    robots 1 to 4 degrees a second, a hand-held camera 6, two head cameras 16 to 18). swung_s: over which that is
+    judged. calm_s: for which a camera counts as calm at first. rotation_rad, rotation_share: standard deviation of the
+    rotation between two pictures beside what the corners say, and relative to it.
     edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in two
     real rooms, 1.7 in a kitchen, 1.2 on a street). alone: by how much more those of one picture err, as they may agree
     on a wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3
@@ -40,11 +40,12 @@ class PicturesRule:
     """
 
     nodding_rad: float = NODDING_RAD
-    nodding_s: float = 0.5
+    nodding_s: float = 0.1
     likely: float = 10.0
     swinging_rad_s: tuple[float, float] = (math.radians(5.0), math.radians(8.0))
     carried_rad: float = math.radians(10.0)
     swung_s: float = 5.0
+    calm_s: float = 0.2
     rotation_rad: float = math.radians(0.05)
     rotation_share: float = 0.1
     edges_rad: float = math.radians(0.4)
@@ -60,7 +61,7 @@ class PicturesAttitude:
     """Roll and pitch by the camera's rotation from picture to picture and a room's edges, about the mount.
 
     The mount tells the less the faster the camera nods and the farther off it is: what is carried is not mounted.
-    `step` gives the mount's angles: odometry follows the tilt of a camera by itself, from those.
+    `step` gives the mount's angles of what is mounted: odometry follows its nods by itself, from those.
     """
 
     name = "pictures"
@@ -72,34 +73,36 @@ class PicturesAttitude:
         self.reset("start")
 
     def step(self, frame: Frame) -> Attitude:
-        """The mount's, before this frame's rotation is seen."""
+        """Before this frame's rotation is seen: the mount's, or of a carried camera that of the frame before, with the
+        covariance of what it may have rotated since."""
         span_s = frame.stamp_s - self._seen_s
         self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, frame.stamp_s
-        return self._given
+        if self._carried_share() == 0.0:
+            return self._given
+        ahead = self._unseen()
+        return replace(Attitude.of_up(ahead.up, ahead.angles_covariance(), self.name), predicted=True)
 
     def rotated(self, rotation: SeenRotation | None) -> Attitude:
         """The attitude of the last frame, by the rotation up to it."""
-        if rotation is None:
-            tilt = self._tilt.widened(math.sqrt(self._rate2) * self._span_s)
-        else:
-            tilt = self._turned(rotation)
+        tilt = self._unseen() if rotation is None else self._turned(rotation)
         self._carry_edges(rotation)
-        carried = self._carried_rad()
-        if carried > self._assumed_rad:  # what the mount told so far was too much
-            tilt = tilt.widened(math.sqrt(carried**2 - self._assumed_rad**2))
-            self._assumed_rad = carried
-        sigma_rad = self._nodding_rad(tilt) + carried
+        share = self._carried_share()
+        carried_rad = share * self._rule.carried_rad
+        if carried_rad > self._assumed_rad:  # what the mount told so far was too much
+            tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
+            self._assumed_rad = carried_rad
+        sigma_rad = self._nodding_rad(tilt) + carried_rad
         frames = max(2.0 * self._rule.nodding_s / self._span_s, 1.0)  # that tell the same
         self._tilt = tilt.corrected(self._mounted, sigma_rad * math.sqrt(frames))
-        lasting_rad = self._rule.lasting_rad * carried / self._rule.carried_rad
-        return Attitude.of_up(self._tilt.up, self._tilt.widened(lasting_rad).angles_covariance(), self.name)
+        shown = self._tilt.widened(share * self._rule.lasting_rad)
+        return Attitude.of_up(shown.up, shown.angles_covariance(), self.name)
 
     def reset(self, reason: str) -> None:  # noqa: ARG002
         """Start again at the mount."""
         self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
         self._seen_s, self._span_s = -math.inf, LONGEST_S
-        self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate about each axis, and over how long
-        self._assumed_rad, self._begun = 0.0, False
+        self._rate2, self._judged_s = 0.0, self._rule.calm_s  # mean square of the tilt's rate, and over how long
+        self._assumed_rad, self._begun, self._carried = 0.0, False, False
         self._since: Array | None = None  # rotation since the picture whose edges are looked for
         self._edges: list[tuple[Array, Array]] = []  # normals and lengths, in the axes of that picture
 
@@ -114,8 +117,8 @@ class PicturesAttitude:
         expected = self._tilt.up if since is None else since @ self._tilt.up
         reach_rad = min(max(rule.reach_sigmas * self._tilt.sigma_rad(), rule.reach_rad[0]), rule.reach_rad[1])
         self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
-        together = [np.concatenate(parts) for parts in zip(*self._edges, strict=True)]
-        up = room_up(*together, expected, reach_rad)
+        all_normals, all_lengths = (np.concatenate([edges[part] for edges in self._edges]) for part in (0, 1))
+        up = room_up(all_normals, all_lengths, expected, reach_rad)
         if up is None and len(self._edges) > 1:
             self._edges = [(normals, lengths)]
             up = room_up(normals, lengths, expected, reach_rad)
@@ -126,10 +129,18 @@ class PicturesAttitude:
             self._tilt = self._tilt.corrected(since.T @ up, sigma_rad, rule.edges_gate)
         return up
 
+    def see_carried(self, carried: bool) -> None:
+        """Whether edges show steadily that the camera is carried, however slowly it swings."""
+        self._carried = carried
+
     def correct_mount(self, mount: Mount) -> None:
         """The mount was wrong."""
         self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
         self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
+
+    def _unseen(self) -> Tilt:
+        """The tilt before the rotation of this frame is seen."""
+        return self._tilt.widened(math.sqrt(self._rate2) * self._span_s)
 
     def _turned(self, rotation: SeenRotation) -> Tilt:
         """The tilt after a rotation; learns how fast it changes."""
@@ -158,8 +169,8 @@ class PicturesAttitude:
         rule, off = self._rule, tilt.up - self._mounted
         return rule.nodding_rad * (1.0 + float(off @ off) / 2.0 / (rule.likely * rule.nodding_rad) ** 2)
 
-    def _carried_rad(self) -> float:
-        """Standard deviation of the tilt about the mount of a camera that swings so, as far as it is carried."""
+    def _carried_share(self) -> float:
+        """From 0, of a camera on a robot, to 1, of one that is carried."""
         level, carried = self._rule.swinging_rad_s
         share = (math.sqrt(self._rate2) - level) / (carried - level)
-        return min(max(share, 0.0), 1.0) * self._rule.carried_rad
+        return 1.0 if self._carried else min(max(share, 0.0), 1.0)

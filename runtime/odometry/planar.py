@@ -204,7 +204,8 @@ class PlanarOdometry:
         if factor > 1.0:
             self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
-        self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._levelling)
+        if not self._predicted:
+            self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._levelling)
         self._seek(grey, frame.depth)
         return Motion(motion, covariance, rotation=seen)
 
@@ -240,7 +241,7 @@ class PlanarOdometry:
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
-        self._rotation_known = self._rotation_held = self._upright = False
+        self._rotation_known = self._rotation_held = self._upright = self._predicted = False
         self._floor_s, self._scaled_s = self._seen_s, -math.inf
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
@@ -258,6 +259,14 @@ class PlanarOdometry:
             sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
             self._noise = replace(self._level_noise, tilt_rad=sigma)
             self._mask = self._floor_mask(self._camera)
+        self._predicted = attitude is not None and attitude.predicted and attitude.source != "mount"
+        if (
+            self._predicted
+        ):  # this camera is the last one as its rotation corrected it: what is left of the tilt is wrong
+            _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
+            view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
+            self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, self._rule.levelling)
+            self._camera_before = self._camera
         rotation = None if attitude is None or self._skipped else attitude.rotation
         self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
         self._rotation_known = self._rotation_held = rotation is not None
@@ -362,7 +371,7 @@ class PlanarOdometry:
         """What is unknown of this picture's tilt and height."""
         nodding_rad = math.sqrt(self._nodding2)
         known_height = self._attitude is not None and self._attitude.height_m is not None
-        measured = self._attitude is not None and self._attitude.source != "mount"
+        measured = self._attitude is not None and self._attitude.source != "mount" and not self._predicted
         tilt_rad = (
             self._noise.tilt_rad if measured else max(self._noise.tilt_rad, self._rule.nodding_sigmas * nodding_rad)
         )
