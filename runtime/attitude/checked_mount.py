@@ -41,10 +41,10 @@ class MountRule:
     """
 
     width_px: int = 320
-    strips: int = 2
+    strips: int = 3
     strip_s: float = 0.09
     every_s: float = 1.5
-    first_every_s: float = 0.25
+    first_every_s: float = 0.35
     first_s: float = 10.0
     window_s: float = 20.0
     judged_s: float = 5.0
@@ -126,8 +126,8 @@ class CheckedMount:
     def _begin(self, frame: Frame) -> None:
         """Take a picture for an estimate, if it shows another view than the last one."""
         self._started_s = frame.stamp_s
-        small = cv2.resize(frame.image, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
-        grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
+        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        grey = cv2.resize(grey, (self._lens.width, self._lens.height), interpolation=cv2.INTER_AREA)
         coarse = cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA)
         if self._last is not None and float(cv2.absdiff(coarse, self._last).mean()) < self._rule.moved:
             return

@@ -91,9 +91,11 @@ class PicturesAttitude:
         if carried_rad > self._assumed_rad:  # what the mount told so far was too much
             tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
             self._assumed_rad = carried_rad
-        sigma_rad = self._nodding_rad(tilt) + carried_rad
-        frames = max(2.0 * self._rule.nodding_s / self._span_s, 1.0)  # that tell the same
-        self._tilt = tilt.corrected(self._mounted, sigma_rad * math.sqrt(frames))
+        if share < 1.0:  # what is carried keeps its tilt about the mount, which told that once
+            frames = max(2.0 * self._rule.nodding_s / self._span_s, 1.0)  # that tell the same
+            sigma_rad = (self._nodding_rad(tilt) + carried_rad) * math.sqrt(frames) / (1.0 - share)
+            tilt = tilt.corrected(self._mounted, sigma_rad)
+        self._tilt = tilt
         shown = self._tilt.widened(share * self._rule.lasting_rad)
         return Attitude.of_up(shown.up, shown.angles_covariance(), self.name)
 

@@ -259,14 +259,13 @@ class PlanarOdometry:
             sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
             self._noise = replace(self._level_noise, tilt_rad=sigma)
             self._mask = self._floor_mask(self._camera)
-        self._predicted = attitude is not None and attitude.predicted and attitude.source != "mount"
-        if (
-            self._predicted
-        ):  # this camera is the last one as its rotation corrected it: what is left of the tilt is wrong
+        ahead = attitude is not None and attitude.predicted and attitude.source != "mount"
+        if ahead or self._predicted:  # this camera is the last one as its rotation corrected it: what is left is wrong
             _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
             view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
             self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, self._rule.levelling)
             self._camera_before = self._camera
+        self._predicted = ahead
         rotation = None if attitude is None or self._skipped else attitude.rotation
         self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
         self._rotation_known = self._rotation_held = rotation is not None

@@ -7,37 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.edges import room_edges
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.room_edges import room_up
 from edgemap.runtime.attitude.checked_mount import CheckedMount
-from edgemap.runtime.attitude.sources import MountAttitude
+from edgemap.runtime.attitude.pictures import PicturesAttitude
 from edgemap.runtime.calibration.level import pitch_roll, up_optical
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.errors import EdgemapError
 
 
-def edges(pitch_deg, roll_deg, rng, count=12, outliers=8):
-    """Planes, (N, 3), through a lens and edges of a room along three directions, and others; lengths (N,)."""
-    up = up_optical(math.radians(pitch_deg), math.radians(roll_deg))
-    away = np.array([0.0, 0.0, 1.0]) - up[2] * up
-    away /= np.linalg.norm(away)
-    right = np.cross(away, up)
-    turn = math.radians(25.0)
-    first = math.cos(turn) * right + math.sin(turn) * away
-    normals = []
-    for direction in (up, first, np.cross(up, first)):
-        points = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), np.ones(count)])
-        normals.append(np.cross(points, direction))
-    normals.append(rng.normal(size=(outliers, 3)))
-    normals = np.concatenate(normals)
-    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True) + rng.normal(0.0, 0.004, normals.shape)
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.uniform(0.08, 0.3, len(normals))
-
-
 @pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
 def test_up_of_a_room_seven_degrees_from_where_it_is_expected(pitch, roll):
-    normals, lengths = edges(pitch, roll, np.random.default_rng(3))
+    normals, lengths = room_edges(pitch, roll, np.random.default_rng(3))
     found = room_up(normals, lengths, up_optical(math.radians(pitch - 5.0), math.radians(roll + 5.0)), math.radians(12))
     assert found is not None
     assert np.degrees(pitch_roll(found)) == pytest.approx((pitch, roll), abs=0.5)
@@ -57,7 +40,8 @@ def told(off_deg, frames=80, still=False, hz=10.0):
     faults, attitude = [], None
     with open_camera("demo") as camera:
         mount = replace(camera.mount, pitch_rad=camera.mount.pitch_rad + math.radians(off_deg))
-        source = CheckedMount(mount, camera.intrinsics, MountAttitude(mount))
+        pictures = PicturesAttitude(mount)
+        source = CheckedMount(mount, camera.intrinsics, pictures, pictures)
         first = camera.read()
         for index in range(frames):
             frame = first if still else camera.read()

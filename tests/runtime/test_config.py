@@ -102,13 +102,13 @@ def test_every_number_survives_the_file(tmp_path_factory, gate, frames):
     ],
 )
 def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
-    config, _ = load_config(written(tmp_path, {"config": {"attitude": {"mount_sigma_rad": 0.125}, **tree}}))
+    config, _ = load_config(written(tmp_path, {"config": {"attitude": {"pictures": {"nodding_rad": 1e-4}}, **tree}}))
     with edgemap.open("demo", odometry="planar", config=config) as session:
         _, second = itertools.islice(session, 2)
     assert told in second.motion.fault
     assert second.observed.camera is not None
     assert second.observed.camera.attitude is not None
-    assert second.observed.camera.attitude.covariance_rad2[0, 0] == pytest.approx(0.125**2)
+    assert second.observed.camera.attitude.covariance_rad2[0, 0] <= 1e-4**2
 
 
 def test_rest_takes_its_part_of_the_tree(tmp_path):

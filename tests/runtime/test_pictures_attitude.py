@@ -1,0 +1,105 @@
+"""Attitude from pictures alone: a carried camera and a nodding robot by made rotations, and a real walk."""
+
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
+import math
+import os
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.edges import room_edges
+
+import edgemap
+from edgemap.evaluation.attitude import attitude_figures
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.inertial import rotation_of
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.tilt import Tilt
+from edgemap.runtime.attitude.pictures import PicturesAttitude
+from edgemap.runtime.calibration.level import up_optical
+from edgemap.runtime.drives import open_drive
+from edgemap.runtime.frame import Frame
+
+WALK = Path(os.environ.get("EDGEMAP_SHARED", "../shared")) / "data" / "lounge"
+MOUNT = Mount.from_degrees(1.7, 20.0)
+BLANK = np.zeros((4, 4, 3), np.uint8)
+
+
+def swinging(pitches_deg, rolls_deg, yaws_deg):
+    """Rotations (N, 3, 3) of optical directions into a level frame of a camera that swings so."""
+    return [
+        rotation_of(np.array([[0.0, 0.0, math.radians(yaw)]]))[0]
+        @ Mount.from_degrees(1.0, pitch, roll).rotation_base_optical()
+        for pitch, roll, yaw in zip(pitches_deg, rolls_deg, yaws_deg, strict=True)
+    ]
+
+
+def followed(poses, noise_rad, edges_every=None):
+    """The attitudes of cameras (rotations as of `swinging`) at 10 Hz, and the true ones."""
+    source, rng = PicturesAttitude(MOUNT), np.random.default_rng(1)
+    found, true, rotation = [], [], None
+    for index, (before, now) in enumerate(pairwise([poses[0], *poses])):
+        attitude = Attitude.of_up(now[2], np.zeros((2, 2)), "truth")
+        source.step(Frame(index, index / 10.0, BLANK))
+        if edges_every and index % edges_every == 0:
+            source.begin_edges()
+        rotation = before.T @ now @ rotation_of(rng.normal(0.0, noise_rad, (1, 3)))[0]
+        found.append(source.rotated(SeenRotation(rotation, noise_rad) if index else None))
+        true.append(attitude)
+        if edges_every and index % edges_every == 0:
+            angles = np.degrees([attitude.pitch_rad, attitude.roll_rad])
+            source.see_edges(*room_edges(*angles, rng))
+    return found, true
+
+
+def test_a_carried_camera_far_off_its_mount_is_found_by_the_edges_of_the_room():
+    stamps = np.arange(80) / 10.0
+    pitches, rolls = 8.0 + 8.0 * np.sin(2.0 * stamps), 6.0 + 3.0 * np.sin(3.0 * stamps)
+    found, true = followed(swinging(pitches, rolls, 20.0 * stamps), math.radians(0.2), edges_every=3)
+    figures = attitude_figures(found[20:], true[20:])
+    assert max(figures["pitch_rms_deg"], figures["roll_rms_deg"]) < 0.7
+    assert figures["nees"] < 4.0
+    assert figures["sources"] == {"pictures": 1.0}
+    found, true = followed(swinging(pitches, rolls, 20.0 * stamps), math.radians(0.2))
+    alone = attitude_figures(found[5:], true[5:])  # carried, as its first pictures show
+    assert alone["pitch_rms_deg"] > 5.0  # no edges: the mount is 12 degrees off
+    assert alone["nees"] < 6.0
+
+
+def test_a_nodding_robot_is_followed_about_its_mount():
+    rng = np.random.default_rng(0)
+    nods = np.convolve(rng.normal(size=300), np.exp(-np.arange(8) / 3.0), "same") * 0.3
+    poses = swinging(20.0 + nods, np.zeros(300), np.cumsum(rng.normal(0.0, 2.0, 300)))
+    figures = attitude_figures(*followed(poses, math.radians(0.05)))
+    assert figures["pitch_rms_deg"] < 0.9 * np.sqrt((nods**2).mean())
+    assert 0.5 < figures["nees"] < 4.0
+
+
+def test_a_rotation_carries_up_and_its_covariance():
+    up = up_optical(0.3, 0.1)
+    swing = rotation_of(np.array([[0.02, 0.3, -0.01]]))[0]
+    tilt = Tilt.about(up, 0.02).corrected(up_optical(0.31, 0.1), 0.02)
+    assert tilt.sigma_rad() == pytest.approx(0.02 / math.sqrt(2.0), rel=1e-3)
+    turned = tilt.rotated(SeenRotation(swing, 0.0))
+    assert swing @ turned.up == pytest.approx(tilt.up, abs=1e-12)
+    assert turned.sigma_rad() == pytest.approx(tilt.sigma_rad())
+    random = np.random.default_rng(2)
+    spread = np.array(
+        [Attitude.of_up(turned.up + e, np.eye(2), "").roll_rad for e in
+         random.multivariate_normal(np.zeros(3), turned.covariance, 4000)]
+    )  # fmt: skip
+    assert turned.angles_covariance()[0, 0] == pytest.approx(spread.var(), rel=0.1)
+
+
+@pytest.mark.skipif(not WALK.is_dir(), reason=f"{WALK}: no recorded walk")
+def test_a_real_walk_is_seen_level_without_an_imu():
+    drive = open_drive(f"c2w:{WALK}")
+    with edgemap.open(f"c2w:{WALK}", odometry="planar") as session:
+        found = [step.observed.camera.attitude for step, _ in zip(session, range(45), strict=False)]
+    true = [drive.attitudes.at(stamp_s, MOUNT.height_m) for stamp_s in drive.stamps_s[:45]]
+    mount = attitude_figures([Attitude.of_mount(drive.mount)] * 25, true[20:])
+    figures = attitude_figures(found[20:], true[20:])
+    assert figures["pitch_rms_deg"] < 0.3 * mount["pitch_rms_deg"]
+    assert figures["nees"] < 6.0
