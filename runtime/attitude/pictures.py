@@ -34,9 +34,10 @@ class PicturesRule:
     edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in two
     real rooms, 1.7 in a kitchen, 1.2 on a street). alone: by how much more those of one picture err, as they may agree
     on a wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3
-    degrees and more. pictures: whose edges are put together. lasting_rad: of a carried camera's tilt, beside the
-    filter's: what is wrong with the edges of a room, or with the rotation, lasts. reach_rad: of the search for up, at
-    least and at most, reach_sigmas: in standard deviations of the tilt.
+    degrees and more. pictures: whose edges are put together. reach_rad: of the search for up, at least and at most,
+    reach_sigmas: in standard deviations of the tilt. known_rad: standard deviation beyond which the mount's angles are
+    used, until the edges have told. lasting_rad: of a carried camera's tilt, beside the filter's: what is wrong with a
+    room's edges, or with the rotation, lasts.
     """
 
     nodding_rad: float = NODDING_RAD
@@ -52,6 +53,7 @@ class PicturesRule:
     alone: float = 1.0
     edges_gate: float = 2.0
     pictures: int = 2
+    known_rad: float = math.radians(2.5)
     lasting_rad: float = math.radians(1.0)
     reach_rad: tuple[float, float] = (math.radians(12.0), math.radians(30.0))
     reach_sigmas: float = 3.0
@@ -77,7 +79,7 @@ class PicturesAttitude:
         covariance of what it may have rotated since."""
         span_s = frame.stamp_s - self._seen_s
         self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, frame.stamp_s
-        if self._carried_share() == 0.0:
+        if self._carried_share() == 0.0 or not self._known():
             return self._given
         ahead = self._unseen()
         return replace(Attitude.of_up(ahead.up, ahead.angles_covariance(), self.name), predicted=True)
@@ -96,6 +98,8 @@ class PicturesAttitude:
             sigma_rad = (self._nodding_rad(tilt) + carried_rad) * math.sqrt(frames) / (1.0 - share)
             tilt = tilt.corrected(self._mounted, sigma_rad)
         self._tilt = tilt
+        if not self._known():
+            return replace(self._given, predicted=False)
         shown = self._tilt.widened(share * self._rule.lasting_rad)
         return Attitude.of_up(shown.up, shown.angles_covariance(), self.name)
 
@@ -139,6 +143,10 @@ class PicturesAttitude:
         """The mount was wrong."""
         self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
         self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
+
+    def _known(self) -> bool:
+        """Whether this tells more than the mount's angles."""
+        return self._tilt.sigma_rad() < self._rule.known_rad
 
     def _unseen(self) -> Tilt:
         """The tilt before the rotation of this frame is seen."""
