@@ -218,6 +218,8 @@ class HybridOdometry:
         camera = None if wheels is None else self._of(CAMERA, alive)
         faults = "; ".join(filter(None, (faults, self._scale.judge(camera, wheels))))
         self._conflicts = self._conflicts + 1 if found.conflict else 0
+        if found.conflict:  # who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`
+            found = replace(found, covariance=(2 * self._conflicts - 1) * np.asarray(found.covariance))
         if self._conflicts == self._rule.lasting_conflict:
             faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
         motion = SE2(*found.motion)

@@ -91,6 +91,16 @@ def test_sources_that_go_on_disagreeing_are_a_fault():
     assert "camera against wheels" in faults[10]
 
 
+def test_the_covariance_of_a_lasting_conflict_covers_either_source():
+    """A camera that shows one picture again and again beside wheels that roll: half of the path is missed."""
+    sources = {"camera": Scripted(*[motion(0.0, 0.002)] * 31), "wheels": Scripted(*[motion(0.07, 0.002)] * 31)}
+    hybrid = HybridOdometry([Member(scripted, source) for source, scripted in sources.items()])
+    moved = [hybrid.step(at(index / 10.0), {}) for index in range(31)][1:]
+    off_m = sum(step.motion.x_m for step in moved) - 0.07 * 30
+    assert off_m == pytest.approx(-1.05, abs=0.05)
+    assert 1.0 < math.sqrt(sum(step.covariance[0, 0] for step in moved)) / abs(off_m) < 1.5
+
+
 def test_a_step_in_which_sources_agree_ends_their_conflict():
     """Six steps of conflict, one of agreement, and ten more until it is told."""
     agree, deny = motion(0.1, 0.001), motion(0.3, 0.001)
