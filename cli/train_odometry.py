@@ -120,7 +120,7 @@ def command(
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
     if isinstance(begun.head, FlowHead):
         print(f"lengths in units of {begun.head.unit_m:g} m, after the nearest floor in view", flush=True)
-        recipe = flow_recipe(rate or 1e-3, length or 8, begun.head.unit_m)
+        recipe = flow_recipe(rate or 1e-3, length or 8)
     else:
         recipe = paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16, device)

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.data import FeatureDrive
+from edgemap.export.odometry.flow import COARSE_ROWS
 from edgemap.export.odometry.flow_loss import ClipBatch
 
 LONGEST_DT_S = 0.25
-FASTEST_YAW_RAD, FASTEST_UNITS = 0.30, 0.17  # of one step that skips pictures; what the search can follow
+FASTEST_YAW_RAD = 0.30  # of one step that skips pictures; what the search can follow
 KNOWN_ATTITUDE = 0.75  # of the clips of a robot that nods; the others know the mount alone
 ATTITUDE_SIGMA_DEG = (0.2, 0.5)  # standard deviation of a clip's attitudes, as a filter's
 ATTITUDE_LASTS_S = 2.0  # how long its errors last (Gauss and Markov, first order)
@@ -26,14 +27,23 @@ Chosen = tuple[FeatureDrive, NDArray[np.intp]]  # a drive and the frames of a cl
 
 @dataclass(frozen=True, slots=True)
 class Clips:
-    """How clips are cut. length: frames. skips: chosen among these, as far as `LONGEST_DT_S` allows. unit_m: the unit
-    of length of the head, metres."""
+    """How clips are cut. length: frames. skips: chosen among these, as far as `LONGEST_DT_S` allows."""
 
     length: int = 8
     skips: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     backwards: float = 0.3
     still: float = 0.05
-    unit_m: float = 1.0
+
+
+def reach_m(drive: FeatureDrive) -> float:
+    """How far the base may drive in a step that skips pictures: the nearest floor in view then moves down the picture
+    by as many cells as the search reaches. 0.2 m for robots at home, 3 m for KITTI's car; no bound without floor."""
+    floor, down = drive.cells[0, 6], np.abs(drive.cells[0, 5])
+    nearest = np.unravel_index(int(floor.argmax()), floor.shape)
+    if floor[nearest] <= 0.0:
+        return math.inf
+    share = COARSE_ROWS * float(down[nearest]) / (float(floor[nearest]) * float(drive.mount[0, 11]))
+    return share / (1.0 + share) / float(floor[nearest])
 
 
 class ClipDraws:
@@ -43,6 +53,7 @@ class ClipDraws:
     def __init__(self, rule: Clips, drives: Sequence[FeatureDrive]) -> None:
         self.rule = rule
         self._choices: list[tuple[FeatureDrive, int]] = []
+        self._reach_m = {drive: reach_m(drive) for drive in drives}
         rates, lengths = [], []
         for drive in drives:
             if len(drive) < rule.length:
@@ -72,8 +83,7 @@ class ClipDraws:
                 stop = int(rng.integers(1, rule.length))
                 indices[stop:] = indices[stop]
             motions = np.abs(drive.motions(indices))
-            fastest_m = FASTEST_UNITS * rule.unit_m
-            if skip == 1 or (motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < fastest_m):
+            if skip == 1 or (motions[:, 2].max() < FASTEST_YAW_RAD and motions[:, :2].max() < self._reach_m[drive]):
                 return drive, indices
 
 

@@ -54,8 +54,8 @@ class Recipe:
         return spans | {"rate_hz": (round(slowest, 2), spans["rate_hz"][1])}
 
 
-def flow_recipe(rate: float = 1e-3, length: int = 8, unit_m: float = 1.0) -> Recipe:
-    """AdamW with a cosine, the loss of `flow_loss`. unit_m: the head's unit of length, metres."""
+def flow_recipe(rate: float = 1e-3, length: int = 8) -> Recipe:
+    """AdamW with a cosine, the loss of `flow_loss`."""
 
     def optimizer(head: nn.Module) -> torch.optim.Optimizer:
         return torch.optim.AdamW(head.parameters(), lr=rate, weight_decay=1e-3)
@@ -65,8 +65,7 @@ def flow_recipe(rate: float = 1e-3, length: int = 8, unit_m: float = 1.0) -> Rec
         motions, covariances = zip(*(head.metric(second.solution) for _, second in looks), strict=True)
         return torch.stack(motions, dim=1), torch.stack(covariances, dim=1), new
 
-    clips = Clips(length, unit_m=unit_m)
-    return Recipe("flow", clips, rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)
+    return Recipe("flow", Clips(length), rate, optimizer, lambda share, _: Schedule.rate(share), flow_loss, unroll)
 
 
 def paper_recipe(length: int = 10, factor: float = 1.0) -> Recipe:

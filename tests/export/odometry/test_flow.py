@@ -14,7 +14,7 @@ from support.floor_drive import CAMERA, floor_drive  # noqa: E402
 
 from edgemap.export.errors import ExportError  # noqa: E402
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head, save_head  # noqa: E402
-from edgemap.export.odometry.clips import LONGEST_DT_S, ClipDraws, Clips, make_batch  # noqa: E402
+from edgemap.export.odometry.clips import LONGEST_DT_S, ClipDraws, Clips, make_batch, reach_m  # noqa: E402
 from edgemap.export.odometry.flow import FlowHead  # noqa: E402
 from edgemap.export.odometry.flow_loss import flow_loss, run_clip  # noqa: E402
 from edgemap.export.odometry.recipe import flow_recipe  # noqa: E402
@@ -69,7 +69,7 @@ def test_a_unit_of_length_is_a_larger_world():
     cells[:, 6] /= 8.0
     mount[:, 9:] *= 8.0
     large = replace(drive, cells=cells, mount=mount, poses=drive.poses * [8.0, 8.0, 1.0])
-    assert (unit_of([drive, drive, large]), unit_of([large])) == (0.5, 4.0)  # its floor begins 0.46 m ahead
+    assert (unit_of([drive, drive, large]), unit_of([large])) == (0.5, 4.0)  # its floor begins 0.58 m ahead
     recipe, batches = flow_recipe(), [make_batch([(each, np.arange(6))]) for each in (drive, large)]
     motions, covariances, _ = recipe.unroll(head, batches[0], None)
     loss = flow_loss(head, batches[0], 0.5)[0]
@@ -79,7 +79,8 @@ def test_a_unit_of_length_is_a_larger_world():
     torch.testing.assert_close(found, motions * units, atol=1e-5, rtol=1e-4)
     torch.testing.assert_close(told, covariances * units[:, None] * units, atol=1e-8, rtol=1e-3)
     torch.testing.assert_close(flow_loss(head, batches[1], 0.5)[0], loss, atol=1e-4, rtol=1e-4)
-    assert [clips.unit_m for clips in (recipe.clips, flow_recipe(unit_m=8.0).clips)] == [1.0, 8.0]
+    # It lies 0.86 below the horizon there; 3 cells of 16 px of 130 are 0.43 of that: 0.58 m * 0.43 / 1.43.
+    assert (reach_m(drive), reach_m(large)) == pytest.approx((0.174, 8 * 0.174), rel=0.01)
 
 
 def test_one_step_at_a_time_is_the_same_as_a_clip():
