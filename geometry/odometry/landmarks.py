@@ -63,7 +63,8 @@ def rotation_between(before: Viewpoint, camera_before: FloorCamera, after: Viewp
 class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it was
-    estimated; scale: of the common scale of all points off the floor in one picture, relative; unknown: of
+    estimated; scale: of the common scale of known points off the floor in one picture, relative; common: share of the
+    unknown of new points' depths that is common to them; unknown: of
     the inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
     next; yaw_rad: of the rotation since the last picture where a gyro measures it."""
 
@@ -72,6 +73,7 @@ class Noise:
     tilt_rad: float = math.radians(0.2)
     floor_tilt_rad: float = math.radians(0.1)
     scale: float = 0.05
+    common: float = 0.0
     unknown_mean: float = 0.2
     unknown: float = 0.3
     rise_m: float = 1e-4
@@ -244,7 +246,8 @@ def locate(
     off_floor = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
-    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
+    common = _common_scale_sigma(landmarks, noise)
+    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, common**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
     lateral: Lateral | None = None
     for scale in ANNEALING:
@@ -281,8 +284,18 @@ def locate(
     return Located(view, covariance, weights, residual, projection, log_scale, measured)
 
 
-SHOWS_LATERAL = 60.0  # landmarks on the floor that show how the robot moves across its heading
-LATERAL_GATE = 25.0  # squared, in standard deviations
+def _common_scale_sigma(landmarks: Landmarks, noise: Noise) -> float:
+    """Standard deviation, relative, of the common scale of points off the floor: what stands in one view is about
+    equally far, so that new points err together."""
+    free = ~(landmarks.floor | landmarks.measured)
+    if not free.any():
+        return noise.scale
+    relative = np.sqrt(landmarks.variance[free]) / np.maximum(landmarks.inverse_m[free], 1e-3)
+    return math.hypot(noise.scale, noise.common * min(float(np.median(relative)), 1.0))
+
+
+SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
+LATERAL_GATE = 64.0  # squared, in standard deviations
 
 
 def _without_rolling(lateral: Lateral, inverse: Array, excess: float) -> tuple[float, float]:

@@ -47,6 +47,7 @@ SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
 RESPONSE_PX = 3  # about a corner; that far its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every so many pixels
 EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner; at an edge its depth may be that of either of two objects
+TURN_M = 0.3  # of way for a radian of turn
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
@@ -71,14 +72,16 @@ class PlanarRule:
     mover_margin_px: about boxes of people and animals, where no corner is used. lateral_m, lateral_share: as of
     `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
     it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
-    itself. slides_weight: of the newest step in that share. carried_s: for which a camera counts as carried, not on
-    wheels, after it nodded so, and settled_s after the start.
+    itself. slides_weight: of the newest step in that share. steady_m: of way without nodding,
+    after which a camera counts as one on wheels. floor_lost_s: there, after so long without floor landmarks, what is
+    seen below the horizon counts as floor at once. neighbour_px: distance in the picture, at the working width, over
+    which landmarks give new ones their depth.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
     and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
     are held to it; yaw always is. gyro_levelling: `levelling`, as the gyro carries the tilt on.
     scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
-    once. neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
+    once.
     """
 
     working_width_px: int = 320
@@ -109,8 +112,9 @@ class PlanarRule:
     axle_sigma_m: tuple[float, float] = (0.01, 1.0)
     slides_share: float = 0.3
     slides_weight: float = 0.05
-    carried_s: float = 30.0
-    settled_s: float = 1.0
+    steady_m: float = 2.0
+    floor_lost_s: float = 1.0
+    neighbour_px: float = 40.0
     rise_per_rad: float = 0.5
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
@@ -118,7 +122,6 @@ class PlanarRule:
     gyro_upright_rad: tuple[float, float] = (math.radians(1.0), math.radians(2.5))
     gyro_levelling: float = 0.03
     scale_kept_s: float = 3.0
-    neighbour_px: float = 40.0
 
 
 class PlanarOdometry:
@@ -153,7 +156,7 @@ class PlanarOdometry:
         self._nodding2 = 0.0  # mean square of the tilt's change from picture to picture
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
         self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
-        self._carried_s = -math.inf  # when it last nodded as a carried camera does
+        self._steady_m = 0.0  # way since it last nodded as a carried camera does
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
@@ -174,7 +177,6 @@ class PlanarOdometry:
             self._seek(grey, frame.depth)
             if first:
                 self._coasting.begin(frame.stamp_s)
-                self._carried_s = frame.stamp_s - self._rule.carried_s + self._rule.settled_s
                 return Motion()
             fault = f"planar odometry: started again at {frame.stamp_s:.3f} s"
             return self._coasting.guess(frame.stamp_s, fault)
@@ -197,6 +199,8 @@ class PlanarOdometry:
         self._learn_nodding(found.view)
         self._learn_rolling(found, motion)
         seen = self._seen_rotation(found)
+        way_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        self._steady_m = 0.0 if self._carried_rad() > 0.0 else self._steady_m + way_m
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
@@ -333,8 +337,12 @@ class PlanarOdometry:
 
     def _rolls(self) -> tuple[SE2, Rolling] | None:
         """The pose that the robot rolled on from, and how, where it is on wheels and that pose was measured."""
-        on_wheels = self._seen_s - self._carried_s > self._rule.carried_s and self._slides < self._rule.slides_share
-        return (self._view.pose, self._rolling) if on_wheels and self._since == SE2() else None
+        rolls = self._on_wheels() and self._slides < self._rule.slides_share and self._since == SE2()
+        return (self._view.pose, self._rolling) if rolls else None
+
+    def _on_wheels(self) -> bool:
+        """Whether the camera has gone a way without nodding as one that is carried."""
+        return self._steady_m > self._rule.steady_m
 
     def _learn_rolling(self, found: Located, motion: SE2) -> None:
         """Where the axle lies, and whether the robot moves sideways by itself."""
@@ -359,8 +367,6 @@ class PlanarOdometry:
         self._nods_seen += 1
         share = max(self._rule.nodding_share, 1.0 / (2.0 + self._nods_seen) if self._rotation_known else 0.0)
         self._nodding2 += share * ((pitch_rad**2 + roll_rad**2) / 2.0 - self._nodding2)
-        if self._carried_rad() > 0.0:
-            self._carried_s = self._seen_s
 
     def _carried_rad(self) -> float:
         """By how much the camera nods more between pictures than one on wheels; 0 for that."""
@@ -376,7 +382,8 @@ class PlanarOdometry:
         )
         carried_rad = 0.0 if known_height else self._carried_rad()
         rise_m = self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m
-        return replace(self._noise, tilt_rad=tilt_rad, rise_m=max(rise_m, self._noise.rise_m))
+        common = 1.0 if self._on_wheels() else 0.0
+        return replace(self._noise, tilt_rad=tilt_rad, rise_m=max(rise_m, self._noise.rise_m), common=common)
 
     def _guess(self, grey: MatLike, frame: Frame) -> Motion:
         """Tracking failed: begin with new corners where a guess puts the view."""
@@ -460,7 +467,7 @@ class PlanarOdometry:
             depths = None if depth is None else self._depths(fresh, depth)
             trusting = np.asarray(self._trusting() & ~self._doubtful(fresh))
             new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting, depths)
-            if self._rotation_held:
+            if self._rotation_held or self._on_wheels():
                 apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
                 near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
                 new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
@@ -483,7 +490,7 @@ class PlanarOdometry:
         """Whether what is seen below the horizon counts as floor at once."""
         if self._scaled():
             self._scaled_s = self._seen_s
-            return False
+            return self._on_wheels() and self._seen_s - self._floor_s > self._rule.floor_lost_s
         return not self._rotation_held or self._seen_s - self._scaled_s > self._rule.scale_kept_s
 
     def _scaled(self) -> bool:

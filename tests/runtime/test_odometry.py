@@ -63,16 +63,16 @@ def test_planar_looks_past_people_who_walk_by():
 
 def test_planar_follows_a_robot_that_moves_sideways_by_itself():
     """Much floor in view outweighs that most robots cannot."""
-    frames, poses = drive([SE2(0.0, 0.03, 0.0)] * 20)
+    frames, poses = drive([SE2(0.04)] * 55 + [SE2(0.0, 0.03, 0.0)] * 20)
     off = off_after(frames, poses)
-    assert math.hypot(off.x_m, off.y_m) < 0.03
+    assert math.hypot(off.x_m, off.y_m) < 0.05
     assert abs(off.yaw_rad) < 0.02
 
 
 def test_planar_learns_an_axle_that_nobody_measured():
     """The mount has no lever arm, so the base is below the lens; the robot turns about a point 0.3 m behind that."""
     camera = FloorCamera(CAMERA.intrinsics, replace(CAMERA.mount, forward_m=0.0))
-    _, poses = drive([SE2(0.3).inverse() @ SE2(0.01, 0.0, 0.06) @ SE2(0.3)] * 20)
+    _, poses = drive([SE2(0.3).inverse() @ SE2(0.01, 0.0, 0.06) @ SE2(0.3)] * 100)
     frames = [Frame(index, index / 10, seen_by(camera, pose)) for index, pose in enumerate(poses)]
     off = off_after(frames, poses, camera=camera)
     assert math.hypot(off.x_m, off.y_m) < 0.04
