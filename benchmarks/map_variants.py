@@ -106,8 +106,8 @@ def map_drive(replay: Replay, variants: Mapping[str, Variant]) -> dict[str, list
 def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dict[str, FrameObservations]]:
     """What the front end makes of each of the drive's first frames, for each variant.
 
-    Poses that are given bring their attitudes; other variants see the floor by the IMU's, where `imu` and the drive
-    allow it, or the mount's.
+    Poses that are given bring their attitudes, or leave them at the mount's; other variants see the floor by the IMU's,
+    where `imu` and the drive allow it, or by the pictures'.
     Raises CameraError for a drive without intrinsics or mount, OdometryError for an odometry that cannot be had.
     """
     drive, bundle, config, frames = replay.drive, replay.bundle, replay.config, replay.frames
@@ -139,11 +139,15 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
         )
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
-            true = seen_from(observed, floor.at(given.step(frame)), pipeline.rule, frame.depth)
-            motions, attitudes = odometry.motions, camera.attitudes
+            motions, attitude = odometry.motions, given.step(frame)
+            if attitude.predicted:  # poses track no corners
+                attitude = given.rotated(
+                    next((m.rotation for (spec, _), m in motions.items() if spec == "truth"), None)
+                )
+            true = seen_from(observed, floor.at(attitude), pipeline.rule, frame.depth)
             yield {
                 name: replace(
-                    true if variant.odometry == "truth" and attitudes is not None else observed,
+                    true if variant.odometry == "truth" and attitude.source != "imu" else observed,
                     motion=motions[variant.odometry, variant.wheels],
                 )
                 for name, variant in variants.items()
