@@ -250,6 +250,7 @@ def locate(
     prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, common**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
     lateral: Lateral | None = None
+    before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
         projection = project(scaled, camera, view)
@@ -264,8 +265,7 @@ def locate(
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
         yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
         gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
-        if rolling is not None:
-            before, how = rolling
+        if how is not None:
             lateral = how.lateral(before.inverse() @ view.pose)
             across = lateral.by_motion / lateral.variance_m2
             information[:3, :3] += np.outer(lateral.by_motion, across)
@@ -278,7 +278,9 @@ def locate(
     measured = None
     if lateral is not None and float(weights[landmarks.floor | landmarks.measured].sum()) > SHOWS_LATERAL:
         measured = _without_rolling(lateral, inverse, excess)
-        if measured[0] ** 2 > LATERAL_GATE * (measured[1] + lateral.variance_m2):
+        turn_rad = wrap_angle(view.pose.yaw_rad - before.yaw_rad)
+        doubt = LATERAL_GATE * (measured[1] + lateral.variance_m2) + (LATERAL_TURN_M * turn_rad) ** 2
+        if measured[0] ** 2 > doubt:
             return replace(locate(landmarks, seen, camera, start, noise, doubtful), lateral=measured, slid=True)
     covariance = np.asarray(inverse[:6, :6] * excess, dtype=np.float64)
     return Located(view, covariance, weights, residual, projection, log_scale, measured)
@@ -295,7 +297,8 @@ def _common_scale_sigma(landmarks: Landmarks, noise: Noise) -> float:
 
 
 SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
-LATERAL_GATE = 64.0  # squared, in standard deviations
+LATERAL_GATE = 25.0  # squared, in standard deviations
+LATERAL_TURN_M = 0.3  # per radian of turn, which pictures confuse with it
 
 
 def _without_rolling(lateral: Lateral, inverse: Array, excess: float) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
 
+MEASURED_M = 0.005  # errs a lateral motion seen in a turn, whatever it states
 FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt
 
 
@@ -30,7 +31,8 @@ class Rolling:
     """The nonholonomic constraint of a robot on wheels: it moves along an arc, tangential to its heading at the axle.
 
     lateral_m, share: standard deviation of what it slides nevertheless, and per metre and radian of motion. axle_m:
-    how far behind the base's origin its wheels' axle lies, 0 where the mount's lever arm is right; axle_sigma_m of it.
+    how far behind the base's origin its wheels' axle lies, 0 where the mount's lever arm is right; axle_sigma_m of it,
+    0 where it is known.
     """
 
     lateral_m: float
@@ -49,7 +51,9 @@ class Rolling:
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> Rolling:
         """With the axle after one motion whose lateral residual was measured without this constraint (Kalman)."""
+        if self.axle_sigma_m == 0.0:
+            return self
         prior = self.axle_sigma_m**2
-        gain = prior * yaw_rad / (variance_m2 + self.lateral_m**2 + prior * yaw_rad**2)
+        gain = prior * yaw_rad / (variance_m2 + MEASURED_M**2 + prior * yaw_rad**2)
         sigma = math.sqrt(max(prior * (1.0 - gain * yaw_rad), FOLLOWED_M**2))
         return replace(self, axle_m=self.axle_m + gain * lateral_m, axle_sigma_m=sigma)

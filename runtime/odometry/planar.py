@@ -109,7 +109,7 @@ class PlanarRule:
     mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
-    axle_sigma_m: tuple[float, float] = (0.01, 1.0)
+    axle_sigma_m: tuple[float, float] = (0.0, 1.0)
     slides_share: float = 0.3
     slides_weight: float = 0.05
     steady_m: float = 2.0
