@@ -90,7 +90,7 @@ class HealthMonitor:
     def judge(self, frame: Frame) -> PictureHealth:
         """The health of a frame's picture."""
         half = np.ascontiguousarray(frame.image[::2, ::2, 1])
-        grid = half[::2, ::2]
+        grid = np.ascontiguousarray(half[::2, ::2])
         last, self._last = self._last, grid
         changed = last is None or not np.array_equal(grid, last)
         if changed:
@@ -189,7 +189,9 @@ def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) ->
     missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
     if missing > rule.torn_share * rows:
         return "torn", f"{missing} of {rows} rows are missing"
-    same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
+    same = (grid == last).all(axis=1)
+    if same.any():
+        same &= np.ptp(grid, axis=1) > 0  # bars and borders of one colour are no old rows
     if same.any():
         top, bottom = _run(same), _run(same[::-1])
         old = max(top, bottom)
