@@ -22,7 +22,8 @@ from edgemap.runtime.preprocess import cell_grid
 
 LONGEST_DT_S, SHORTEST_DT_S = 1.0, 1e-3  # from keyframe to frame; after a longer gap the head starts again
 NOMINAL_DT_S = 0.1  # for a first frame
-MARGIN = 0.05  # share of a span of the envelope that a camera may lie outside without a word
+MARGIN = 0.05  # share of a span of the envelope, or of its upper end, that a camera may lie outside without a word
+ROUNDING = 0.01  # of the envelope's numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +171,7 @@ def outside_envelope(manifest: Manifest, camera: FloorCamera) -> str:
     for name, value in values.items():
         if name in manifest.envelope:
             low, high = manifest.envelope[name]
-            if not low - MARGIN * (high - low) <= value <= high + MARGIN * (high - low):
+            margin = MARGIN * max(high - low, abs(high)) + ROUNDING  # a head of one camera has no span
+            if not low - margin <= value <= high + margin:
                 found.append(f"{name} {value:.2f} (trained on {low:g} to {high:g})")
     return f"flow odometry: the camera is outside what it was trained on: {', '.join(found)}" if found else ""

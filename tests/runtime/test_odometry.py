@@ -13,13 +13,14 @@ from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.odometry.learned import LearnedOdometry
+from edgemap.runtime.odometry.learned import LearnedOdometry, outside_envelope
 from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
@@ -290,6 +291,20 @@ def test_flow_at_three_times_the_rate_adds_up_to_the_same_motion():
     often = path([(0, 0.0), (1, 0.04), (3, 0.07), (2, 0.1), (3, 0.13), (4, 0.17), (5, 0.2)])
     np.testing.assert_allclose(often, rarely, atol=1e-6)
     assert np.abs(rarely[:, 0]).max() > 0.02
+
+
+def test_a_head_trained_on_one_camera_knows_it_and_its_like():
+    manifest = load_bundle(bundle_folder("edgemap-nano"), 1).manifest
+    lens = CAMERA.intrinsics
+    rays = lens.rays([(0.0, lens.cy), (lens.width - 1.0, lens.cy)])[:, 0]
+    view_deg = round(math.degrees(math.atan(rays[1]) - math.atan(rays[0])), 2)
+    own = {"height_m": (0.6, 0.6), "pitch_deg": (-0.0, -0.0), "horizontal_view_deg": (view_deg, view_deg)}
+    found = [
+        outside_envelope(msgspec.structs.replace(manifest, envelope=own), FloorCamera(lens, Mount(height_m, 1e-5)))
+        for height_m in (0.6, 0.62, 0.7)
+    ]
+    assert found[:2] == ["", ""]
+    assert "height_m 0.70 (trained on 0.6 to 0.6)" in found[2]
 
 
 def test_an_untrained_head_is_refused_unless_forced(tmp_path):
