@@ -31,6 +31,9 @@ class Other:
     def step(self, frame):
         return self.attitude
 
+    def rotated(self, rotation):
+        return self.attitude
+
     def reset(self, reason):
         pass
 
