@@ -22,9 +22,10 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule
-from edgemap.runtime.odometry.protocol import Motion, Odometry, no_motion
+from edgemap.runtime.odometry.protocol import Motion, Odometry, no_motion, unknown_covariance
 from edgemap.runtime.odometry.scale_check import NoScaleCheck, ScaleCheck
 
+UNKNOWN = np.diag(unknown_covariance())  # variances of a motion that tells less than a guess
 GYRO = "gyro"  # the source that measures rotation only
 CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
@@ -209,6 +210,7 @@ class HybridOdometry:
             for member, motion in named
             if not (motion.fault or motion.blind)
         ]
+        alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
         if all(item.source == GYRO for item in alive):
             guess = self._coasting.guess(stamp_s, faults)
             guess = guess if not alive else _with_gyro_yaw(guess, alive[0])

@@ -61,6 +61,19 @@ def test_when_all_fail_the_motion_is_a_guess_that_names_them_all():
     assert (found.fault, found.blind) == ("lost; no wheels", True)
 
 
+def test_a_motion_that_tells_less_than_a_guess_is_not_counted():
+    """A metre is what is believed of a step that nobody measured; a sure member of another source stays alone."""
+    for others, members in (([], {"scripted": "blind"}), ([motion(0.1, 0.01)], {"scripted": "used"})):
+        own = [Member(Scripted(motion(0.0, 1.0), motion(0.3, 12.0)), "camera")]
+        own += [Member(Scripted(motion(0.0, 1.0), other), "wheels") for other in others]
+        hybrid = HybridOdometry(own)
+        hybrid.step(FRAME, {})
+        found = hybrid.step(FRAME, {})
+        assert found.covariance[0, 0] <= 1.0
+        assert dict(found.members) == members
+        assert found.blind == (not others)
+
+
 def test_a_motion_that_is_not_finite_is_a_fault_and_no_pose():
     camera = Scripted(motion(0.0, 1.0), Motion(SE2(math.nan, 0.0, 0.0), np.eye(3)))
     wheels = Scripted(motion(0.0, 1.0), motion(0.1, 0.01))
