@@ -74,8 +74,8 @@ class PlanarRule:
     it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
     itself. slides_weight: of the newest step in that share. steady_m: of way without nodding,
     after which a camera counts as one on wheels. floor_lost_s: there, after so long without floor landmarks, what is
-    seen below the horizon counts as floor at once. neighbour_px: distance in the picture, at the working width, over
-    which landmarks give new ones their depth.
+    seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost meanwhile.
+    neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
     and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
@@ -114,6 +114,7 @@ class PlanarRule:
     slides_weight: float = 0.05
     steady_m: float = 2.0
     floor_lost_s: float = 1.0
+    unseen_speed_m_s: float = 0.35
     neighbour_px: float = 40.0
     rise_per_rad: float = 0.5
     gyro_rad: float = math.radians(0.05)
@@ -168,7 +169,7 @@ class PlanarOdometry:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
         if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
             self._start_again()
-        last, self._grey = self._grey, grey
+        last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
         self._mark_movers(frame)
         self._attend(frame.attitude)
         first, self._first, self._seen_s = self._first, False, frame.stamp_s
@@ -192,7 +193,10 @@ class PlanarOdometry:
         inflation = (len(found.weights) / found.weights.sum()) ** 2  # new tracks fit any motion
         covariance = inflation * (self._covariance + rotation @ now @ rotation.T) + MINIMUM_COVARIANCE
         covariance += self._since_covariance
-        covariance[:2, :2] += self._scale_variance(found, frame.stamp_s) * np.outer(*[motion.vector()[:2]] * 2)
+        scale2 = self._scale_variance(found, frame.stamp_s)
+        covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
+        if self._on_wheels():  # a scale that has collapsed makes every motion small
+            covariance[0, 0] += scale2 * (self._rule.unseen_speed_m_s * dt_s) ** 2
         if self._rotation_known and self._carried_rad() > 0.0:  # tilt errs too: a better yaw tells no translation
             covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
