@@ -244,11 +244,11 @@ def test_where_a_bundle_is_looked_for(cache, small, tmp_path, monkeypatch):
     assert store.bundle_folder("small") == cache / "bundles" / "small"  # a folder without a bundle does not
 
 
-def test_bundles_that_come_with_the_package_are_found_after_the_cache(cache, small, monkeypatch):
-    monkeypatch.setattr(store, "_shipped_folder", lambda: small.parent)
-    assert store.bundle_folder("small") == small
+def test_bundles_that_come_with_the_package_are_found_before_the_cache(cache, small, monkeypatch):
     assert store.install_folder(small) == cache / "bundles" / "small"
     assert store.bundle_folder("small") == cache / "bundles" / "small"
+    monkeypatch.setattr(store, "_shipped_folder", lambda: small.parent)
+    assert store.bundle_folder("small") == small
 
 
 def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_data, monkeypatch, capsys):
