@@ -145,7 +145,7 @@ class Node:
         return {
             sample.topic_name.removeprefix("rt"): ros_kind(sample.type_name)
             for sample in found
-            if getattr(sample, "topic_name", "").startswith("rt/")
+            if (getattr(sample, "topic_name", None) or "").startswith("rt/")  # None: who published it has left
         }
 
     def kind_of(self, topic: str, timeout_s: float) -> str | None:
