@@ -11,9 +11,8 @@ from torch.nn import functional
 from edgemap.export.odometry.flow import FlowHead, Look
 from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, placed
 
-MOTION_SIGMA = torch.tensor(
-    [0.006, 0.004, 0.006]
-)  # units, units, rad: what counts as a small error of one step, at first
+# Units, units, rad: what counts as a small error of one step, at first.
+MOTION_SIGMA = torch.tensor([0.006, 0.004, 0.006])
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 COVARIANCE_WEIGHT = 0.03
 OUTLIER = 9.0  # squared normalised error beyond which an error counts linearly

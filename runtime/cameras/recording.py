@@ -61,11 +61,10 @@ class RecordingCamera(CameraBase):
         self._recording = recording = McapReading(path)
         self._last_ns = self._last_s = -math.inf
         try:
-            self.topic = self._choose(topic, topics.depth if topics else None)
-            self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
-            own = DEPTH in recording.topics and RECORD in recording.metadata
             wanted = topics.depth if topics else None
-            own = own and wanted is None
+            self.topic = self._choose(topic, wanted)
+            self._picture = PICTURE_KINDS[recording.topics[self.topic].kind]
+            own = wanted is None and DEPTH in recording.topics and RECORD in recording.metadata
             self._depth = (RecordedDepth(recording, DEPTH) if own else depth_of(recording, wanted)) if depth else None
             self._exact, self._unsearched = _exact_stamps(recording), _unsearched(recording)
             self.frame_count: int | None = recording.topics[self.topic].count

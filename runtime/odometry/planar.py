@@ -47,7 +47,7 @@ SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
 RESPONSE_PX = 3  # about a corner; that far its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every so many pixels
 EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner; at an edge its depth may be that of either of two objects
-TURN_M = 0.3  # of way for a radian of turn
+TURN_M = 0.3  # of path length that a radian of turn counts as
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
@@ -69,12 +69,12 @@ class PlanarRule:
     robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). nodding_sigmas: of that, the standard deviation of a
     picture's tilt. level_rad: what nods more is carried, and rises and sinks as well: by rise_per_rad of the mount's
     height for each radian beyond.
-    mover_margin_px: about boxes of people and animals, where no corner is used. lateral_m, lateral_share: as of
+    mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
     `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
     it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
-    itself. slides_weight: of the newest step in that share. steady_m: of way without nodding,
-    after which a camera counts as one on wheels. floor_lost_s: there, after so long without floor landmarks, what is
-    seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost meanwhile.
+    itself. slides_weight: of the newest step in that share. steady_m: path length without nodding, after which a camera
+    counts as one on wheels. floor_lost_s: there, after so long without floor landmarks, what is seen below the horizon
+    counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost meanwhile.
     neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
@@ -157,7 +157,7 @@ class PlanarOdometry:
         self._nodding2 = 0.0  # mean square of the tilt's change from picture to picture
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
         self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
-        self._steady_m = 0.0  # way since it last nodded as a carried camera does
+        self._steady_m = 0.0  # path length since it last nodded as a carried camera does
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
