@@ -57,6 +57,7 @@ def command(
     from edgemap.geometry.errors import EdgemapError
     from edgemap.runtime.cameras.reading import next_frame
     from edgemap.runtime.cameras.sensor_topics import SensorTopics
+    from edgemap.runtime.errors import RecordingError
     from edgemap.runtime.loop import stop_on_signals
     from edgemap.runtime.reading import print_message
     from edgemap.runtime.recordings.facts import Facts
@@ -85,6 +86,9 @@ def command(
                 raise
             finally:
                 recorder.close()
+    if not recorder.frames:
+        out.unlink()
+        raise RecordingError(f"{out}: stopped before the first picture, so nothing is recorded")
     unknown = [name for name, known in (("lens", facts.intrinsics), ("mount", facts.mount)) if known is None]
     print(f"{recorder.frames} pictures, {out.stat().st_size / 1e6:.1f} MB in {out}")
     if unknown:

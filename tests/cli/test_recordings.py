@@ -7,11 +7,14 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.errors import RecordingError
 from edgemap.runtime.map_file import load_map
 from edgemap.runtime.recordings.wheel import read_wheel
 
@@ -122,20 +125,34 @@ def test_a_realsense_recording_is_converted(edgemap, realsense_recording, tmp_pa
 
 
 def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
+    picture = np.random.default_rng(0).integers(0, 255, (480, 640, 3), dtype=np.uint8)  # fills a chunk by itself
+    cv2.imwrite(str(pictures / "0.png"), picture)
+    for index in range(1, 300):  # half a minute
+        (pictures / f"{index}.png").unlink(missing_ok=True)
+        (pictures / f"{index}.png").symlink_to("0.png")
+    (pictures / "camera.yaml").unlink()
     out = tmp_path / "a.mcap"
     command = [sys.executable, "-m", "edgemap.cli", "record", "--camera", str(pictures), "-o", str(out), "--realtime"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    while not out.exists():
+    process = subprocess.Popen([*command, "--lossless"], stdout=subprocess.PIPE, text=True)
+    while process.poll() is None and not (out.exists() and out.stat().st_size > picture.size // 2):
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=30)
     assert process.returncode == 0
     with open_camera(str(out)) as camera:
-        count = camera.frame_count
+        count = camera.frame_count or 0
+        assert 0 < count < 300
         assert f"{count} pictures" in said
-        for _ in range(count or 0):
+        for _ in range(count):
             assert camera.read() is not None
         assert camera.read() is None  # and no word of a cut
+
+
+def test_ctrl_c_before_the_first_picture_leaves_no_empty_recording(tmp_path, pictures, monkeypatch):
+    monkeypatch.setattr("edgemap.runtime.cameras.reading.next_frame", lambda *_: None)
+    with pytest.raises(RecordingError, match="before the first picture"):
+        record(tmp_path / "a.mcap", str(pictures))
+    assert not (tmp_path / "a.mcap").exists()
 
 
 def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, tmp_path):
