@@ -37,7 +37,8 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 @dataclass(frozen=True, slots=True)
 class Selection:
     """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
-    for the kind's own. wheels, imu, depth: whether those that come with the data may be used."""
+    for the kind's own. wheels, imu, depth: whether those that come with the data may be used. mount: its height and
+    pitch hold instead of the data's own, for the odometry and not for the truth."""
 
     first: int = 0
     every: int = 1
@@ -46,6 +47,7 @@ class Selection:
     wheels: bool = True
     imu: bool = True
     depth: bool = True
+    mount: Mount | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,13 +83,17 @@ def score_drive(
     with camera:
         if camera.truth is None:
             raise OdometryError(f"{spec} brings no true poses of its own to compare with")
-        if camera.intrinsics is None or camera.mount is None:
-            raise OdometryError(f"{spec}: neither lens nor mount known: its camera.yaml must say how the camera sits")
+        mount = camera.mount or selection.mount
+        if camera.intrinsics is None or mount is None:
+            missing = "lens" if camera.intrinsics is None else "mount"
+            raise OdometryError(f"{spec}: {missing} unknown: write it into its camera.yaml, or give --mount")
+        if selection.mount is not None:
+            mount = replace(mount, height_m=selection.mount.height_m, pitch_rad=selection.mount.pitch_rad)
         if odometry == OWN_WHEELS:
             if camera.wheel is None or not selection.wheels:
                 raise OdometryError(f"{spec}: no wheel odometry comes with it")
             odometry = f"wheel:{camera.wheel}"
-        floor = FloorCamera(camera.intrinsics, camera.mount)
+        floor = FloorCamera(camera.intrinsics, mount)
         motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
         attitude = open_attitude(odometry, camera, floor, selection.imu)
         followed = follow(
@@ -96,11 +102,11 @@ def score_drive(
         )  # fmt: skip
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
         known = camera.attitudes
-        level = None if known is None else [known.at(stamp_s, camera.mount.height_m) for stamp_s in followed.stamps_s]
+        level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in followed.stamps_s]
         attitudes = attitude_figures(followed.attitudes, level)
         errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths)
         fit = None if full is None else planar_fit(full[list(followed.indices)], lengths)
-        return ScoredDrive(spec, camera.mount, followed, errors, fit, attitudes)
+        return ScoredDrive(spec, mount, followed, errors, fit, attitudes)
 
 
 def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:

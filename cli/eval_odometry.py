@@ -14,12 +14,14 @@ from edgemap.cli.options import (
     BundleName,
     EngineName,
     Json,
+    MountText,
     PrecisionName,
     Threads,
     WithoutDepth,
     WithoutImu,
     at_least,
     find_bundle,
+    read_mount,
 )
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
@@ -32,8 +34,8 @@ def command(
         arg(
             aliases=["--camera"],
             metavar="demo|KIND:DIR|sim:SEED|FILE.mcap",
-            help="Drives with true poses, several at once or the option again: KIND is kitti, tum, c2w, drive or "
-            "locobot; sim:SEED is rendered. The demo by default.",
+            help="Drives with true poses, several at once or the option again: KIND is kitti, tum, c2w, drive, "
+            "euroc or locobot; sim:SEED is rendered. The demo by default.",
         ),
     ] = (),
     bundle: BundleName = None,
@@ -44,6 +46,7 @@ def command(
             help="As of `edgemap run`; besides, wheel alone is the wheel odometry that comes with the data.",
         ),
     ] = "hybrid",
+    mount: MountText = None,
     without_wheels: Annotated[
         bool, arg(help="hybrid leaves aside the wheel odometry that comes with the data.")
     ] = False,
@@ -83,8 +86,9 @@ def command(
     if first < 0:
         raise OptionError(f"--from {first}: must be 0 or more")
     selection = Selection(
-        first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth
-    )
+        first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth,
+        read_mount(mount),
+    )  # fmt: skip
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:
         raise OptionError("--data: expected at least one demo, KIND:DIR, sim:SEED or FILE.mcap")

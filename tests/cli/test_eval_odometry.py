@@ -172,6 +172,16 @@ def test_the_demo_by_default(evaluate):
     assert own["availability"] == {"planar": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
 
 
+def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_path):
+    spec = kitti(tmp_path / "k")
+    flags = ("--data", spec, "--mount", "0.7,4", "--odometry", "truth", "--json")
+    assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
+    (tmp_path / "k" / "camera.yaml").write_text(LEVEL_YAML.replace(", mount: {height_m: 1.5, pitch_deg: 0}", ""))
+    assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
+    assert "or give --mount" in refusal(evaluate("--data", spec))
+    assert "60 m above" in refusal(evaluate("--data", spec, "--mount", "60,11"))
+
+
 def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
     """Wheels that end after 40 of 60 motions: blind in the last 20."""
     spec = drive(tmp_path / "a")
@@ -192,6 +202,6 @@ def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
     assert "a motion needs two" in refusal(evaluate("--data", spec, "--from", "60"))
     assert "no wheel odometry" in refusal(evaluate("--data", kitti(tmp_path / "k"), "--odometry", "wheel"))
     (tmp_path / "k" / "camera.yaml").unlink()
-    assert "camera.yaml" in refusal(evaluate("--data", f"kitti:{tmp_path / 'k'}"))
+    assert "lens unknown: write it into its camera.yaml" in refusal(evaluate("--data", f"kitti:{tmp_path / 'k'}"))
     pictures(tmp_path / "p")
     assert "brings no true poses" in refusal(evaluate("--camera", tmp_path / "p", "--odometry", "planar"))
