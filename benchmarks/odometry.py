@@ -104,7 +104,7 @@ def score_drive(
         known = camera.attitudes
         level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in followed.stamps_s]
         attitudes = attitude_figures(followed.attitudes, level)
-        errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths)
+        errors = errors_of(followed.true, followed.estimated, followed.covariances, lengths, followed.stamps_s)
         fit = None if full is None else planar_fit(full[list(followed.indices)], lengths)
         return ScoredDrive(spec, mount, followed, errors, fit, attitudes)
 

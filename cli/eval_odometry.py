@@ -73,7 +73,8 @@ def command(
 
     t_rel (percent of the way) and r_rel (degrees per metre) follow the KITTI protocol: means over all segments of a
     length, started every tenth frame. ATE: positions after the best rigid alignment. eq. 9: the paper's RMSE of
-    integrated x and y, not aligned. NEES: 3 on average where the stated covariances are consistent. Still: what is
+    integrated x and y, not aligned. NEES: 3 on average where the stated covariances are consistent, of single
+    frames and of motions summed over 1 to 10 s. Still: what is
     estimated in frames in which the robot moves less than 0.5 mm and 0.01 degrees. The total counts every segment and
     frame of all sequences once.
     """
@@ -160,6 +161,9 @@ def _print(own: dict[str, Any]) -> None:
         f"  a frame   forward {100 * own['rmse_forward_m']:.3f} cm   left {100 * own['rmse_left_m']:.3f} cm   "
         f"yaw {degrees(own['rmse_yaw_rad']):.3f} deg (RMSE)   NEES {nees}   {own['faults']} faults"
     )
+    windows = [f"{length} s {value:.2f}" for length, value in own["window_nees"].items() if value is not None]
+    if windows:
+        print(f"  NEES of   {'   '.join(windows)}, summed over such a time")
     still = own["still"]
     if still["frames"]:
         cm, deg = still["cm_per_frame"], still["deg_per_frame"]

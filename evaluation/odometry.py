@@ -17,12 +17,14 @@ from edgemap.evaluation.trajectory import (
     normalised_errors,
     path_m,
     segment_errors,
+    window_errors,
 )
 from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
 
 INDOOR_LENGTHS_M = (1.0, 2.0, 5.0)
+WINDOWS_S = (1.0, 2.0, 5.0, 10.0)  # over which summed motions are judged against their covariance
 KITTI_LENGTHS_M = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 STILL_M, STILL_RAD = 0.5e-3, math.radians(0.01)  # a base whose true motion is less than both stands still
 
@@ -33,7 +35,8 @@ class DriveErrors:
 
     segments: by length in m, (S, 2) metres and radians. aligned_m: (N,) after alignment. steps: (N - 1, 3) forward m,
     left m, yaw rad of each motion. from_start: (N, 3) of the poses from a common start. nees: (N - 1,), None without
-    covariances. still: (K, 2), metres and radians that were estimated in each frame of standing still.
+    covariances. window_nees: by length in s, as of `window_errors`; empty without covariances or stamps. still: (K, 2),
+    metres and radians that were estimated in each frame of standing still.
     """
 
     path_m: float
@@ -42,6 +45,7 @@ class DriveErrors:
     steps: Array
     from_start: Array
     nees: Array | None
+    window_nees: dict[float, Array]
     still: Array
 
 
@@ -50,8 +54,10 @@ def errors_of(
     estimated: Sequence[SE2],
     covariances: Array | None = None,
     lengths_m: Sequence[float] = INDOOR_LENGTHS_M,
+    stamps_s: Array | None = None,
 ) -> DriveErrors:
-    """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion."""
+    """Compare poses of the same frames, two at least. covariances: (N - 1, 3, 3), of each estimated motion. stamps_s:
+    (N,)."""
     if len(true) < 2:
         raise ValueError(f"{len(true)} poses: a motion needs two")
     steps_true, steps_found = motions(true), motions(estimated)
@@ -62,6 +68,9 @@ def errors_of(
         for wanted, found in zip(steps_true, steps_found, strict=True)
         if math.hypot(wanted.x_m, wanted.y_m) < STILL_M and abs(wanted.yaw_rad) < STILL_RAD
     ]
+    windows: dict[float, Array] = {}
+    if covariances is not None and stamps_s is not None:
+        windows = window_errors(true, estimated, covariances, stamps_s, WINDOWS_S)
     return DriveErrors(
         path_m=float(path_m(true)[-1]),
         segments={length: segment_errors(true, estimated, length) for length in lengths_m},
@@ -69,6 +78,7 @@ def errors_of(
         steps=steps,
         from_start=motion_errors(*starts),
         nees=None if covariances is None else normalised_errors(steps, covariances),
+        window_nees=windows,
         still=np.array(still).reshape(-1, 2),
     )
 
@@ -88,8 +98,8 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
 
     A length that fits in none is null. `paper_rmse` is the paper's equation 9: integrated x and y against the truth
     from a common start, in metres, without alignment; the yaw apart. `nees` is three on average where the covariances
-    are consistent, and null without them. `still`: what is estimated while the base stands still, null where it never
-    does.
+    are consistent, and null without them; `window_nees`, by seconds, is that of motions summed over such a time, null
+    where none fits. `still`: what is estimated while the base stands still, null where it never does.
     """
     segments: dict[float, Array] = {}
     for length in sorted({length for drive in drives for length in drive.segments}):
@@ -100,6 +110,7 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
     forward, left, yaw = (float(value) for value in np.sqrt((steps**2).mean(axis=0)))
     known = [drive.nees for drive in drives if drive.nees is not None]
     nees = np.concatenate(known) if known else None
+    windows = {length_s: [d.window_nees[length_s] for d in drives if d.window_nees] for length_s in WINDOWS_S}
     still = np.vstack([drive.still for drive in drives])
     return {
         "frames": len(from_start),
@@ -117,6 +128,7 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
         "paper_rmse_yaw_rad": _rms(from_start[:, 2]),
         "nees": None if nees is None else float(nees.mean()),
         "nees_median": None if nees is None else float(np.median(nees)),
+        "window_nees": {f"{length_s:g}": _mean(np.hstack([*found, []])) for length_s, found in windows.items()},
         "still": {
             "frames": len(still),
             "cm_per_frame": _mean_and_max(100.0 * still[:, 0]),

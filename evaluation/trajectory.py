@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.odometry.planar import fit_se2
-from edgemap.geometry.se2 import SE2, wrap_angle
+from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
 
 Array = NDArray[np.float64]
 
 SEGMENT_STEP = 10  # frames between the starts of two segments, as KITTI has it
+WINDOW_SLACK_S = 0.01  # by which a window may be shorter: stamps are rounded
 
 
 def path_m(poses: Sequence[SE2]) -> Array:
@@ -77,6 +78,30 @@ def normalised_errors(errors: Array, covariances: Array) -> Array:
     NEES of Bar-Shalom, Li and Kirubarajan (2001), 5.4.2; for Gaussian errors its median is 2.37.
     """
     return np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
+
+
+def window_errors(
+    true: Sequence[SE2], estimated: Sequence[SE2], covariances: Array, stamps_s: Array, windows_s: Sequence[float]
+) -> dict[float, Array]:
+    """NEES of the motion over windows of time, (W,) of each length in seconds, started every SEGMENT_STEP frames.
+
+    covariances: (N - 1, 3, 3) of the steps, put together as if independent: errors that last over several steps, of
+    scale or of landmarks, show as a NEES that grows with the window.
+    """
+    _same_length(true, estimated)
+    steps = motions(estimated)
+    found: dict[float, list[float]] = {length_s: [] for length_s in windows_s}
+    for start in range(0, len(true) - 1, SEGMENT_STEP):
+        ends = np.searchsorted(stamps_s, stamps_s[start] + np.asarray(windows_s) - WINDOW_SLACK_S)
+        wanted = {int(end): length_s for end, length_s in zip(ends, windows_s, strict=True) if end < len(true)}
+        pose, covariance = SE2(), np.zeros((3, 3))
+        for end in range(start + 1, max(wanted, default=start) + 1):
+            covariance = compose_covariance(pose, covariance, steps[end - 1], covariances[end - 1])
+            pose = pose @ steps[end - 1]
+            if end in wanted:
+                error = motion_errors([true[start].inverse() @ true[end]], [pose])
+                found[wanted[end]].append(float(normalised_errors(error, covariance[None])[0]))
+    return {length_s: np.array(values) for length_s, values in found.items()}
 
 
 def _same_length(true: Sequence[SE2], estimated: Sequence[SE2]) -> None:

@@ -11,6 +11,7 @@ from edgemap.evaluation.trajectory import (
     normalised_errors,
     path_m,
     segment_errors,
+    window_errors,
 )
 from edgemap.geometry.se2 import SE2
 
@@ -93,6 +94,21 @@ def test_honest_covariances_give_three():
     nees = normalised_errors(errors, np.broadcast_to(covariance, (4000, 3, 3)))
     assert nees.mean() == pytest.approx(3.0, abs=0.15)
     assert normalised_errors(np.array([[0.02, 0, 0]]), np.diag([1e-4, 1, 1])[None]) == pytest.approx([4.0])
+
+
+def test_errors_that_last_show_in_the_nees_over_windows():
+    rng = np.random.default_rng(2)
+    covariances, stamps_s = np.broadcast_to(np.eye(3) * 1e-6, (4000, 3, 3)), np.arange(4001) / 10.0
+    still = [SE2()] * 4001
+    errors = rng.normal(0.0, 1e-3, (4000, 3))
+    found = window_errors(still, integrated([SE2(*row) for row in errors]), covariances, stamps_s, (0.1, 1.0, 500.0))
+    assert found[0.1].mean() == pytest.approx(3.0, abs=0.4)
+    assert found[1.0].mean() == pytest.approx(3.0, abs=0.4)
+    assert len(found[500.0]) == 0
+    lasting = np.repeat(errors[::10], 10, axis=0)  # the same error in ten steps: ten times the variance after them
+    found = window_errors(still, integrated([SE2(*row) for row in lasting]), covariances, stamps_s, (0.1, 1.0))
+    assert found[0.1].mean() == pytest.approx(3.0, abs=0.4)
+    assert found[1.0].mean() == pytest.approx(30.0, abs=4.0)
 
 
 def test_another_number_of_poses_is_refused():
