@@ -35,6 +35,8 @@ class HealthRule:
     `covered` and change by less than part_still grey levels while others change by more. part_share, part_lasts_s: of
     the tiles, and for how long, from which on that is a fault (half a picture covered has 0.35 to 0.40; walls that
     rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04).
+    part_sudden: share of the tiles that become plain from one picture to the next as something covers them; it counts
+    until part_s shows what stays plain.
     """
 
     dark: int = 24
@@ -51,6 +53,7 @@ class HealthRule:
     part_still: float = 8.0
     part_share: float = 0.3
     part_lasts_s: float = 2.0
+    part_sudden: float = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +110,22 @@ class HealthMonitor:
         found = self._found(kind, detail, frame.stamp_s)
         return found if found.blind else self._covered_in_part(found, small, structure, frame.stamp_s)
 
+    def unmoved(self, since_s: float, stamp_s: float) -> PictureHealth:
+        """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
+        lasts = stamp_s - since_s >= self._rule.frozen_s
+        reason = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
+        news = lasts and stamp_s - self._unmoved_s >= self._rule.repeated_s
+        if news:
+            self._unmoved_s = stamp_s
+        return PictureHealth("frozen" if lasts else "repeated", reason, reason if news else "")
+
     def reset(self) -> None:
         """Forget the last picture."""
+        self._unmoved_s = -math.inf  # of the last fault of that kind
         self._seen: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
         self._covered, self._part_due_s = 0.0, math.inf
+        self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture show nothing
+        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly showed nothing, until part_s tells
         self._last: NDArray[np.uint8] | None = None
         self._changed_s = self._reported_s = -math.inf
         self._kind = self._reason = ""
@@ -119,25 +134,33 @@ class HealthMonitor:
         self, health: PictureHealth, small: MatLike, structure: MatLike, stamp_s: float
     ) -> PictureHealth:
         """A good picture's health with the share that a cover takes, by what the last second showed."""
-        rule, seen = self._rule, self._seen
+        rule, seen, maxima = self._rule, self._seen, _tile_maxima(structure)
+        plain = maxima < rule.covered
+        suddenly = self._plain is not None and float((plain & ~self._plain).mean()) >= rule.part_sudden
+        self._plain = plain
+        if suddenly:
+            self._cover = plain
+            seen.clear()  # what was seen before the cover tells nothing of it
         if not seen or stamp_s - seen[-1][0] >= rule.part_every_s:
-            seen.append((stamp_s, small, _tile_maxima(structure)))
+            seen.append((stamp_s, small, maxima))
             while stamp_s - seen[0][0] > rule.part_s + rule.part_every_s:
                 seen.popleft()
             if stamp_s - seen[0][0] >= rule.part_s:
                 changes = cv2.resize(cv2.absdiff(small, seen[0][1]), TILES, interpolation=cv2.INTER_AREA)
-                plain = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
+                lasting = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
+                self._cover = np.zeros_like(plain)
                 if (changes >= rule.part_still).any():  # at rest nothing tells a cover
-                    self._covered = float((plain & (changes < rule.part_still)).mean())
-        if self._covered < rule.part_share:
+                    self._covered = float((lasting & (changes < rule.part_still)).mean())
+        covered = max(self._covered, float((self._cover & plain).mean()))
+        if covered < rule.part_share:
             self._part_due_s = math.inf
         elif self._part_due_s == math.inf:
             self._part_due_s = stamp_s + rule.part_lasts_s
         if stamp_s < self._part_due_s:
-            return replace(health, covered=self._covered)
+            return replace(health, covered=covered)
         self._part_due_s = stamp_s + rule.repeated_s
-        fault = f"picture covered in part ({100 * self._covered:.0f} % of it stays plain while the rest moves)"
-        return replace(health, covered=self._covered, fault=fault)
+        fault = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
+        return replace(health, covered=covered, fault=fault)
 
     def _found(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
         if not kind:

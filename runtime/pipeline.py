@@ -82,7 +82,9 @@ class Pipeline:
         attitude = self.attitude.step(replace(frame, moved=self._moved))
         frame, camera = replace(frame, attitude=attitude, covered=health.covered), self.camera.at(attitude)
         stage("attitude")
-        at_rest = self._rest.judge(frame, health, self.odometry.still(frame.stamp_s, attitude))
+        at_rest = self._rest.judge(frame, health, self.odometry.still(frame.stamp_s, attitude), self._moved)
+        if self._rest.frozen_since_s is not None and not health.blind:
+            health = self._health.unmoved(self._rest.frozen_since_s, frame.stamp_s)
         stage("rest")
         if at_rest:
             return self._stand(frame, health, camera)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.health import PictureHealth
 
@@ -29,6 +30,8 @@ class RestRule:
     shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains.
     exposure, offset: largest change of gain, and of grey levels, that is taken for the camera's exposure. texture,
     textured: squared grey levels per px, and how many large tiles must have that, or the picture alone shows nothing.
+    braking_m_s2: no small robot brakes harder (their controllers: 1, sliding wheels: 5); turned_rad: by a gyro, that
+    every picture shows. A picture that stands still in spite of either is frozen, though a sensor's noise changes it.
     """
 
     told_s: float = 0.3
@@ -41,6 +44,8 @@ class RestRule:
     offset: float = 15.0
     texture: float = 9.0
     textured: int = 4
+    braking_m_s2: float = 3.0
+    turned_rad: float = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,33 +79,69 @@ class _Reference:
 
 
 class RestMonitor:
-    """Compares every picture with the first one that looked the same, so that no motion is too slow to be seen."""
+    """Compares every picture with the first one that looked the same, so that no motion is too slow to be seen.
+
+    frozen_since_s: stamp of that first one where the robot cannot have stopped there, else None.
+    """
 
     def __init__(self, rule: RestRule | None = None) -> None:
         self.rule = rule or RestRule()
         self.reset()
 
-    def judge(self, frame: Frame, health: PictureHealth, still: bool | None) -> bool:
+    def judge(
+        self,
+        frame: Frame,
+        health: PictureHealth,
+        still: bool | None,
+        moved: tuple[SE2, NDArray[np.float64]] | None = None,
+    ) -> bool:
         """Whether the robot has stood still for a while. still: what wheels and gyro say, None where there are none.
+        moved: over the last step but this one, and covariance (3, 3), None where it was not measured.
 
         A picture that is not to be trusted is none to rest by; one that is repeated changes nothing.
         """
+        self._before_s, self._last_s = self._last_s, frame.stamp_s
         if health.stale:
             return False
         reference, picture = self._reference, _averaged(frame.image)
-        if reference is None or health.blind or still is False or _moved(reference, picture, self.rule):
-            self._reference, self._frames = _Reference.of(picture, frame.stamp_s), 0
+        if reference is None or health.blind or _moved(reference, picture, self.rule):
+            self._reference = _Reference.of(picture, frame.stamp_s)
+            self._step_s, self._turned_rad, self.frozen_since_s = frame.stamp_s - self._before_s, 0.0, None
+            self._begin(frame.stamp_s)
+            return False
+        if self.frozen_since_s is None and still is not True and self._must_move(frame, reference, moved):
+            self.frozen_since_s = reference.stamp_s
+        if still is False or self.frozen_since_s is not None:
+            self._begin(frame.stamp_s)
             return False
         self._frames += 1
-        rested_s = frame.stamp_s - reference.stamp_s
+        rested_s = frame.stamp_s - self._since_s
         if still is None and reference.textured(self.rule.texture) < self.rule.textured:
             return False
         return self._frames >= self.rule.frames and rested_s >= (self.rule.told_s if still else self.rule.seen_s)
 
+    def _must_move(self, frame: Frame, reference: _Reference, moved: tuple[SE2, NDArray[np.float64]] | None) -> bool:
+        """Whether an unchanged picture cannot be a robot's that stands: by the gyro, or as it stopped too soon."""
+        if frame.attitude is not None and frame.attitude.rotation is not None:
+            self._turned_rad += frame.attitude.rotation.yaw_rad
+        must = abs(self._turned_rad) > self.rule.turned_rad
+        if moved is not None and reference.stamp_s == self._before_s:
+            (x_m, y_m, _), sigma_m = moved[0].vector(), math.sqrt(float(np.trace(moved[1][:2, :2])))
+            speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / self._step_s
+            must |= speed_m_s > self.rule.braking_m_s2 * (frame.stamp_s - reference.stamp_s)
+        return must and reference.textured(self.rule.texture) >= self.rule.textured
+
     def reset(self) -> None:
         """Forget the last picture."""
         self._reference: _Reference | None = None
-        self._frames = 0
+        self._before_s = self._last_s = -math.inf  # of the last frames
+        self._step_s = math.inf  # that ended at the reference
+        self._turned_rad = 0.0  # by the gyro, since the reference
+        self.frozen_since_s: float | None = None
+        self._begin(-math.inf)
+
+    def _begin(self, stamp_s: float) -> None:
+        self._since_s, self._frames = stamp_s, 0
 
 
 def _averaged(image: NDArray[np.uint8]) -> Array:

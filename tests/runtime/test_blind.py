@@ -20,9 +20,20 @@ from edgemap.runtime.store import bundle_folder
 START, FIRST, LAST, END = 80, 90, 140, 150  # frames at 10 Hz: 2.9 m with turns while blind
 BLIND = slice(FIRST - START, LAST - START)
 
+RANDOM = np.random.default_rng(0)
+NOISE = RANDOM.normal(0.0, 3.0, 4 * 480 * 640).astype(np.float32)
+
+
+def noisy(first):
+    """A frozen picture, to which the sensor adds new noise each time."""
+    noise = NOISE[RANDOM.integers(480 * 640) :][: first.size].reshape(first.shape)
+    return np.clip(first + noise, 0, 255).astype(np.uint8)
+
+
 RUINED = {
     "dark": lambda image, first: np.zeros_like(image),
     "frozen": lambda image, first: first,
+    "frozen, with noise": lambda image, first: noisy(first),
     "covered": lambda image, first: cv2.GaussianBlur(image, (0, 0), 60) // 8 + 60,
     "blurred": lambda image, first: cv2.GaussianBlur(image, (0, 0), 12),
 }
@@ -61,7 +72,7 @@ def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(bundle, kind):
     assert math.hypot(off[0], off[1]) < 0.25
     covariance = steps[-1].pose_covariance
     assert off @ np.linalg.solve(_in_base(steps[-1], covariance), off) < 3.0 * 9.0
-    assert any(kind in fault for step in steps[BLIND] for fault in step.observed.faults)
+    assert any(kind.partition(",")[0] in fault for step in steps[BLIND] for fault in step.observed.faults)
     seen_from = steps[BLIND.start - 1].pose_map_base.inverse()
     away = [step for step in steps[BLIND] if math.hypot(*(seen_from @ step.pose_map_base).vector()[:2]) > 0.03]
     assert len(away) > 20
@@ -69,26 +80,27 @@ def test_with_wheels_the_pose_holds_and_the_blindness_is_a_fault(bundle, kind):
     assert not any(step.health.blind for step in (*steps[: BLIND.start], *steps[BLIND.stop + 1 :]))
 
 
-def test_what_covers_two_thirds_of_the_lens_is_a_fault_and_does_not_outvote_the_wheels(bundle):
+@pytest.mark.parametrize("share", [2 / 3, 0.9])
+def test_what_covers_much_of_the_lens_is_a_fault_and_does_not_outvote_the_wheels(bundle, share):
     def held(image, _):
-        rows = len(image) // 3
+        rows = round(len(image) * (1.0 - share))
         ruined = image.copy()
         ruined[rows:] = RUINED["covered"](image, None)[rows:]
         return ruined
 
     steps, off = drive(bundle, held, wheels=True)
-    assert math.hypot(off[0], off[1]) < 0.25  # 0.7 m where the camera counted as ever
+    assert math.hypot(off[0], off[1]) < 0.25  # 0.7 and 0.8 m where the camera counted as ever
     assert any("covered in part" in fault for step in steps[BLIND] for fault in step.observed.faults)
     assert not any("covered in part" in fault for step in steps[: BLIND.start] for fault in step.observed.faults)
     assert not any(step.health.blind for step in steps[BLIND])  # what is seen is still mapped
 
 
-@pytest.mark.parametrize("kind", ["dark", "frozen"])
+@pytest.mark.parametrize("kind", ["dark", "frozen", "frozen, with noise"])
 def test_without_wheels_the_covariance_covers_the_error(bundle, kind):
     steps, off = drive(bundle, RUINED[kind], wheels=False)
     assert off @ np.linalg.solve(_in_base(steps[-1], steps[-1].pose_covariance), off) < 9.0
     assert all(step.motion.blind for step in steps[BLIND])
-    assert any(kind in fault for step in steps[BLIND] for fault in step.observed.faults)
+    assert any(kind.partition(",")[0] in fault for step in steps[BLIND] for fault in step.observed.faults)
 
 
 def _in_base(step, covariance):
