@@ -184,8 +184,8 @@ def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
     """Of each of TILES, (down, across); what is left over at the right and below does not count."""
     across, down = TILES
     height, width = values.shape[0] // down, values.shape[1] // across
-    tiles = values[: height * down, : width * across].reshape(down, height, across, width)
-    return tiles.max(axis=(1, 3))
+    rows = values[: height * down, : width * across].reshape(down, height, -1).max(axis=1)
+    return rows.reshape(down, across, width).max(axis=2)
 
 
 def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[str, str]:

@@ -26,7 +26,9 @@ GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
 _TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATES = 12
-_IDENTITY = np.eye(STATES)
+_IDENTITY, _DIAGONAL = np.eye(STATES), np.diag_indices(STATES)
+# Of a vector v (3,): (v @ SKEW).reshape(3, 3) @ w is v x w.
+SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,7 @@ class InertialState:
     @property
     def heading(self) -> Array:
         """Where the optical axis points, seen from above: a unit vector (2,), z-up frame."""
-        return self.rotation[:2, 2] / max(float(np.linalg.norm(self.rotation[:2, 2])), 1e-9)
+        return self.rotation[:2, 2] / max(math.hypot(*self.rotation[:2, 2].tolist()), 1e-9)
 
     def tilt_covariance(self) -> Array:
         """Of the angle about the camera's forward and right axes, levelled: roll and pitch, (2, 2) rad^2."""
@@ -190,15 +192,15 @@ def inertial_step(
     span_s = until_s - state.stamp_s
     rotated, gained, gap_s = _integrated(state, samples, until_s, noise)
     before, force = state.rotation, state.rotation @ gained
-    transition = np.eye(STATES)
-    transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -before * span_s
-    transition[_VELOCITY, _TILT] = -_cross(force)
-    transition[_VELOCITY, 2] = 0.0  # heading moves no velocity that a heading-free frame could know
+    x, y, z = force.tolist()
+    transition = _IDENTITY.copy()
+    transition[_TILT, _BIAS] = transition[_VELOCITY, _OFFSET] = -span_s * before
+    # The heading moves no velocity that a heading-free frame could know.
+    transition[_VELOCITY, _TILT] = [[0.0, z, 0.0], [-z, 0.0, 0.0], [y, -x, 0.0]]
     angle2 = noise.gyro**2 * span_s + noise.gyro_share**2 * rotation_angle(rotated) + (noise.gap * gap_s) ** 2
-    diagonal = np.zeros(STATES)
-    diagonal[_TILT], diagonal[_BIAS] = angle2, noise.bias_walk**2 * span_s
-    diagonal[_VELOCITY] = noise.accel**2 * span_s + (5.0 * gap_s) ** 2
-    covariance = transition @ state.covariance @ transition.T + np.diag(diagonal)
+    gained2 = noise.accel**2 * span_s + (5.0 * gap_s) ** 2
+    covariance = transition @ state.covariance @ transition.T
+    covariance[_DIAGONAL] += [angle2] * 3 + [noise.bias_walk**2 * span_s] * 3 + [gained2] * 3 + [0.0] * 3
     recent = ImuSamples.joined([state.recent, samples]).between(until_s - noise.rest_window_s, until_s)
     predicted = InertialState(
         before @ rotated,
@@ -213,8 +215,8 @@ def inertial_step(
         state.calm,
     )
     about = state.up_optical @ state.covariance[_BIAS, _BIAS] @ state.up_optical
-    axis = before @ [rotated[2, 1] - rotated[1, 2], rotated[0, 2] - rotated[2, 0], rotated[1, 0] - rotated[0, 1]]
-    nodded2, tilt2 = float(axis[:2] @ axis[:2]) / 4.0, float(np.trace(state.covariance[:2, :2])) / 2.0
+    axis = before @ (SKEW @ rotated.ravel())
+    nodded2, tilt2 = float(axis[:2] @ axis[:2]) / 4.0, float(state.covariance[0, 0] + state.covariance[1, 1]) / 2.0
     sigma_rad = math.sqrt(angle2 + about * span_s**2 + nodded2 * tilt2)  # of a nod, a wrong tilt makes yaw
     rotation = GyroRotation(rotated, _turned_rad(before, predicted.rotation), sigma_rad)
     return _held(predicted, span_s, noise), rotation
@@ -222,8 +224,8 @@ def inertial_step(
 
 def _turned_rad(before: Array, after: Array) -> float:
     """Change of the optical axis's heading between two rotations (3, 3) into the z-up frame, counter-clockwise."""
-    was, now = before[:2, 2], after[:2, 2]
-    return math.atan2(was[0] * now[1] - was[1] * now[0], float(was @ now))
+    (x, y), (u, v) = before[:2, 2].tolist(), after[:2, 2].tolist()
+    return math.atan2(x * v - y * u, x * u + y * v)
 
 
 def _held(state: InertialState, span_s: float, noise: InertialNoise) -> InertialState:
@@ -257,18 +259,18 @@ def _corrected(
     more than it says counts as much less."""
     cross = state.covariance @ selected.T
     expected = selected @ cross + variance
-    solved = np.linalg.solve(expected, np.column_stack([cross.T, residual]))
-    gain = solved[:, :-1].T
-    if robust and (excess := float(residual @ solved[:, -1]) / len(residual)) > 1.0:
+    information = np.linalg.inv(expected)
+    gain = cross @ information
+    if robust and (excess := float(residual @ information @ residual) / len(residual)) > 1.0:
         variance, gain = variance + (excess - 1.0) * expected, gain / excess
     if not learns_vertical_bias:
         up = state.up_optical
-        gain[_BIAS] -= np.outer(up, up @ gain[_BIAS])
+        gain[_BIAS] -= up[:, None] * (up @ gain[_BIAS])
     change = gain @ residual
     left = _IDENTITY - gain @ selected
     return replace(
         state,
-        rotation=_small_rotation(*change[_TILT].tolist()) @ state.rotation,
+        rotation=small_rotation(*change[_TILT].tolist()) @ state.rotation,
         bias=state.bias + change[_BIAS],
         velocity=state.velocity + change[_VELOCITY],
         offset=state.offset + change[_OFFSET],
@@ -280,12 +282,17 @@ def _selected(part: slice) -> Array:
     return _IDENTITY[part]
 
 
-def _small_rotation(x: float, y: float, z: float) -> Array:
+def small_rotation(x: float, y: float, z: float) -> Array:
     """`rotation_of` one vector, in a fifth of its time."""
     angle = math.sqrt(x * x + y * y + z * z)
-    sine, rest = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-6 else (1.0, 0.5)
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + sine * skew + rest * (skew @ skew)
+    s, r = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-6 else (1.0, 0.5)
+    return np.array(
+        [
+            [1.0 - r * (y * y + z * z), r * x * y - s * z, r * x * z + s * y],
+            [r * x * y + s * z, 1.0 - r * (x * x + z * z), r * y * z - s * x],
+            [r * x * z - s * y, r * y * z + s * x, 1.0 - r * (x * x + y * y)],
+        ]
+    )
 
 
 def _integrated(
@@ -296,18 +303,19 @@ def _integrated(
     Trapezoids between samples; the last rate and force are held up to `until_s`.
     """
     stamps = np.concatenate([[state.stamp_s], samples.stamps_s, [until_s]])
-    spans = np.maximum(np.diff(stamps), 0.0)
-    first = state.recent if len(state.recent) else samples
-    rates = np.concatenate([first.gyro_rad_s[-1:] if len(state.recent) else first.gyro_rad_s[:1], samples.gyro_rad_s])
-    forces = np.concatenate([first.accel_m_s2[-1:] if len(state.recent) else first.accel_m_s2[:1], samples.accel_m_s2])
-    rates = np.concatenate([(rates[:-1] + rates[1:]) / 2.0, rates[-1:]]) - state.bias
-    forces = np.concatenate([(forces[:-1] + forces[1:]) / 2.0, forces[-1:]]) - state.offset
+    spans = np.maximum(stamps[1:] - stamps[:-1], 0.0)
+    before, last = (state.recent, -1) if len(state.recent) else (samples, 0)
+    rates = np.concatenate([before.gyro_rad_s[last, None], samples.gyro_rad_s, samples.gyro_rad_s[-1:]])
+    forces = np.concatenate([before.accel_m_s2[last, None], samples.accel_m_s2, samples.accel_m_s2[-1:]])
+    rates = (rates[:-1] + rates[1:]) / 2.0 - state.bias
+    gains = ((forces[:-1] + forces[1:]) / 2.0 - state.offset) * spans[:, None]
     rotations, reach = rotation_of(rates * spans[:, None]), 1
     while reach < len(rotations):  # each becomes the product of all up to it
         rotations[reach:] = rotations[:-reach] @ rotations[reach:]
         reach *= 2
-    means = (rotations + np.concatenate([np.eye(3)[None], rotations[:-1]])) / 2.0
-    gained = ((means @ forces[:, :, None])[:, :, 0] * spans[:, None]).sum(axis=0)
+    beside = gains.copy()  # of the spans before and after each rotation
+    beside[:-1] += gains[1:]
+    gained = (gains[0] + np.einsum("nij,nj->i", rotations, beside)) / 2.0
     return rotations[-1], gained, float(spans[spans > noise.gap_s].sum())
 
 
@@ -324,13 +332,8 @@ def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> 
 
 def rotation_of(vectors: Array) -> Array:
     """Rotation vectors (N, 3), rad, to matrices (N, 3, 3) (Rodrigues)."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    skew = np.zeros((len(vectors), 3, 3))
-    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
-    skew -= skew.transpose(0, 2, 1)
-    return np.eye(3) + np.sinc(angle / math.pi) * skew + 0.5 * np.sinc(angle / math.tau) ** 2 * (skew @ skew)
-
-
-def _cross(vector: Array) -> Array:
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = np.sqrt(np.maximum((vectors * vectors).sum(axis=1), 1e-24))[:, None, None]
+    half = np.sin(angle / 2.0) / angle
+    skew = (vectors @ SKEW).reshape(-1, 3, 3)
+    outer = vectors[:, :, None] * vectors[:, None, :]
+    return np.cos(angle) * np.eye(3) + np.sin(angle) / angle * skew + 2.0 * half * half * outer

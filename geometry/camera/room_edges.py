@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.inertial import rotation_of
+from edgemap.geometry.camera.inertial import SKEW, small_rotation
 
 Array = NDArray[np.float64]
 
@@ -30,17 +30,17 @@ def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -
     if len(lengths) < FEWEST:
         return None
     directions = _directions(normals, lengths, _most_upright(normals, lengths, expected, reach_rad))
-    upright, explained = lengths > 0.0, 0.0
+    each, upright, explained = np.arange(len(lengths)), lengths > 0.0, 0.0
     weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
     for scale in ANNEALING:
         misses = normals @ directions.T
         kind = np.abs(misses).argmin(axis=1)
-        miss = misses[np.arange(len(kind)), kind]
-        share = np.clip(1.0 - (miss / (scale * 2.0 * NEAR_RAD)) ** 2, 0.0, 1.0) ** 2
-        slopes = np.cross(directions[kind], normals)
+        miss = misses[each, kind]
+        share = np.maximum(1.0 - (miss / (scale * 2.0 * NEAR_RAD)) ** 2, 0.0) ** 2
+        slopes = (normals @ (directions @ SKEW).reshape(3, 3, 3).transpose(0, 2, 1))[kind, each]  # their cross products
         weighted = slopes * (weight * share)[:, None]
         step = -np.linalg.solve(weighted.T @ slopes + np.eye(3), weighted.T @ miss)
-        directions = directions @ rotation_of(np.asarray(step, dtype=np.float64)[None])[0].T
+        directions = directions @ small_rotation(*step.tolist()).T
         near = np.abs(miss) < NEAR_RAD
         upright, explained = near & (kind == 0), float(lengths[near].sum() / lengths.sum())
     enough = upright.sum() >= FEWEST and lengths[upright].sum() > MINIMUM_LENGTH_RAD and explained > MINIMUM_SHARE
@@ -55,7 +55,10 @@ def _most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: fl
     a, b = (values.ravel() for values in np.meshgrid(offsets, offsets))
     tried = expected + a[:, None] * right + b[:, None] * away
     tried /= np.linalg.norm(tried, axis=1, keepdims=True)
-    support = lengths @ np.clip(1.0 - (normals @ tried.T / COARSE_RAD) ** 2, 0.0, 1.0)
+    near = normals @ (tried.T / COARSE_RAD)
+    near *= near
+    np.maximum(np.subtract(1.0, near, out=near), 0.0, out=near)
+    support = lengths @ near
     likely = np.exp(-1.5 * (a**2 + b**2) / reach_rad**2)
     return tried[int((support * likely).argmax())]
 
@@ -68,8 +71,9 @@ def _directions(normals: Array, lengths: Array, up: Array) -> Array:
     angles = np.arctan2(level @ away, level @ right)
     clear = (size > math.sin(math.radians(10.0))) & (np.abs(normals @ up) > math.sin(NEAR_RAD))
     tried = np.linspace(0.0, math.pi / 2.0, 90, endpoint=False)
-    off = (angles[None, :] - tried[:, None] + math.pi / 4.0) % (math.pi / 2.0) - math.pi / 4.0
-    votes = (np.exp(-0.5 * (off / NEAR_RAD) ** 2) * (lengths * clear)).sum(axis=1)
+    off = np.abs(angles % (math.pi / 2.0) - tried[:, None])
+    off = np.minimum(off, math.pi / 2.0 - off)
+    votes = np.exp(-0.5 * (off / NEAR_RAD) ** 2) @ (lengths * clear)
     heading = float(tried[votes.argmax()])
     first = math.cos(heading) * right + math.sin(heading) * away
     return np.stack([up, first, np.cross(up, first)])
