@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from statistics import fmean
 from typing import Any
 
 import psutil
@@ -89,8 +90,8 @@ def measure(
         "fps": round(len(totals) / wall_s, 2),
         "frames": len(totals),
         "at_rest": at_rest,
-        "latency_ms": percentiles(totals),
-        "stages_ms": {stage: percentiles(laps) for stage, laps in stages.items()},
+        "latency_ms": percentiles(totals) | {"mean": round(fmean(totals), 3)},
+        "stages_ms": {s: percentiles(laps) | {"mean": round(fmean(laps), 3)} for s, laps in stages.items()},
         "cpu_ms_per_frame": round(1e3 * cpu_s / len(totals), 2),
         "cpu_percent": round(100.0 * cpu_s / wall_s, 1),
         "other_cpu_percent": round(max(0.0, 100.0 * other_s / wall_s), 1),

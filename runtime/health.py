@@ -209,13 +209,12 @@ def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule)
 def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[str, str]:
     """Whether rows at one end are old, or missing."""
     rows = len(grid)
-    missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
-    if missing > rule.torn_share * rows:
-        return "torn", f"{missing} of {rows} rows are missing"
-    same = (grid == last).all(axis=1)
-    if same.any():
-        same &= np.ptp(grid, axis=1) > 0  # bars and borders of one colour are no old rows
-    if same.any():
+    if (grid[-1] == DECODER_GREY).all():
+        missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
+        if missing > rule.torn_share * rows:
+            return "torn", f"{missing} of {rows} rows are missing"
+    if (grid[0] == last[0]).all() or (grid[-1] == last[-1]).all():
+        same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
         top, bottom = _run(same), _run(same[::-1])
         old = max(top, bottom)
         moved = float(cv2.absdiff(grid[~same], last[~same]).mean())

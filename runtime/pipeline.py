@@ -124,7 +124,9 @@ class Pipeline:
         predicted = camera.attitude
         if predicted is None or not predicted.predicted:
             return camera
-        return self.camera.at(replace(self.attitude.rotated(motion.rotation), fault=predicted.fault))
+        camera = self.camera.at(replace(self.attitude.rotated(motion.rotation), fault=predicted.fault))
+        self._watch.stage("attitude")
+        return camera
 
     def _searches(self, frame: Frame, health: PictureHealth) -> bool:
         """Whether the backbone runs: not on what shows nothing new of where the robot is, nor where a budget forbids it

@@ -21,9 +21,9 @@ class Stopwatch:
         self._last = perf_counter()
 
     def stage(self, stage: str) -> None:
-        """Book the time since the last call on a stage."""
+        """Book the time since the last call on a stage; what was booked on it before adds up."""
         now = perf_counter()
-        self.stages_ms[stage] = (now - self._last) * 1e3
+        self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + (now - self._last) * 1e3
         self._last = now
 
 

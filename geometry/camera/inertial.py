@@ -26,7 +26,7 @@ GRAVITY_M_S2 = 9.81
 OFFSET_RAD = math.radians(2.5)  # tilt that an uncalibrated accelerometer's offset shows (BMI055: 70 mg, 4 deg at most)
 _TILT, _BIAS, _VELOCITY, _OFFSET = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATES = 12
-_IDENTITY, _DIAGONAL = np.eye(STATES), np.diag_indices(STATES)
+_IDENTITY, _DIAGONAL, _AXES = np.eye(STATES), np.diag_indices(STATES), np.diag_indices(3)
 # Of a vector v (3,): (v @ SKEW).reshape(3, 3) @ w is v x w.
 SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
 
@@ -153,17 +153,16 @@ def inertial_moved(
     if before is None:
         return state
     span_s = state.stamp_s - before.stamp_s
-    ahead = before.heading
-    axes = np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])  # forward and left of the base, in the world
+    x, y = before.heading.tolist()
+    axes = np.array([[x, -y], [y, x], [0.0, 0.0]]) / span_s  # forward and left of the base, in the world
     swung, displaced = ((state.rotation - before.rotation) @ arm_optical_m.T).T
-    displaced[:2] += axes @ [motion.x_m, motion.y_m]
     loose = noise.moved**2 + float(swung @ swung) / span_s**2
-    variance = np.diag([loose, loose, noise.risen**2])
-    variance[:2, :2] += axes @ covariance[:2, :2] @ axes.T / span_s**2
-    residual = displaced / span_s - (state.velocity + before.velocity) / 2.0
+    variance = axes @ covariance[:2, :2] @ axes.T
+    variance[_AXES] += [loose, loose, noise.risen**2]
+    residual = displaced / span_s + axes @ [motion.x_m, motion.y_m] - (state.velocity + before.velocity) / 2.0
     moved = _corrected(state, _selected(_VELOCITY), residual, variance, learns_vertical_bias=False, robust=True)
-    own = covariance[2, 2] + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
-    if motion.vector().any():  # at rest nothing turns at all
+    own = float(covariance[2, 2]) + noise.gyro**2 * span_s + (noise.turned_share * motion.yaw_rad) ** 2
+    if motion != SE2():  # at rest nothing turns at all
         own += noise.turned**2
     about = np.zeros((1, STATES))
     about[0, _BIAS] = moved.up_optical

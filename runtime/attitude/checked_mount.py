@@ -40,7 +40,7 @@ class MountRule:
     two views.
     """
 
-    width_px: int = 320
+    width_px: int = 192
     strips: int = 3
     strip_s: float = 0.09
     every_s: float = 1.5
@@ -114,7 +114,7 @@ class CheckedMount:
         first = self._started_s == self._first_s  # all at once: a carried camera may be tilted by far
         while self._strips and (first or frame.stamp_s - self._started_s >= len(self._ends) * self._rule.strip_s):
             left, strip = self._strips.pop()
-            self._ends.append(line_ends(strip) + [left, 0.0])
+            self._ends.append(line_ends(strip, 1.0) + [left, 0.0])
         return ""
 
     def _due(self, stamp_s: float) -> bool:

@@ -27,6 +27,7 @@ from edgemap.runtime.frame import Frame
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 SWUNG_S = 5.0  # over which the camera's nodding is judged
+JUDGED_EVERY_S = 0.5  # the mount, against gravity
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -62,21 +63,22 @@ class MountCheck:
     def __init__(self, mount: Mount, rule: AttitudeRule) -> None:
         self._rule = rule
         self._mount, self._sum, self._squares = mount, np.zeros(2), np.zeros(2)
-        self._seconds, self._count, self._reported = 0.0, 0, False
+        self._seconds, self._count, self._due_s = 0.0, 0, rule.judged_s
 
     def judge(self, measured_rad: np.ndarray, span_s: float) -> str:
         """The fault after one more frame's roll and pitch (2,) by gravity; empty where there is none or it was
         reported before."""
         self._sum, self._squares = self._sum + measured_rad, self._squares + measured_rad**2
         self._seconds, self._count = self._seconds + span_s, self._count + 1
-        if self._reported or self._seconds < self._rule.judged_s:
+        if self._seconds < self._due_s:
             return ""
+        self._due_s += JUDGED_EVERY_S
         mean = self._sum / self._count
         scatter = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
         off = np.abs(mean - [self._mount.roll_rad, self._mount.pitch_rad])
         if scatter.max() > self._rule.steady_rad or off.max() < self._rule.wrong_rad:
             return ""
-        self._reported = True
+        self._due_s = math.inf
         given = angles_text(math.degrees(self._mount.pitch_rad), math.degrees(self._mount.roll_rad))
         likelier = angles_text(math.degrees(mean[1]), math.degrees(mean[0]))
         return f"mount: {given} given, gravity over {self._seconds:.0f} s says {likelier}: measure it again"

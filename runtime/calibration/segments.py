@@ -15,8 +15,7 @@ Array = NDArray[np.float64]
 
 SHORTEST_SHARE = 0.06  # of the picture's width
 MAXIMUM_SEGMENTS = 100  # the longest ones of a picture
-# LSD looks at the picture at 0.8 of its size and gives x / 0.8 back, where it should give (x + 0.5) / 0.8 - 0.5.
-LSD_OFFSET_PX = 0.5 / 0.8 - 0.5
+LSD_SCALE = 0.8  # of a full picture, at which LSD looks at it, against the stairs of its pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,10 +39,13 @@ def find_segments(image: NDArray[np.uint8], lens: Intrinsics) -> Segments:
     return segments_between(line_ends(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)), lens)
 
 
-def line_ends(grey: MatLike) -> Array:
-    """Both ends of each line that LSD finds in a grey picture, (N, 2, 2) px."""
-    lines = cv2.createLineSegmentDetector().detect(np.ascontiguousarray(grey))[0]
-    return np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, dtype=np.float64).reshape(-1, 2, 2)
+def line_ends(grey: MatLike, scale: float = LSD_SCALE) -> Array:
+    """Both ends of each line that LSD finds in a grey picture, (N, 2, 2) px; 1.0 for one that was averaged down."""
+    lines = cv2.createLineSegmentDetector(scale=scale).detect(np.ascontiguousarray(grey))[0]
+    if lines is None:
+        return np.zeros((0, 2, 2))
+    # LSD gives x / scale back, where it should give (x + 0.5) / scale - 0.5.
+    return np.asarray(lines, dtype=np.float64).reshape(-1, 2, 2) + (0.5 / scale - 0.5)
 
 
 def segments_between(ends: Array, lens: Intrinsics) -> Segments:
@@ -52,7 +54,7 @@ def segments_between(ends: Array, lens: Intrinsics) -> Segments:
     px = np.linalg.norm(sides, axis=1)
     keep = np.argsort(-px)[:MAXIMUM_SEGMENTS]
     keep = keep[px[keep] > SHORTEST_SHARE * lens.width]
-    ends = ends[keep] + LSD_OFFSET_PX
+    ends = ends[keep]
     first, last = (_unit(lens.rays(ends[:, i])) for i in (0, 1))
     planes = np.cross(first, last)
     lengths = np.arcsin(np.clip(np.linalg.norm(planes, axis=1), 0.0, 1.0))

@@ -253,6 +253,8 @@ def test_bench_prints_the_contract(edgemap, painted_bundle, pictures):
         "fps", "latency_ms", "stages_ms", "cold_start_s", "peak_rss_mb", "cpu_percent", "threads", "detect_every",
         "provider", "precision", "against", "cpu_ms_per_frame", "engine", "quiet",
     } <= set(figures)  # fmt: skip
+    assert {"health", "attitude", "odometry"} <= set(figures["stages_ms"])
+    assert set(figures["stages_ms"]["attitude"]) == {"p50", "p95", "p99", "mean"}
     assert set(figures["paced"]) == {"20", "unpaced"}
     assert {"cpu_ms_per_frame", "cpu_percent", "latency_ms"} <= set(figures["paced"]["20"])
     assert figures["detect_every"] == 1
