@@ -27,7 +27,7 @@ from edgemap.runtime.frame import Frame
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 SWUNG_S = 5.0  # over which the camera's nodding is judged
-JUDGED_EVERY_S = 0.5  # the mount, against gravity
+JUDGED_EVERY_S = 0.5  # whether gravity and the mount agree
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -37,8 +37,10 @@ class AttitudeRule:
     70 mg, 4 deg) and the mount's error.
 
     farthest_rad: the filter starts at a mount that is nearer to gravity; what is tilted more is held otherwise.
-    nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. judged_s: of samples, before
-    the mount is called wrong. steady_rad: standard deviation of tilt below which a camera is mounted, not carried.
+    nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so; held_every_s: how often the
+    filter takes the mount in, as each time costs processor time and neighbours tell the same. judged_s: of samples,
+    before the mount is called wrong. steady_rad: standard deviation of tilt below which a camera is mounted, not
+    carried.
     wrong_rad: more than the accelerometer's offset.
     noise: of the sensor and the filter. pictures: where no samples come. check: of the mount, by the pictures.
     """
@@ -46,6 +48,7 @@ class AttitudeRule:
     farthest_rad: float = math.radians(6.0)
     nodding_rad: float = math.radians(0.5)
     nodding_s: float = 0.5
+    held_every_s: float = 0.15
     judged_s: float = 10.0
     steady_rad: float = math.radians(2.0)
     wrong_rad: float = math.radians(4.5)
@@ -101,6 +104,7 @@ class InertialAttitude:
         self._state: InertialState | None = None
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
+        self._loose_s = 0.0  # since the mount was last taken in
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
@@ -122,7 +126,10 @@ class InertialAttitude:
                 state = inertial_moved(state, *frame.moved, self._arm, self._noise)
             self._nodded(state, frame.imu, span_s)
             state, rotation = inertial_step(state, frame.imu, frame.stamp_s, self._noise)
-            state = self._mounted(state, span_s)
+            self._loose_s += span_s
+            if self._loose_s >= self._rule.held_every_s:
+                state = self._mounted(state, self._loose_s)
+                self._loose_s = 0.0
         self._state = state
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(found, rotation=rotation, fault=self._check.judge(_angles(state.force_optical), span_s))
