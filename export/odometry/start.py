@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from edgemap.export.odometry.flow import SMALL, FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PaperHead, random_head
 from edgemap.export.odometry.smaller import fit_smaller
 from edgemap.export.ranks import Ranks
+from edgemap.geometry.camera.floor import length_unit_m
 
 FIT_DRIVES = 24  # that a smaller head is fitted on: evenly chosen
 SAMPLES = 64  # frames that mean and deviation are taken from
@@ -70,10 +70,10 @@ def begin(
 
 
 def unit_of(drives: Sequence[FeatureDrive]) -> float:
-    """The unit in which a flow head counts lengths, metres: how far away these cameras see the nearest floor, along the
-    optical axis, as a power of two. It is 1 for robots at home and 8 for KITTI's car; where no floor is in view, 1."""
+    """The unit in which a flow head counts lengths, metres: `length_unit_m` of these cameras' nearest floor, the median
+    of them; where no floor is in view, 1."""
     nearest = [1.0 / most for drive in drives if (most := float(drive.cells[:, 6].max())) > 0.0]
-    return 2.0 ** round(math.log2(float(np.median(nearest)))) if nearest else 1.0
+    return length_unit_m(float(np.median(nearest))) if nearest else 1.0
 
 
 def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:

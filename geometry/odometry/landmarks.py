@@ -59,6 +59,9 @@ def rotation_between(before: Viewpoint, camera_before: FloorCamera, after: Viewp
     return base_before.T @ _rotation_z(before.pose.inverse() @ after.pose) @ base_after
 
 
+DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
+
+
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
@@ -66,7 +69,8 @@ class Noise:
     estimated; scale: of the common scale of known points off the floor in one picture, relative; common: share of the
     unknown of new points' depths that is common to them; unknown: of
     the inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
-    next; yaw_rad: of the rotation since the last picture where a gyro measures it."""
+    next; yaw_rad: of the rotation since the last picture where a gyro measures it; depth_share: of a measured depth,
+    relative, per unit of it."""
 
     track_rad: float
     drift_rad: float
@@ -78,6 +82,7 @@ class Noise:
     unknown: float = 0.3
     rise_m: float = 1e-4
     yaw_rad: float = math.inf
+    depth_share: float = DEPTH_SHARE_PER_M
 
 
 @dataclass(slots=True, eq=False)
@@ -148,7 +153,7 @@ def new_landmarks(
     if depth_m is not None:
         measured = np.isfinite(depth_m)
         by_depth = 1.0 / np.where(measured, depth_m * np.linalg.norm(rays, axis=1) / rays[:, 2], 1.0)
-        relative = DEPTH_SHARE + DEPTH_SHARE_PER_M * np.where(measured, depth_m, 0.0)
+        relative = DEPTH_SHARE + noise.depth_share * np.where(measured, depth_m, 0.0)
         inverse, variance = (
             np.where(measured, by_depth, inverse),
             np.where(measured, (relative * by_depth) ** 2, variance),
@@ -214,7 +219,6 @@ class Located:
     slid: bool = False
 
 
-DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
 TUKEY = 16.0  # squared, in units of the expected residual; beyond it a track has no weight
 KNOWN_YAW_RAD = 0.02  # standard deviation below which a gyro's yaw is a better start than the tracks' median
 ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
@@ -342,7 +346,7 @@ def refined(
     """The landmarks after an observation of each, and which to keep, (N,).
 
     Each inverse depth is updated by what was seen (scalar Kalman update). A floor landmark that fits only as a point
-    above the floor becomes one; what fits neither is not kept.
+    off the floor becomes one, also below it, as the scale may be wrong; what fits neither is not kept.
     """
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
     kept = landmarks.floor | landmarks.measured
@@ -355,22 +359,22 @@ def refined(
     fits = (fit2 < gate) & found.projection.ahead
     as_point = landmarks.inverse_m + along / np.maximum(slope2, 1e-12)
     across2 = total2 - along**2 / np.maximum(slope2, 1e-12)
-    above_floor = ~fits & landmarks.floor & found.projection.ahead & (across2 < gate * sigma2)
-    above_floor &= (as_point > landmarks.inverse_m) & (as_point < 10.0)
+    off_floor = ~fits & landmarks.floor & found.projection.ahead & (across2 < gate * sigma2)
+    off_floor &= (as_point > 0.0) & (as_point < 10.0)
     gain = np.where(landmarks.measured, 0.0, landmarks.variance / innovation2)
     inverse = landmarks.inverse_m + gain * along
     variance = landmarks.variance * (1.0 - gain * slope2)
     after = Landmarks(
         landmarks.anchor_m,
         landmarks.ray,
-        np.where(above_floor, as_point, inverse),
-        np.where(above_floor, 4.0 * sigma2 / np.maximum(slope2, 1e-12), variance),
-        landmarks.floor & ~above_floor,
-        landmarks.on_floor,
+        np.where(off_floor, as_point, inverse),
+        np.where(off_floor, 4.0 * sigma2 / np.maximum(slope2, 1e-12), variance),
+        landmarks.floor & ~off_floor,
+        np.where(off_floor, landmarks.inverse_m, landmarks.on_floor),
         landmarks.age + 1,
         landmarks.measured,
     )
-    return _classified(after, noise), (fits & (inverse > -0.05)) | above_floor
+    return _classified(after, noise), (fits & (inverse > -0.05)) | off_floor
 
 
 RISE_SHARE = 0.05  # of the rise that is attributed to the landmarks and not to the lens

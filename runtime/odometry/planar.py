@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.landmarks import (
+    DEPTH_SHARE_PER_M,
     Landmarks,
     Located,
     Noise,
@@ -53,7 +55,7 @@ MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 @dataclass(frozen=True, slots=True)
 class PlanarRule:
-    """How planar odometry tracks corners and weighs them.
+    """How planar odometry tracks corners and weighs them. Its metres are those of robots at home: `FloorCamera.unit_m`.
 
     working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px: how
     many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response,
@@ -144,10 +146,12 @@ class PlanarOdometry:
         scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
         size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
         self._size = size
-        self._level = self._camera = FloorCamera(camera.intrinsics.scaled(*size), camera.mount)
+        self._unit_m = unit_m = camera.unit_m
+        self._level = self._camera = FloorCamera(camera.intrinsics.scaled(*size), _in_units(camera.mount, unit_m))
         focal = self._level.intrinsics.fx
-        self._level_noise = self._noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)
-        self._reach_m = rule.reach_heights * camera.mount.height_m
+        noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)
+        self._level_noise = self._noise = replace(noise, depth_share=DEPTH_SHARE_PER_M * unit_m)
+        self._reach_m = rule.reach_heights * self._level.mount.height_m
         self._rays = _ray_table(self._camera)
         self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
         self._mask = self._floor_mask(self._level)
@@ -164,6 +168,18 @@ class PlanarOdometry:
 
     def step(self, frame: Frame, features: Tensors) -> Motion:  # noqa: ARG002
         """Follow the corners of the last frame into this one."""
+        return self._metric(self._followed(frame))
+
+    def _metric(self, motion: Motion) -> Motion:
+        """A motion in the camera's unit of length, in metres."""
+        if self._unit_m == 1.0:
+            return motion
+        units = np.array([self._unit_m, self._unit_m, 1.0])
+        metric = SE2(*(units * motion.motion.vector()))
+        return replace(motion, motion=metric, covariance=motion.covariance * np.outer(units, units))
+
+    def _followed(self, frame: Frame) -> Motion:
+        """The motion in units."""
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
@@ -222,7 +238,7 @@ class PlanarOdometry:
         guess, self._skipped = self._coasting.guess(stamp_s, reason), True
         self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
         self._motion, self._trusted = guess.motion, False
-        return guess
+        return self._metric(guess)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
         """It lives by pictures."""
@@ -263,7 +279,8 @@ class PlanarOdometry:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
         self._camera_before = self._camera
         if attitude is not None and attitude is not self._attitude:
-            self._attitude, self._camera = attitude, self._level.at(attitude)
+            height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
+            self._attitude, self._camera = attitude, self._level.at(replace(attitude, height_m=height_m))
             sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
             self._noise = replace(self._level_noise, tilt_rad=sigma)
             self._mask = self._floor_mask(self._camera)
@@ -488,7 +505,7 @@ class PlanarOdometry:
         valid = ((around > NEAREST_M) & (around < FARTHEST_M)).all(axis=0)
         inverse = 1.0 / np.where(valid, around, 1.0)
         bend = np.abs(inverse[1::2] + inverse[2::2] - 2.0 * inverse[0]).max(axis=0)
-        return np.where(valid & (bend < EDGE_SHARE * inverse[0]), around[0], np.nan)
+        return np.where(valid & (bend < EDGE_SHARE * inverse[0]), around[0] / self._unit_m, np.nan)
 
     def _trusting(self) -> bool:
         """Whether what is seen below the horizon counts as floor at once."""
@@ -512,6 +529,13 @@ class PlanarOdometry:
         return (1 - b) * ((1 - a) * table[v, u] + a * table[v, u + 1]) + b * (
             (1 - a) * table[v + 1, u] + a * table[v + 1, u + 1]
         )
+
+
+def _in_units(mount: Mount, unit_m: float) -> Mount:
+    """A mount with its lengths in a unit."""
+    return replace(
+        mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
+    )
 
 
 def _rays(bearings: Array) -> Array:

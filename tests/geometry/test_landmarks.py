@@ -141,6 +141,21 @@ def test_what_stands_before_the_floor_is_found_out():
     assert after.floor[20:80].all()
 
 
+def test_floor_that_lies_below_what_the_scale_says_tells_that_it_is_too_large():
+    """All moved by half of what they would have, had the scale been right: the floor is half as far away."""
+    points = scene(5, floor=60, walls=0)
+    lens = CAMERA.mount.position_base_m()
+    known = landmarks_of(lens + 0.5 * (points - lens))
+    farther = np.arange(60) < 12
+    motion = SE2(0.25, 0.0, 0.0)
+    points[~farther] = lens + 0.5 * (points[~farther] - lens)  # these were where they seemed, twelve twice as far
+    found = locate(known, seen_from(points, Viewpoint(motion)), CAMERA, Viewpoint(SE2(0.24, 0, 0)), NOISE)
+    after, keep = refined(known, found, NOISE)
+    below = farther & keep & ~after.floor
+    assert below.sum() >= 8
+    np.testing.assert_allclose(after.on_floor[below], known.inverse_m[below])
+
+
 def test_fewer_tracks_mean_a_larger_covariance():
     points = scene(4)
     many = locate(landmarks_of(points), seen_from(points, Viewpoint()), CAMERA, Viewpoint(), NOISE)

@@ -16,6 +16,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
@@ -117,6 +118,37 @@ def with_gyro(frames, poses, bias_rad, sigma_rad):
 
 
 CARRIED = PlanarRule(level_rad=-1e-6)  # takes any camera for one that is carried
+
+
+def test_planar_counts_lengths_in_a_unit_after_the_nearest_floor():
+    """The same pictures four times as high above a floor four times as large: the same motions in units of 4 m."""
+    mount = replace(CAMERA.mount, height_m=4.0 * CAMERA.mount.height_m, forward_m=4.0 * CAMERA.mount.forward_m)
+    high = FloorCamera(CAMERA.intrinsics, mount)
+    assert (CAMERA.unit_m, high.unit_m) == (1.0, 4.0)
+    small, large = PlanarOdometry(CAMERA), PlanarOdometry(high)
+    for frame in drive(MOTIONS["left arc"])[0]:
+        found, larger = small.step(frame, {}), large.step(frame, {})
+        np.testing.assert_allclose(larger.motion.vector(), found.motion.vector() * [4.0, 4.0, 1.0])
+        np.testing.assert_allclose(larger.covariance, found.covariance * np.outer([4, 4, 1], [4, 4, 1]))
+
+
+@pytest.mark.parametrize("first", [300, 400])
+def test_planar_starts_in_a_car_that_drives(shared_data, first):
+    """KITTI 00 at 6 and 8 m/s: taken for a room's, all but the floor is 5 m away, and the car drives 1 m/s."""
+    with open_camera(f"kitti:{shared_data / 'kitti00'}") as source:
+        assert source.intrinsics is not None
+        assert source.mount is not None
+        assert source.truth is not None
+        odometry, pose, start = PlanarOdometry(FloorCamera(source.intrinsics, source.mount)), SE2(), SE2()
+        for index in range(first + 31):
+            frame = source.read()
+            assert frame is not None
+            if index == first:
+                start = source.truth.at(frame.stamp_s)
+            if index >= first:
+                pose = pose @ odometry.step(frame, {}).motion
+        true = start.inverse() @ source.truth.at(frame.stamp_s)
+    assert math.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m) < 0.25 * math.hypot(true.x_m, true.y_m)
 
 
 def test_planar_denies_a_gyro_whose_bias_was_learnt_in_motion():

@@ -69,7 +69,7 @@ def test_a_unit_of_length_is_a_larger_world():
     cells[:, 6] /= 8.0
     mount[:, 9:] *= 8.0
     large = replace(drive, cells=cells, mount=mount, poses=drive.poses * [8.0, 8.0, 1.0])
-    assert (unit_of([drive, drive, large]), unit_of([large])) == (0.5, 4.0)  # its floor begins 0.58 m ahead
+    assert (unit_of([drive, drive, large]), unit_of([large])) == (1.0, 4.0)  # its floor begins 0.58 m ahead
     recipe, batches = flow_recipe(), [make_batch([(each, np.arange(6))]) for each in (drive, large)]
     motions, covariances, _ = recipe.unroll(head, batches[0], None)
     loss = flow_loss(head, batches[0], 0.5)[0]
