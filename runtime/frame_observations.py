@@ -45,3 +45,9 @@ class FrameObservations:
     def _attitude_fault(self) -> str:
         attitude = self.camera and self.camera.attitude
         return attitude.fault if attitude else ""
+
+    @property
+    def attitude_source(self) -> str:
+        """Where roll and pitch come from."""
+        attitude = self.camera and self.camera.attitude
+        return attitude.source if attitude else "mount"

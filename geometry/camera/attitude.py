@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.mount import Mount
 
 Array = NDArray[np.float64]
@@ -36,11 +37,12 @@ class SeenRotation:
     """The camera's rotation from the previous frame to this one, as tracked corners show it.
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. sigma_rad: standard
-    deviation about each level axis.
+    deviation about each level axis. carried: what the drive has shown of that so far, None of a camera at rest.
     """
 
     rotation: Array
     sigma_rad: float
+    carried: Carried | None = None
 
 
 def rotation_angle(rotation: Array) -> float:
@@ -57,7 +59,7 @@ class Attitude:
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: what it comes from, for people. predicted: by what is known before this frame's rotation; the odometry shows
     that. fault: one line where it shows that the mount is wrong, once.
-    carried: whether the tilt scatters as that of a mounted camera does not.
+    carried: whether the tilt by a room's edges scatters as that of a mounted camera does not.
     """
 
     roll_rad: float

@@ -154,7 +154,6 @@ class CheckedMount:
         middle, scatter = median_and_scatter(estimates[:, 1:])
         steady = scatter.max() < rule.steady_rad
         self._carried = not steady
-        self._pictures.see_carried(self._carried)
         off = np.abs(middle - self._offset).max()
         self._confirmed = bool(steady and off < rule.wrong_rad)
         if not steady or self._confirmed:

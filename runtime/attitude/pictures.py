@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation, rotation_angle
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.room_edges import room_up
 from edgemap.geometry.camera.tilt import Tilt
@@ -26,11 +27,9 @@ class PicturesRule:
     """How the rotation between pictures, the room's edges and the mount are weighed.
 
     nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. likely: standard deviations
-    of nodding, at which the mount tells half as much of the tilt. swinging_rad_s: of a camera on a robot, which the
-    mount tells that much of, and of one that is carried, which is about the mount's angles within carried_rad (rendered
-    robots 1 to 4 degrees a second, a hand-held camera 6, two head cameras 16 to 18). swung_s: over which that is
-    judged. calm_s: for which a camera counts as calm at first. rotation_rad, rotation_share: standard deviation of the
-    rotation between two pictures beside what the corners say, and relative to it.
+    of nodding, at which the mount tells half as much of the tilt. carried_rad: within which a carried camera is about
+    the mount's angles. rotation_rad, rotation_share: standard deviation of the rotation between two pictures beside
+    what the corners say, and relative to it.
     edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in two
     real rooms, 1.7 in a kitchen, 1.2 on a street). alone: by how much more those of one picture err, as they may agree
     on a wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3
@@ -43,10 +42,7 @@ class PicturesRule:
     nodding_rad: float = NODDING_RAD
     nodding_s: float = 0.1
     likely: float = 10.0
-    swinging_rad_s: tuple[float, float] = (math.radians(5.0), math.radians(8.0))
     carried_rad: float = math.radians(10.0)
-    swung_s: float = 5.0
-    calm_s: float = 0.2
     rotation_rad: float = math.radians(0.05)
     rotation_share: float = 0.1
     edges_rad: float = math.radians(0.4)
@@ -79,7 +75,7 @@ class PicturesAttitude:
         covariance of what it may have rotated since."""
         span_s = frame.stamp_s - self._seen_s
         self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, frame.stamp_s
-        if self._carried_share() == 0.0 or not self._known():
+        if self._carried.share == 0.0 or not self._known():
             return self._given
         ahead = self._unseen()
         return replace(Attitude.of_up(ahead.up, ahead.angles_covariance(), self.name), predicted=True)
@@ -88,7 +84,7 @@ class PicturesAttitude:
         """The attitude of the last frame, by the rotation up to it."""
         tilt = self._unseen() if rotation is None else self._turned(rotation)
         self._carry_edges(rotation)
-        share = self._carried_share()
+        share = self._carried.share
         carried_rad = share * self._rule.carried_rad
         if carried_rad > self._assumed_rad:  # what the mount told so far was too much
             tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
@@ -107,8 +103,7 @@ class PicturesAttitude:
         """Start again at the mount."""
         self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
         self._seen_s, self._span_s = -math.inf, LONGEST_S
-        self._rate2, self._judged_s = 0.0, self._rule.calm_s  # mean square of the tilt's rate, and over how long
-        self._assumed_rad, self._begun, self._carried = 0.0, False, False
+        self._assumed_rad, self._begun, self._carried = 0.0, False, Carried()
         self._since: Array | None = None  # rotation since the picture whose edges are looked for
         self._edges: list[tuple[Array, Array]] = []  # normals and lengths, in the axes of that picture
 
@@ -135,10 +130,6 @@ class PicturesAttitude:
             self._tilt = self._tilt.corrected(since.T @ up, sigma_rad, rule.edges_gate)
         return up
 
-    def see_carried(self, carried: bool) -> None:
-        """Whether edges show steadily that the camera is carried, however slowly it swings."""
-        self._carried = carried
-
     def correct_mount(self, mount: Mount) -> None:
         """The mount was wrong."""
         self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
@@ -150,18 +141,14 @@ class PicturesAttitude:
 
     def _unseen(self) -> Tilt:
         """The tilt before the rotation of this frame is seen."""
-        return self._tilt.widened(math.sqrt(self._rate2) * self._span_s)
+        return self._tilt.widened(math.sqrt(self._carried.rate2) * self._span_s)
 
     def _turned(self, rotation: SeenRotation) -> Tilt:
-        """The tilt after a rotation; learns how fast it changes."""
+        """The tilt after a rotation."""
         rule = self._rule
         sigma_rad = rule.rotation_rad + rule.rotation_share * rotation_angle(rotation.rotation)
-        tilt = self._tilt.rotated(SeenRotation(rotation.rotation, math.hypot(rotation.sigma_rad, sigma_rad)))
-        swung = tilt.up - self._tilt.up
-        self._judged_s += self._span_s
-        share = self._span_s / min(self._judged_s + self._span_s, rule.swung_s)
-        self._rate2 += share * (float(swung @ swung) / 2.0 / self._span_s**2 - self._rate2)
-        return tilt
+        self._carried = rotation.carried or self._carried
+        return self._tilt.rotated(replace(rotation, sigma_rad=math.hypot(rotation.sigma_rad, sigma_rad)))
 
     def _carry_edges(self, rotation: SeenRotation | None) -> None:
         """Take the edges that are kept on to the picture that was begun."""
@@ -178,9 +165,3 @@ class PicturesAttitude:
         """Standard deviation of the tilt about the mount of a robot whose camera is so far off."""
         rule, off = self._rule, tilt.up - self._mounted
         return rule.nodding_rad * (1.0 + float(off @ off) / 2.0 / (rule.likely * rule.nodding_rad) ** 2)
-
-    def _carried_share(self) -> float:
-        """From 0, of a camera on a robot, to 1, of one that is carried."""
-        level, carried = self._rule.swinging_rad_s
-        share = (math.sqrt(self._rate2) - level) / (carried - level)
-        return 1.0 if self._carried else min(max(share, 0.0), 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -11,6 +11,7 @@ from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
@@ -49,6 +50,7 @@ SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
 RESPONSE_PX = 3  # about a corner; that far its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every so many pixels
 EDGE_PX, EDGE_SHARE = 3, 0.03  # about a corner; at an edge its depth may be that of either of two objects
+SHORTEST_S = 1e-3  # between two pictures
 TURN_M = 0.3  # of path length that a radian of turn counts as
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
@@ -67,16 +69,15 @@ class PlanarRule:
     must agree on the fresh start, which has looser landmarks. least_weight: tracks that must agree at all.
     scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
     longest_gap_s: without a picture; after a longer one the corners are not looked for any more.
-    nodding_share: of the newest picture in how much the camera nods from one to the next, root mean square (rendered
-    robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). nodding_sigmas: of that, the standard deviation of a
-    picture's tilt. level_rad: what nods more is carried, and rises and sinks as well: by rise_per_rad of the mount's
-    height for each radian beyond.
+    carried: when the camera counts as carried, and as one on wheels. nodding_sigmas: of how much it nods from picture
+    to picture, the standard deviation of a picture's tilt. What is carried rises and sinks as well: by rise_per_rad of
+    the mount's height for each radian beyond `carried.level_rad`.
     mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
     `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
     it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
-    itself. slides_weight: of the newest step in that share. steady_m: path length without nodding, after which a camera
-    counts as one on wheels. floor_lost_s: there, after so long without floor landmarks, what is seen below the horizon
-    counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost meanwhile.
+    itself. slides_weight: of the newest step in that share. floor_lost_s: on wheels, after so long without floor
+    landmarks, what is seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost
+    meanwhile.
     neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
@@ -105,16 +106,14 @@ class PlanarRule:
     scale_drift_per_s: float = 0.1
     max_scale_drift: float = 0.5
     longest_gap_s: float = 1.0
-    nodding_share: float = 0.1
+    carried: CarriedRule = field(default_factory=CarriedRule)
     nodding_sigmas: float = 3.0
-    level_rad: float = math.radians(0.6)
     mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
     axle_sigma_m: tuple[float, float] = (0.0, 1.0)
     slides_share: float = 0.3
     slides_weight: float = 0.05
-    steady_m: float = 2.0
     floor_lost_s: float = 1.0
     unseen_speed_m_s: float = 0.35
     neighbour_px: float = 40.0
@@ -157,11 +156,9 @@ class PlanarOdometry:
         self._mask = self._floor_mask(self._level)
         self._window: MatLike | None = None  # against the edges of the phase correlation
         self._attitude: Attitude | None = None
-        self._nods_seen = 0
-        self._nodding2 = 0.0  # mean square of the tilt's change from picture to picture
+        self._carried = Carried(rule.carried)
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
         self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
-        self._steady_m = 0.0  # path length since it last nodded as a carried camera does
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
@@ -211,16 +208,14 @@ class PlanarOdometry:
         covariance += self._since_covariance
         scale2 = self._scale_variance(found, frame.stamp_s)
         covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
-        if self._on_wheels():  # a scale that has collapsed makes every motion small
+        if self._carried.on_wheels:  # a scale that has collapsed makes every motion small
             covariance[0, 0] += scale2 * (self._rule.unseen_speed_m_s * dt_s) ** 2
-        if self._rotation_known and self._carried_rad() > 0.0:  # tilt errs too: a better yaw tells no translation
+        if self._rotation_known and self._carried.beyond_rad > 0.0:  # tilt errs too: a better yaw tells no translation
             covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._learn_nodding(found.view)
+        self._learn_nodding(found.view, motion, dt_s)
         self._learn_rolling(found, motion)
         seen = self._seen_rotation(found)
-        way_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
-        self._steady_m = 0.0 if self._carried_rad() > 0.0 else self._steady_m + way_m
         self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
         self._landmarks, keep = refined(self._landmarks, found, self._noise)
         self._keep(keep & (self._landmarks.age < self._rule.max_age))
@@ -278,6 +273,8 @@ class PlanarOdometry:
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
         self._camera_before = self._camera
+        if attitude is not None and attitude.carried != self._carried.scattered:
+            self._carried = replace(self._carried, scattered=attitude.carried)
         if attitude is not None and attitude is not self._attitude:
             height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
             self._attitude, self._camera = attitude, self._level.at(replace(attitude, height_m=height_m))
@@ -299,7 +296,7 @@ class PlanarOdometry:
         yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
         known_rad, lost_rad = self._rule.gyro_upright_rad
         self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
-        carried = self._carried_rad() > 0.0
+        carried = self._carried.beyond_rad > 0.0
         self._rotation_held = carried and self._upright
         self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
         sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
@@ -358,12 +355,8 @@ class PlanarOdometry:
 
     def _rolls(self) -> tuple[SE2, Rolling] | None:
         """The pose that the robot rolled on from, and how, where it is on wheels and that pose was measured."""
-        rolls = self._on_wheels() and self._slides < self._rule.slides_share and self._since == SE2()
+        rolls = self._carried.on_wheels and self._slides < self._rule.slides_share and self._since == SE2()
         return (self._view.pose, self._rolling) if rolls else None
-
-    def _on_wheels(self) -> bool:
-        """Whether the camera has gone a way without nodding as one that is carried."""
-        return self._steady_m > self._rule.steady_m
 
     def _learn_rolling(self, found: Located, motion: SE2) -> None:
         """Where the axle lies, and whether the robot moves sideways by itself."""
@@ -378,33 +371,26 @@ class PlanarOdometry:
     def _seen_rotation(self, found: Located) -> SeenRotation:
         """Of the camera since the last picture, among the landmarks."""
         rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
-        return SeenRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))))
+        return SeenRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self._carried)
 
-    def _learn_nodding(self, found: Viewpoint) -> None:
+    def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:
         """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
-        self._nods_seen += 1
-        share = max(self._rule.nodding_share, 1.0 / (2.0 + self._nods_seen) if self._rotation_known else 0.0)
-        self._nodding2 += share * ((pitch_rad**2 + roll_rad**2) / 2.0 - self._nodding2)
-
-    def _carried_rad(self) -> float:
-        """By how much the camera nods more between pictures than one on wheels; 0 for that."""
-        return max(math.sqrt(self._nodding2) - self._rule.level_rad, 0.0)
+        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        nod2 = (pitch_rad**2 + roll_rad**2) / 2.0
+        self._carried = self._carried.seen(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
 
     def _noise_now(self) -> Noise:
         """What is unknown of this picture's tilt and height."""
-        nodding_rad = math.sqrt(self._nodding2)
         known_height = self._attitude is not None and self._attitude.height_m is not None
         measured = self._attitude is not None and self._attitude.source != "mount" and not self._predicted
-        tilt_rad = (
-            self._noise.tilt_rad if measured else max(self._noise.tilt_rad, self._rule.nodding_sigmas * nodding_rad)
-        )
-        carried_rad = 0.0 if known_height else self._carried_rad()
-        rise_m = self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m
-        common = 1.0 if self._on_wheels() else 0.0
-        return replace(self._noise, tilt_rad=tilt_rad, rise_m=max(rise_m, self._noise.rise_m), common=common)
+        nodding_rad = 0.0 if measured else self._rule.nodding_sigmas * self._carried.nodding_rad
+        carried_rad = 0.0 if known_height else self._carried.beyond_rad
+        rise_m = max(self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m, self._noise.rise_m)
+        common = 1.0 if self._carried.on_wheels else 0.0
+        return replace(self._noise, tilt_rad=max(self._noise.tilt_rad, nodding_rad), rise_m=rise_m, common=common)
 
     def _guess(self, grey: MatLike, frame: Frame) -> Motion:
         """Tracking failed: begin with new corners where a guess puts the view."""
@@ -488,7 +474,7 @@ class PlanarOdometry:
             depths = None if depth is None else self._depths(fresh, depth)
             trusting = np.asarray(self._trusting() & ~self._doubtful(fresh))
             new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting, depths)
-            if self._rotation_held or self._on_wheels():
+            if self._rotation_held or self._carried.on_wheels:
                 apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
                 near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
                 new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
@@ -511,7 +497,7 @@ class PlanarOdometry:
         """Whether what is seen below the horizon counts as floor at once."""
         if self._scaled():
             self._scaled_s = self._seen_s
-            return self._on_wheels() and self._seen_s - self._floor_s > self._rule.floor_lost_s
+            return self._carried.on_wheels and self._seen_s - self._floor_s > self._rule.floor_lost_s
         return not self._rotation_held or self._seen_s - self._scaled_s > self._rule.scale_kept_s
 
     def _scaled(self) -> bool:

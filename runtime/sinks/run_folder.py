@@ -58,6 +58,7 @@ class RunFolder:
         self._saves = 0
         self._faults: list[str] = []
         self._fault_kinds: Counter[str] = Counter()
+        self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
         self._journal: PoseJournal | None = None
         self._rewritten_at = 0  # revision of the journal that the files show
         self._fault_count = self._frames = 0
@@ -108,6 +109,7 @@ class RunFolder:
             self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
         for stage, time_ms in result.stages_ms.items():
             self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
+        self._attitudes[result.observed.attitude_source] += 1
         for fault in result.observed.faults:
             self.fault(fault)
         self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
@@ -197,6 +199,7 @@ class RunFolder:
             "frames": self._frames,
             "seconds": round(seconds, 3),
             "stages_ms": self._stages,
+            "attitude_sources": dict(self._attitudes),
             "merged": self._merged,
             "fault_count": self._fault_count,
             "camera_faults": dict(self._fault_kinds),

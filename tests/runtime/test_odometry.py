@@ -12,6 +12,7 @@ from support import painted
 from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
@@ -117,7 +118,7 @@ def with_gyro(frames, poses, bias_rad, sigma_rad):
     ]
 
 
-CARRIED = PlanarRule(level_rad=-1e-6)  # takes any camera for one that is carried
+CARRIED = PlanarRule(carried=CarriedRule(level_rad=-1e-6))  # takes any camera for one that is carried
 
 
 def test_planar_counts_lengths_in_a_unit_after_the_nearest_floor():

@@ -14,6 +14,7 @@ from support.edges import room_edges
 import edgemap
 from edgemap.evaluation.attitude import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.tilt import Tilt
@@ -39,14 +40,15 @@ def swinging(pitches_deg, rolls_deg, yaws_deg):
 def followed(poses, noise_rad, edges_every=None):
     """The attitudes of cameras (rotations as of `swinging`) at 10 Hz, and the true ones."""
     source, rng = PicturesAttitude(MOUNT), np.random.default_rng(1)
-    found, true, rotation = [], [], None
+    found, true, carried = [], [], Carried()
     for index, (before, now) in enumerate(pairwise([poses[0], *poses])):
         attitude = Attitude.of_up(now[2], np.zeros((2, 2)), "truth")
         source.step(Frame(index, index / 10.0, BLANK))
         if edges_every and index % edges_every == 0:
             source.begin_edges()
         rotation = before.T @ now @ rotation_of(rng.normal(0.0, noise_rad, (1, 3)))[0]
-        found.append(source.rotated(SeenRotation(rotation, noise_rad) if index else None))
+        carried = carried.seen(float(((now[2] - before[2]) ** 2).sum()) / 2.0, 0.1, 0.0)
+        found.append(source.rotated(SeenRotation(rotation, noise_rad, carried) if index else None))
         true.append(attitude)
         if edges_every and index % edges_every == 0:
             pitch_deg, roll_deg = np.degrees([attitude.pitch_rad, attitude.roll_rad]).tolist()

@@ -147,6 +147,7 @@ def test_the_run_folder_holds_the_contract(bundle, tmp_path):
     assert record["finished"] is True
     assert record["frames"] == 25
     assert set(record["stages_ms"]["backbone"]) == {"p50", "p95", "p99"}
+    assert record["attitude_sources"] == {"mount": 25}  # by wheels alone no corners are tracked
 
 
 def test_a_failing_camera_loses_nothing_of_the_map(bundle, tmp_path):

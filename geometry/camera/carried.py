@@ -1,0 +1,80 @@
+"""Whether a camera is carried or sits on a robot's wheels: by how it swings, how far it went without, and by edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedRule:
+    """When a camera counts as carried.
+
+    share: of the newest picture in how much the tilt changes from one to the next, root mean square (rendered robots
+    0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). level_rad: what nods more is carried. steady_m: path length
+    without nodding, after which a camera counts as one on wheels. rate_rad_s: of a camera on a robot, and of one that
+    is carried for certain (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two head cameras 16 to 18).
+    rate_s: over which the rate is judged. calm_s: for which a camera counts as calm at first.
+    """
+
+    share: float = 0.1
+    level_rad: float = math.radians(0.6)
+    steady_m: float = 2.0
+    rate_rad_s: tuple[float, float] = (math.radians(5.0), math.radians(8.0))
+    rate_s: float = 5.0
+    calm_s: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """What a drive has shown of it so far; `seen` with each picture, by whoever follows the camera.
+
+    nodding2: mean square of the tilt's change from picture to picture, rad^2. rate2: of its rate, rad^2/s^2, over
+    judged_s. steady_m: path length since it last nodded as a carried camera does. scattered: whether a room's edges
+    give steadily another tilt, however slowly it swings.
+    """
+
+    rule: CarriedRule = field(default_factory=CarriedRule)
+    pictures: int = 0
+    nodding2: float = 0.0
+    rate2: float = 0.0
+    judged_s: float = 0.0
+    steady_m: float = 0.0
+    scattered: bool = False
+
+    def seen(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> Carried:
+        """After one more picture. nod2: mean square of the change of roll and pitch since the last one, span_s ago.
+        gyro: whether one told the rotation, so that the first pictures count fully."""
+        rule, judged_s = self.rule, self.judged_s + span_s
+        share = max(rule.share, 1.0 / (3.0 + self.pictures) if gyro else 0.0)
+        nodding2 = self.nodding2 + share * (nod2 - self.nodding2)
+        rate_share = span_s / min(rule.calm_s + judged_s + span_s, rule.rate_s)
+        return replace(
+            self,
+            pictures=self.pictures + 1,
+            nodding2=nodding2,
+            rate2=self.rate2 + rate_share * (nod2 / span_s**2 - self.rate2),
+            judged_s=judged_s,
+            steady_m=0.0 if math.sqrt(nodding2) > rule.level_rad else self.steady_m + path_m,
+        )
+
+    @property
+    def nodding_rad(self) -> float:
+        """Of the tilt from picture to picture, root mean square."""
+        return math.sqrt(self.nodding2)
+
+    @property
+    def beyond_rad(self) -> float:
+        """By how much it nods more between pictures than one on wheels; 0 for that."""
+        return max(self.nodding_rad - self.rule.level_rad, 0.0)
+
+    @property
+    def on_wheels(self) -> bool:
+        """Whether it has gone a way without nodding as one that is carried."""
+        return self.steady_m > self.rule.steady_m and not self.scattered
+
+    @property
+    def share(self) -> float:
+        """From 0, of a camera on a robot, to 1, of one that is carried."""
+        level, carried = self.rule.rate_rad_s
+        return 1.0 if self.scattered else min(max((math.sqrt(self.rate2) - level) / (carried - level), 0.0), 1.0)
