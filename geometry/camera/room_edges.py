@@ -51,7 +51,7 @@ def _most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: fl
     """Of directions about the expected one, that in whose planes most edges lie, by length."""
     steps = math.ceil(reach_rad / STEP_RAD)
     offsets = np.arange(-steps, steps + 1) * STEP_RAD
-    right, away = _level_axes(expected)
+    right, away = level_axes(expected)
     a, b = (values.ravel() for values in np.meshgrid(offsets, offsets))
     tried = expected + a[:, None] * right + b[:, None] * away
     tried /= np.linalg.norm(tried, axis=1, keepdims=True)
@@ -65,21 +65,29 @@ def _most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: fl
 
 def _directions(normals: Array, lengths: Array, up: Array) -> Array:
     """Up and the two level directions that most other edges lie along, rows of (3, 3)."""
-    right, away = _level_axes(up)
-    level = np.cross(normals, up)
+    right, away = level_axes(up)
+    heading = room_heading(normals, lengths, up)
+    first = math.cos(heading) * right + math.sin(heading) * away
+    return np.stack([up, first, np.cross(up, first)])
+
+
+def room_heading(normals: Array, lengths: Array, up: Array) -> float:
+    """The angle at which most edges are level along a wall, rad, modulo a right angle, from the first of `level_axes`
+    towards the second. normals, lengths: as of `room_up`."""
+    right, away = level_axes(up)
+    level = np.cross(normals, up)  # and in the edge's plane
     size = np.linalg.norm(level, axis=1)
     angles = np.arctan2(level @ away, level @ right)
+    # Near the horizon any heading will do, and an upright edge has none.
     clear = (size > math.sin(math.radians(10.0))) & (np.abs(normals @ up) > math.sin(NEAR_RAD))
     tried = np.linspace(0.0, math.pi / 2.0, 90, endpoint=False)
     off = np.abs(angles % (math.pi / 2.0) - tried[:, None])
     off = np.minimum(off, math.pi / 2.0 - off)
     votes = np.exp(-0.5 * (off / NEAR_RAD) ** 2) @ (lengths * clear)
-    heading = float(tried[votes.argmax()])
-    first = math.cos(heading) * right + math.sin(heading) * away
-    return np.stack([up, first, np.cross(up, first)])
+    return float(tried[votes.argmax()])
 
 
-def _level_axes(up: Array) -> tuple[Array, Array]:
+def level_axes(up: Array) -> tuple[Array, Array]:
     """Two level directions at right angles, optical frame: to the right as seen, and away from the lens."""
     away = np.array([0.0, 0.0, 1.0]) - up[2] * up
     away = away / max(float(np.linalg.norm(away)), 1e-9)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
+from edgemap.geometry.camera.room_edges import NEAR_RAD, level_axes, room_heading
 from edgemap.runtime.calibration.level import pitch_roll, up_optical
 from edgemap.runtime.calibration.segments import Segments
 from edgemap.runtime.errors import CalibrationError
@@ -18,7 +19,6 @@ from edgemap.runtime.errors import CalibrationError
 Array = NDArray[np.float64]
 
 STEEPEST_RAD = math.radians(50.0)  # between the picture's columns and up, for the search
-NEAR_RAD = math.radians(1.5)  # an edge belongs to a direction that its plane misses by less
 TRIALS = 2000
 ROUNDS = 4
 FEWEST_VERTICAL, FEWEST_LEVEL, FEWEST_PICTURES = 20, 20, 3
@@ -99,7 +99,7 @@ class _UprightFit:
         self.which = np.repeat(np.arange(len(pictures)), [len(segments) for segments in pictures])
         self.up = up
         for _ in range(rounds):
-            headings = np.array([_heading(segments, self.up) for segments in pictures])
+            headings = np.array([room_heading(each.normals, each.lengths, self.up) for each in pictures])
             self._assign(headings)
             self._refine(headings)
 
@@ -125,9 +125,9 @@ class _UprightFit:
     def _dots(self, up: Array, headings: Array, kind: int) -> Array:
         if kind == 0:
             return self.normals @ up
-        ahead, left = _level_axes(up)
+        right, away = level_axes(up)
         turn = headings[self.which] + (kind - 1) * math.pi / 2.0
-        directions = np.cos(turn)[:, None] * ahead + np.sin(turn)[:, None] * left
+        directions = np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * away
         return (self.normals * directions).sum(axis=1)
 
     def _errors(self, up: Array, headings: Array) -> Array:
@@ -170,27 +170,6 @@ def _vertical(pictures: list[Segments], random: np.random.Generator, fewest: int
         raise CalibrationError("upright edges have no direction in common: show walls, doors, shelves")
     near = np.abs(guesses @ normals.T) < math.sin(NEAR_RAD)
     return guesses[(near * lengths).sum(axis=1).argmax()]
-
-
-def _heading(segments: Segments, up: Array) -> float:
-    """The angle, modulo a right angle, at which most edges are level along a wall, rad."""
-    ahead, left = _level_axes(up)
-    directions = np.cross(segments.normals, up)  # level, and in the edge's plane
-    size = np.linalg.norm(directions, axis=1)
-    angles = np.arctan2(directions @ left, directions @ ahead)
-    weights = segments.lengths * (size > math.sin(math.radians(10.0)))  # else the edge is near the horizon: any will do
-    weights = weights * (np.abs(segments.normals @ up) > math.sin(NEAR_RAD))
-    candidates = np.linspace(0.0, math.pi / 2.0, 180, endpoint=False)
-    off = (angles[None, :] - candidates[:, None] + math.pi / 4.0) % (math.pi / 2.0) - math.pi / 4.0
-    votes = (np.exp(-0.5 * (off / NEAR_RAD) ** 2) * weights).sum(axis=1)
-    return float(candidates[votes.argmax()])
-
-
-def _level_axes(up: Array) -> tuple[Array, Array]:
-    """Two level directions at right angles, the first as near to where the camera looks as can be."""
-    ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
-    ahead = ahead / np.linalg.norm(ahead)
-    return ahead, np.asarray(np.cross(up, ahead), dtype=np.float64)
 
 
 def _nodding(pictures: list[Segments], up: Array) -> float:
