@@ -57,7 +57,7 @@ def measure_at_rest(open_standing: OpenDrive, seconds: float, rate_hz: float) ->
     picture in `cpu_percent_with_decoding`; frames at rest while the clock ran. open_standing: a drive of a
     `StandingCamera`."""
     found = measure(open_standing, seconds, rate_hz, warm_up=round(FALL_ASLEEP_S * rate_hz))
-    kept = {key: found[key] for key in ("frames", "at_rest", "cpu_ms_per_frame", "cpu_percent", "stages_ms")}
+    kept = {key: found[key] for key in ("frames", "at_rest", "cpu_ms_per_frame", "cpu_percent", "stages_cpu_ms")}
     camera = open_standing()[0]
     with camera:
         assert isinstance(camera, StandingCamera)

@@ -110,7 +110,7 @@ def command(
         "bundle": paced.manifest.name,
         "camera": camera,
         **{key: unpaced[key] for key in ("fps", "frames", "latency_ms", "stages_ms")},
-        **{key: lead[key] for key in ("cpu_ms_per_frame", "cpu_percent")},
+        **{key: lead[key] for key in ("cpu_ms_per_frame", "cpu_percent", "stages_cpu_ms")},
         "paced": {name: {key: leg[key] for key in PACED} for name, leg in legs.items()},
         "quiet": other <= bench.QUIET_PERCENT,
         "other_cpu_percent": other,
@@ -168,9 +168,10 @@ def _print_figures(document: dict[str, Any]) -> None:
     if not document["quiet"]:
         print(f"  NOT QUIET: other programs or the host took {document['other_cpu_percent']:.0f} % of a core meanwhile")
     print(f"  {document['fps']:.1f} frames/s over {document['frames']} frames, every frame detected")
-    print(f"  {'stage':<14} {'p50':>8} {'p95':>8} {'p99':>8} {'mean':>8}  ms")
+    print(f"  {'stage':<14} {'p50':>8} {'p95':>8} {'p99':>8} {'cpu':>8}  ms")
     for name, values in [*document["stages_ms"].items(), ("full step", document["latency_ms"])]:
-        print(f"  {name:<14} " + " ".join(f"{values[key]:8.2f}" for key in ("p50", "p95", "p99", "mean")))
+        cpu_ms = document["stages_cpu_ms"].get(name, document["cpu_ms_per_frame"])
+        print(f"  {name:<14} {values['p50']:8.2f} {values['p95']:8.2f} {values['p99']:8.2f} {cpu_ms:8.2f}")
     for name, leg in document["paced"].items():
         title = name if name == "unpaced" else f"at {name} Hz"
         print(

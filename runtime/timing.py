@@ -3,28 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from time import perf_counter
+from time import perf_counter, thread_time
+from typing import ClassVar
 
 import numpy as np
 
 
 class Stopwatch:
-    """Stage times of one step: `start`, then `stage(name)` after each. stages_ms: milliseconds by stage, in order."""
+    """Stage times of one step: `start`, then `stage(name)` after each. stages_ms: milliseconds by stage, in order.
+
+    processor_time: whether all stopwatches count that of their thread, which no other program can add to, as `bench`
+    has them.
+    """
+
+    processor_time: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self.stages_ms: dict[str, float] = {}
-        self._last = perf_counter()
+        self._last = _now_s()
 
     def start(self) -> None:
         """Forget the last step and begin."""
         self.stages_ms = {}
-        self._last = perf_counter()
+        self._last = _now_s()
 
     def stage(self, stage: str) -> None:
         """Book the time since the last call on a stage; what was booked on it before adds up."""
-        now = perf_counter()
+        now = _now_s()
         self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + (now - self._last) * 1e3
         self._last = now
+
+
+def _now_s() -> float:
+    return thread_time() if Stopwatch.processor_time else perf_counter()
 
 
 def percentiles(values_ms: Sequence[float]) -> dict[str, float]:

@@ -105,6 +105,7 @@ def test_processor_time_is_counted_and_sleeping_is_not():
     assert 4.0 <= found["cpu_ms_per_frame"] < 6.0
     assert found["fps"] <= 50.5
     assert found["latency_ms"]["p50"] >= 6.0
+    assert found["stages_cpu_ms"] == {"all": 1.0}
 
 
 def test_ratios_are_ours_over_theirs(monkeypatch):
