@@ -123,7 +123,8 @@ class _Chain:
         states = [generator.standard_normal(state.shape).astype(np.float32) for state in self._record.states]
         self._theirs: list[Tensor] = [torch.from_numpy(state) for state in states]
         self._ours = {state.input: values for state, values in zip(self._record.states, states, strict=True)}
-        self._geometry = random_geometry(generator, self._record)
+        unit_m = self._head.unit_m if isinstance(self._head, FlowHead) else 1.0
+        self._geometry = random_geometry(generator, self._record, unit_m)
 
     def step(self, expected: NDArray[np.float32], found: NDArray[np.float32], when: str) -> None:
         given = [torch.from_numpy(tensor) for tensor in self._geometry.values()]
@@ -141,12 +142,13 @@ class _Chain:
         self._ours = {state.input: outputs[state.output] for state in self._record.states}
 
 
-def random_geometry(generator: np.random.Generator, record: OdometryHead) -> Tensors:
-    """What a head that knows its camera is told, for some camera of the envelope; nothing for another head."""
+def random_geometry(generator: np.random.Generator, record: OdometryHead, unit_m: float = 1.0) -> Tensors:
+    """What a head that knows its camera is told, for some camera as robots carry; nothing for another head. unit_m: the
+    head's unit of length, in which the camera is as high: a head far from what it knows multiplies rounding."""
     spec = record.geometry
     if spec is None:
         return {}
-    mount = Mount.from_degrees(generator.uniform(0.2, 1.2), generator.uniform(5.0, 25.0), generator.uniform(-1.0, 1.0))
+    mount = Mount.from_degrees(unit_m * generator.uniform(0.2, 1.2), generator.uniform(5.0, 25.0), generator.uniform(-1.0, 1.0))
     _, _, rows, columns = spec.shape
     width, height = columns * spec.stride, rows * spec.stride
     focal = width * generator.uniform(0.5, 0.9)
