@@ -52,6 +52,13 @@ def command(
     relu: Annotated[bool, arg(help="The paper head with ReLU, not leaky ReLU.")] = False,
     first: Annotated[int, arg(metavar="N", help="Leave out the first N frames of each drive.")] = 0,
     frames: Annotated[int | None, arg(metavar="N", help="Only N frames of each training drive.")] = None,
+    views: Annotated[
+        int,
+        arg(
+            metavar="N",
+            help="Train a flow head on N rotated, zoomed or mirrored views of each drive besides: few drives.",
+        ),
+    ] = 0,
     validation_first: Annotated[int, arg(metavar="N", help="The same for validation drives.")] = 0,
     validation_frames: Annotated[int | None, arg(metavar="N", help="The same for validation drives.")] = None,
     patience: Annotated[int | None, arg(metavar="N", help="Stop after N validations without a better one.")] = None,
@@ -90,14 +97,16 @@ def command(
         validation_frames=validation_frames,
     )
     at_least(2, length=length)
-    at_least(0, steps=steps, first=first, validation_first=validation_first)
+    at_least(0, steps=steps, first=first, views=views, validation_first=validation_first)
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")
+    if views and (head != "flow" or larger is not None):
+        raise OptionError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore
     from edgemap.export.odometry.flow import FlowHead
-    from edgemap.export.odometry.recipe import flow_recipe, paper_recipe
+    from edgemap.export.odometry.recipe import FewDrives, flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
     from edgemap.export.odometry.train import HeadTraining, OdometrySettings
     from edgemap.runtime.store import cache_folder
@@ -108,7 +117,7 @@ def command(
     part = open_backbone(backbone, weights, [feature])
     store = FeatureStore(part, feature, cache or cache_folder() / "features")
     print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
-    train = store.load(data, first, frames, workers)
+    train = store.load(data, first, frames, workers, views)
     held_back = store.load(validation, validation_first, validation_frames, workers)
     print(
         f"{sum(map(len, train))} frames of {len(train)} drives to train on, {sum(map(len, held_back))} to validate on"
@@ -120,7 +129,7 @@ def command(
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)
     if isinstance(begun.head, FlowHead):
         print(f"lengths in units of {begun.head.unit_m:g} m, after the nearest floor in view", flush=True)
-        recipe = flow_recipe(rate or 1e-3, length or 8)
+        recipe = flow_recipe(rate or 1e-3, length or 8, FewDrives() if views else None)
     else:
         recipe = paper_recipe(length or 10, (rate or 5e-3) / 5e-3)
     settings = OdometrySettings(minutes, steps, batch, seed, validate_minutes, patience, threads, bfloat16, device)

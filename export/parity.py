@@ -148,7 +148,9 @@ def random_geometry(generator: np.random.Generator, record: OdometryHead, unit_m
     spec = record.geometry
     if spec is None:
         return {}
-    mount = Mount.from_degrees(unit_m * generator.uniform(0.2, 1.2), generator.uniform(5.0, 25.0), generator.uniform(-1.0, 1.0))
+    mount = Mount.from_degrees(
+        unit_m * generator.uniform(0.2, 1.2), generator.uniform(5.0, 25.0), generator.uniform(-1.0, 1.0)
+    )
     _, _, rows, columns = spec.shape
     width, height = columns * spec.stride, rows * spec.stride
     focal = width * generator.uniform(0.5, 0.9)

@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,6 +21,7 @@ from tqdm import tqdm
 from edgemap.export.backbones import Backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import GRID_STRIDE
+from edgemap.export.odometry.views import View
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
@@ -32,13 +33,15 @@ from edgemap.runtime.network import Compute
 from edgemap.runtime.preprocess import Preprocessor, cell_grid
 
 FORMAT = "edgemap.features/1"
+PLAIN = View()  # the pictures as they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureDrive:
     """One drive, ready for training. features: (N, C, H, W) float16, on disk. stamps_s: (N,). poses: (N, 3) of the
     base. cells, mount: as `flow_cells` gives them. angles: (N, 3) roll and pitch of the camera in rad and the lens's
-    height in metres, in the angles of `Mount`, where the base does not stay level."""
+    height in metres, in the angles of `Mount`, where the base does not stay level. rotated: (3, 3), of the camera
+    against its mount (`View`)."""
 
     name: str
     features: NDArray[np.float16]
@@ -47,6 +50,7 @@ class FeatureDrive:
     cells: NDArray[np.float32]
     mount: NDArray[np.float32]
     angles: NDArray[np.float64] | None = None
+    rotated: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def __len__(self) -> int:
         return len(self.stamps_s)
@@ -59,7 +63,8 @@ class FeatureDrive:
     def mount_at(self, roll_rad: float, pitch_rad: float, height_m: float) -> NDArray[np.float32]:
         """The mount of a frame, (12,), in the form of `flow_cells`."""
         tilted = Mount(height_m, pitch_rad, roll_rad, float(self.mount[0, 9]), float(self.mount[0, 10]))
-        return np.concatenate([tilted.rotation_base_optical().ravel(), tilted.position_base_m()]).astype(np.float32)
+        rotation = tilted.rotation_base_optical() @ self.rotated
+        return np.concatenate([rotation.ravel(), tilted.position_base_m()]).astype(np.float32)
 
     def motions(self, indices: NDArray[np.intp]) -> NDArray[np.float32]:
         """True motions (len - 1, 3) from each of these frames to the next."""
@@ -85,23 +90,24 @@ class FeatureStore:
         self._session: ort.InferenceSession | None = None
 
     def load(
-        self, specs: Sequence[str], first: int = 0, frames: int | None = None, workers: int = 1
+        self, specs: Sequence[str], first: int = 0, frames: int | None = None, workers: int = 1, views: int = 0
     ) -> list[FeatureDrive]:
         """All drives `KIND:DIR`, computing what is missing. Raises ExportError or CameraError.
 
-        workers: processes that compute, each a drive on one thread.
+        workers: processes that compute, each a drive on one thread. views: of each drive, besides its own.
         """
+        seen = [PLAIN, *(View.drawn(1 + index) for index in range(views))]
         if workers > 1:
             store = copy.copy(self)
             store._session, store._threads = None, 1
             with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-                jobs = [pool.submit(_compute, store, spec, first, frames) for spec in specs]
+                jobs = [pool.submit(_compute, store, spec, first, frames, view) for spec in specs for view in seen]
                 for job in tqdm(jobs, unit=" drives", disable=None):
                     job.result()
         bar = tqdm(specs, unit=" drives", disable=None if len(specs) > 1 else True)
-        return [self.drive(spec, first, frames) for spec in bar]
+        return [self.drive(spec, first, frames, view) for spec in bar for view in seen]
 
-    def drive(self, spec: str, first: int = 0, frames: int | None = None) -> FeatureDrive:
+    def drive(self, spec: str, first: int = 0, frames: int | None = None, view: View = PLAIN) -> FeatureDrive:
         """One drive from a frame on. Raises ExportError where it has no true poses or no mount."""
         drive = open_drive(spec)
         if drive.truth is None or drive.mount is None or drive.intrinsics is None:
@@ -113,16 +119,22 @@ class FeatureStore:
         stamps = np.asarray(drive.stamps_s[first:count], dtype=np.float64)
         poses = np.array([drive.truth.at(float(stamp)).vector() for stamp in stamps])
         camera = FloorCamera(drive.intrinsics, drive.mount)
+        camera = camera if view == PLAIN else view.camera(camera)
         grid = cell_grid(self.input, drive.intrinsics.width, drive.intrinsics.height, GRID_STRIDE)
-        cells, mount = flow_cells(camera, grid)
+        cells, mount = flow_cells(camera, grid, view.rotation())
+        side = np.where(view.mirrored, -1.0, 1.0)
+        if view != PLAIN:
+            cells *= view.shows(grid, drive.intrinsics)
         angles = None
         if drive.attitudes is not None:
             known = [drive.attitudes.at(float(stamp), drive.mount.height_m) for stamp in stamps]
-            angles = np.array([(one.roll_rad, one.pitch_rad, one.height_m) for one in known])
-        return FeatureDrive(spec, self._features(spec, drive, count)[first:], stamps, poses, cells, mount, angles)
+            angles = np.array([(side * one.roll_rad, one.pitch_rad, one.height_m) for one in known])
+        features = self._features(spec, drive, count, view)[first:]
+        return FeatureDrive(spec, features, stamps, poses * [1.0, side, side], cells, mount, angles, view.rotation())
 
-    def _features(self, spec: str, drive: Drive, count: int) -> NDArray[np.float16]:
+    def _features(self, spec: str, drive: Drive, count: int, view: View) -> NDArray[np.float16]:
         about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)}"
+        about += "" if view == PLAIN else repr(view)
         key = hashlib.sha256(about.encode()).hexdigest()[:16]
         path, note = self.folder / f"{key}.npy", self.folder / f"{key}.json"
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -139,7 +151,10 @@ class FeatureStore:
                     if frame is None:
                         raise ExportError(f"{spec}: ends after {index} pictures, {total} were announced")
                     if index >= done:
-                        tensor, _ = preprocess(frame.image)
+                        seen = frame.image
+                        if view != PLAIN and drive.intrinsics is not None:
+                            seen = view.picture(seen, drive.intrinsics, self.input.pad)
+                        tensor, _ = preprocess(seen)
                         kept[index] = self._run(tensor)
             kept.flush()
             note.write_text(json.dumps({"data": spec, "frames": count, "feature": self._name}))
@@ -154,10 +169,10 @@ class FeatureStore:
         return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
 
 
-def _compute(store: FeatureStore, spec: str, first: int, frames: int | None) -> None:
+def _compute(store: FeatureStore, spec: str, first: int, frames: int | None, view: View) -> None:
     """In a process of its own, which keeps its session from drive to drive."""
     known = _STORES.setdefault(str(store.folder), store)
-    known.drive(spec, first, frames)
+    known.drive(spec, first, frames, view)
 
 
 _STORES: dict[str, FeatureStore] = {}

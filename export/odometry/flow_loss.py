@@ -11,7 +11,6 @@ from torch.nn import functional
 from edgemap.export.odometry.flow import FlowHead, Look
 from edgemap.export.odometry.rigid import CellGeometry, MotionSolution, placed
 
-# Units, units, rad: what counts as a small error of one step, at first.
 MOTION_SIGMA = torch.tensor([0.006, 0.004, 0.006])
 WARM_UP = 0.15  # of the training in which the covariance is not yet taught (Huber loss instead)
 COVARIANCE_WEIGHT = 0.03
@@ -58,27 +57,30 @@ def run_clip(
     return looks, [hidden, cell, velocity]
 
 
-def flow_loss(head: FlowHead, batch: ClipBatch, progress: float) -> tuple[Tensor, dict[str, Tensor]]:
-    """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1."""
+def flow_loss(
+    head: FlowHead, batch: ClipBatch, progress: float, sigma: Tensor = MOTION_SIGMA
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """The loss of a batch of clips, and its parts for the curves. progress: share of the training done, 0..1. sigma:
+    (3,), units, units, rad: what counts as a small error of one step."""
     motion, coarse = [], []
     units = head.units(batch.motions)
     for index, (first, second) in enumerate(run_clip(head, batch)[0], start=1):
         true = batch.motions[:, index] / units
-        motion.append(_motion_loss(second.solution, true, progress))
-        coarse.append(_huber((first.solution.motion - true) / placed(MOTION_SIGMA, true) / 2.0).mean())
+        motion.append(_motion_loss(second.solution, true, progress, sigma))
+        coarse.append(_huber((first.solution.motion - true) / placed(sigma, true) / 2.0).mean())
     parts = {"motion": torch.stack(motion).mean(), "coarse": torch.stack(coarse).mean()}
     total = parts["motion"] + COARSE_WEIGHT * parts["coarse"]
     return total, {name: value.detach() for name, value in parts.items()}
 
 
-def _motion_loss(solution: MotionSolution, true: Tensor, progress: float) -> Tensor:
+def _motion_loss(solution: MotionSolution, true: Tensor, progress: float, sigma: Tensor) -> Tensor:
     """Huber's loss of the motion, and the likelihood of its error under the covariance.
 
     The likelihood teaches the covariance alone, not the motion: minimised for both, a network that errs a lot at first
     learns to doubt and nothing else.
     """
     error = solution.motion - true
-    plain = _huber(error / placed(MOTION_SIGMA, true)).mean()
+    plain = _huber(error / placed(sigma, true)).mean()
     if progress < WARM_UP:
         return plain
     error = error.detach()

@@ -29,7 +29,7 @@ PANELS = (  # the first is the paper's figure 6
     Panel("loss", {"loss": "loss", "motion": "motion", "coarse": "coarse"}, from_zero=False),
     Panel(
         "validation drift, % of the way",
-        {"t5_percent": "over 5 m", "t2_percent": "over 2 m", "t1_percent": "over 1 m"},
+        {f"t{length}_percent": f"over {length} m" for length in (100, 5, 2, 1)},
     ),
 )
 
@@ -90,8 +90,9 @@ class HeadTraining(Training):
             for group in self.optimizer.param_groups:
                 group["lr"] = self.recipe.highest_rate * factor
             self.head.train()
+            batch = self.recipe.vary(self.head, make_batch(clips, self.shelf, rng), rng)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
-                loss, parts = self.recipe.loss(self.head, make_batch(clips, self.shelf, rng), self.progress())
+                loss, parts = self.recipe.loss(self.head, batch, self.progress())
             self.add({name: part.detach().double() for name, part in {"loss": loss, **parts}.items()})
             self.optimizer.zero_grad(set_to_none=True)
             loss.backward()

@@ -9,10 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from edgemap.evaluation.odometry import errors_of, figures
-from edgemap.evaluation.trajectory import integrated
+from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, errors_of, figures
+from edgemap.evaluation.trajectory import integrated, path_m
 from edgemap.export.odometry.clips import Shelf, make_batch
 from edgemap.export.odometry.data import FeatureDrive
+from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.flow_loss import ClipBatch
 from edgemap.geometry.se2 import SE2
 
@@ -45,15 +46,26 @@ def estimate(
     return steps, np.concatenate(covariances).astype(np.float64) if covariances else None
 
 
+def segment_lengths_m(unit_m: float, path_m: float) -> tuple[float, ...]:
+    """The lengths over which a head that counts in this unit is judged: as a robot at home, or, where the unit is a
+    road's, those of KITTI that are shorter than the path."""
+    if unit_m == 1.0:
+        return INDOOR_LENGTHS_M
+    return tuple(m for m in KITTI_LENGTHS_M if m < path_m) or tuple(unit_m * m for m in INDOOR_LENGTHS_M)
+
+
 def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive], window: int = 0) -> dict[str, Any]:
-    """Drift over all segments of 5, 2 and 1 m, per-step RMSE and NEES over all drives; `score` is what chooses."""
+    """Drift over all `segment_lengths_m`, per-step RMSE and NEES over all drives; `score` is what chooses."""
     head.eval()
+    unit_m = head.unit_m if isinstance(head, FlowHead) else 1.0
     errors = []
     for drive in drives:
         steps, covariances = estimate(head, unroll, drive, window)
-        errors.append(errors_of([SE2(*row) for row in drive.poses], integrated(steps), covariances))
+        true = [SE2(*row) for row in drive.poses]
+        lengths_m = segment_lengths_m(unit_m, float(path_m(true)[-1]))
+        errors.append(errors_of(true, integrated(steps), covariances, lengths_m))
     found = figures(errors)
-    drifts = {f"t{length}_percent": found["t_rel_percent"][length] for length in ("5", "2", "1")}
+    drifts = {f"t{length}_percent": value for length, value in found["t_rel_percent"].items()}
     told: dict[str, Any] = {name: value for name, value in drifts.items() if value is not None}
     # Drift over the lengths that fit (short drives at high rates have no long ones), else the yaw, where it comes from.
     score = sum(told.values()) / len(told) if told else found["rmse_yaw_rad"]

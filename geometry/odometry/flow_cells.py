@@ -45,13 +45,16 @@ class CellGrid:
         return across & (v >= self.top_px) & (v <= self.top_px + self.height_px)
 
 
-def flow_cells(camera: FloorCamera, grid: CellGrid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def flow_cells(
+    camera: FloorCamera, grid: CellGrid, rotated: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The geometry of a grid's cells, (1, 8, rows, columns), and of the mount, (1, 12), both float32.
 
     Channels: normalised image point x, y of the cell's middle, undistorted; its change per cell to the right (x, y) and
     down (x, y); inverse depth of the floor there along the optical axis, 1/m, 0 at or above the horizon; 1. All are 0
     where the cell does not show the picture. Mount: the rotation base
-    from optical, row by row, then the lens in the base frame, metres.
+    from optical, row by row, then the lens in the base frame, metres. rotated: (3, 3), takes directions of a camera
+    that is rotated against the mount into those of the mount's.
     """
     middles = grid.centres_px()
     half = 0.5 * grid.stride_px
@@ -62,7 +65,7 @@ def flow_cells(camera: FloorCamera, grid: CellGrid) -> tuple[NDArray[np.float32]
     here = bearings((0.0, 0.0))
     right = bearings((half, 0.0)) - bearings((-half, 0.0))
     down = bearings((0.0, half)) - bearings((0.0, -half))
-    rotation = camera.mount.rotation_base_optical()
+    rotation = camera.mount.rotation_base_optical() @ (np.eye(3) if rotated is None else rotated)
     falls = (np.column_stack([here, np.ones(len(here))]) @ rotation.T)[:, 2]
     floor = np.maximum(0.0, -falls) / camera.mount.height_m
     channels = np.column_stack([here, right, down, floor, np.ones(len(here))])

@@ -1,0 +1,93 @@
+"""Further views of a drive, exact by geometry: what a rotated, zoomed or mirrored camera sees is a homography."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.export.errors import ExportError
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.odometry.flow_cells import CellGrid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRule:
+    """What views are drawn from, evenly. yaw_rad, pitch_rad, roll_rad: of the camera against its mount, so far that a
+    car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness."""
+
+    yaw_rad: tuple[float, float] = (-math.radians(10.0), math.radians(10.0))
+    pitch_rad: tuple[float, float] = (-math.radians(2.5), math.radians(4.0))
+    roll_rad: tuple[float, float] = (-math.radians(3.0), math.radians(3.0))
+    zoom: tuple[float, float] = (-0.15, 0.25)
+    gain: tuple[float, float] = (-0.4, 0.4)
+    gamma: tuple[float, float] = (-0.25, 0.25)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """How a view differs from the pictures: mirrored first, then rotated (about the optical axes down, right and
+    ahead), zoomed, and its brightness changed."""
+
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+    roll_rad: float = 0.0
+    zoom: float = 1.0
+    gain: float = 1.0
+    gamma: float = 1.0
+    mirrored: bool = False
+
+    @staticmethod
+    def drawn(index: int, rule: ViewRule | None = None) -> View:
+        """The view of a number, from 1 on: always the same. Every second one is mirrored."""
+        rule, rng = rule or ViewRule(), np.random.default_rng((77, index))
+        angles = [float(rng.uniform(*span)) for span in (rule.yaw_rad, rule.pitch_rad, rule.roll_rad)]
+        factors = [math.exp(rng.uniform(*span)) for span in (rule.zoom, rule.gain, rule.gamma)]
+        return View(*angles, *factors, mirrored=index % 2 == 1)
+
+    def rotation(self) -> Array:
+        """(3, 3), takes the view's optical directions into the camera's."""
+        yaw, pitch, roll = (
+            cv2.Rodrigues(np.array(axis))[0]
+            for axis in ([0.0, self.yaw_rad, 0.0], [self.pitch_rad, 0.0, 0.0], [0.0, 0.0, self.roll_rad])
+        )
+        return np.asarray(yaw @ pitch @ roll, dtype=np.float64)
+
+    def camera(self, camera: FloorCamera) -> FloorCamera:
+        """The view's camera before it was rotated. Raises ExportError for a lens that distorts."""
+        lens, mount = camera.intrinsics, camera.mount
+        if lens.distortion.model != "none":
+            raise ExportError("views of a lens that distorts are not homographies: undistort the pictures first")
+        if self.mirrored:
+            lens = replace(lens, cx=lens.width - 1.0 - lens.cx)
+            mount = replace(mount, roll_rad=-mount.roll_rad, left_m=-mount.left_m)
+        return FloorCamera(replace(lens, fx=lens.fx * self.zoom, fy=lens.fy * self.zoom), mount)
+
+    def picture(self, picture: NDArray[np.uint8], lens: Intrinsics, grey: int) -> NDArray[np.uint8]:
+        """A picture of the camera's lens as the view shows it, grey where that sees beyond it."""
+        levels = 255.0 * self.gain * np.linspace(0.0, 1.0, 256) ** self.gamma
+        levels = np.rint(np.clip(levels, 0.0, 255.0)).astype(np.uint8)
+        changed = np.asarray(levels[picture[:, ::-1] if self.mirrored else picture])
+        size = lens.width, lens.height
+        seen = cv2.warpPerspective(changed, self._homography(lens), size, borderValue=(grey,) * 3)
+        return np.asarray(seen, dtype=np.uint8)
+
+    def shows(self, grid: CellGrid, lens: Intrinsics) -> NDArray[np.bool_]:
+        """Which cells' middles lie in the camera's picture, (rows, columns)."""
+        here = np.column_stack([grid.to_picture(grid.centres_px()), np.ones(grid.rows * grid.columns)])
+        there = here @ np.linalg.inv(self._homography(lens)).T
+        u, v = (there[:, :2] / there[:, 2:]).T
+        inside = (u > -0.5) & (u < lens.width - 0.5) & (v > -0.5) & (v < lens.height - 0.5) & (there[:, 2] > 0.0)
+        return np.asarray(inside.reshape(grid.rows, grid.columns))
+
+    def _homography(self, lens: Intrinsics) -> Array:
+        """(3, 3), from the picture, mirrored where the view is, to the view's."""
+        cx = lens.width - 1.0 - lens.cx if self.mirrored else lens.cx
+        matrix = np.array([[lens.fx, 0.0, cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+        return matrix @ np.diag([self.zoom, self.zoom, 1.0]) @ self.rotation().T @ np.linalg.inv(matrix)
