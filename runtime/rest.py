@@ -30,7 +30,7 @@ class RestRule:
     shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains.
     exposure, offset: largest change of gain, and of grey levels, that is taken for the camera's exposure. texture,
     textured: squared grey levels per px, and how many large tiles must have that, or the picture alone shows nothing.
-    braking_m_s2: no small robot brakes harder (their controllers: 1, sliding wheels: 5); turned_rad: by a gyro, that
+    braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5); turned_rad: by a gyro, that
     every picture shows. A picture that stands still in spite of either is frozen, though a sensor's noise changes it.
     """
 

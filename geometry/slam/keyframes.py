@@ -28,12 +28,12 @@ class KeyframeRule:
 
     keyframe_m: float = 0.25
     keyframe_rad: float = 0.26
-    inflation: float = 10.0
+    inflation: float = 5.0
     per_metre: float = 0.03
     per_radian: float = 0.05
     still_m: float = 0.003
     still_rad: float = 0.003
-    stated_inflation_yaw: float = 5.0
+    stated_inflation_yaw: float = 2.5
     stated_per_radian: float = 0.03
     maximum: int = 200
 

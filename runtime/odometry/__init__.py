@@ -95,7 +95,8 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
     members = [Member(PlanarOdometry(floor, rules.planar, rules.coasting), CAMERA, scale)]
     if flow is not None:
         scale = rule.flow_covariance_scale * (rule.outside_flow_covariance_scale if carried else 1.0)
-        members.append(Member(flow, CAMERA, scale, reach_rad=rule.flow_reach_rad, alone_s=rule.flow_alone_s))
+        limits = rule.flow_reach_rad, rule.flow_alone_s, rule.flow_movers_scale
+        members.append(Member(flow, CAMERA, scale, False, *limits))
     if wheels and camera.wheel is not None:
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given

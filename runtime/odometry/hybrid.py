@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.observations.movers import share_covered
 from edgemap.geometry.odometry.covariance_intersection import (
     GATE,
     KNOWN_SIGMA,
@@ -50,6 +51,12 @@ class HybridRule:
     covered_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
     and its edge stand still as the robot moves. covered_covariance_scale: one more factor for the camera there, and its
     power with what is covered beyond.
+    flow_movers_scale: one more factor on the flow head's covariance, its power with the share of the picture that
+    people and animals cover, or covered when the corners last told a motion: it follows them (its NEES is 1 up to a
+    fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50 to 150 beyond; 29 tuning drives).
+    lasting_covariance_scale: factor on the fused covariance: errors of landmarks, of scale and of a wheel's radius last
+    for seconds, so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 with 1: by the camera
+    alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
     """
 
     gate: float = GATE
@@ -60,13 +67,15 @@ class HybridRule:
     flow_covariance_scale: float = 16.0
     planar_covariance_scale: float = 2.0
     wheels_covariance_scale: float = 1.0
-    gyro_covariance_scale: float = 1.0
+    gyro_covariance_scale: float = 2.0
     flow_reach_rad: float = 0.2
     flow_alone_s: float = 0.35
     outside_flow_covariance_scale: float = 60.0
     outside_planar_covariance_scale: float = 2.0
     covered_share: float = 0.4
     covered_covariance_scale: float = 30.0
+    flow_movers_scale: float = 100.0
+    lasting_covariance_scale: float = 2.0
 
     def doubt(self, source: str, covered: float) -> float:
         """Factor on the covariance of a source where so much of the picture is covered."""
@@ -80,7 +89,8 @@ class Member:
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
     optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
-    alone_s: longest step for which it is used where no other member measures the rotation.
+    alone_s: longest step for which it is used where no other member measures the rotation. movers_scale: factor on its
+    covariance where people and animals fill the picture, as of `HybridRule.flow_movers_scale`.
     """
 
     odometry: Odometry
@@ -89,6 +99,7 @@ class Member:
     optional: bool = False
     reach_rad: float = math.inf
     alone_s: float = math.inf
+    movers_scale: float = 1.0
 
 
 class HybridOdometry:
@@ -149,6 +160,10 @@ class HybridOdometry:
             motions[index] = future.result()
         for index in self._woken:
             motions[index] = Motion(blind=True)
+        height, width = frame.image.shape[:2]
+        seen = any(self._measures(member, motion) for member, motion in zip(self._members, motions, strict=True))
+        movers = share_covered(frame.movers, width, height)
+        self._movers = movers if seen else max(movers, self._movers)
         motion = self._fused(frame.stamp_s, motions, frame.covered)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
@@ -187,6 +202,7 @@ class HybridOdometry:
         self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
         self._begun_with: int | None = None  # index of that frame
         self._conflicts, self._first = 0, True
+        self._movers = 0.0  # share of the picture that people and animals cover, or did when last one measured
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
     def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
@@ -203,7 +219,7 @@ class HybridOdometry:
         alive = [
             MotionEstimate(
                 motion.motion.vector(),
-                member.covariance_scale * self._rule.doubt(member.source, covered) * motion.covariance,
+                self._scale_of(member, covered) * motion.covariance,
                 member.source,
                 members=frozenset([_short(member)]),
             )
@@ -220,8 +236,9 @@ class HybridOdometry:
         camera = None if wheels is None else self._of(CAMERA, alive)
         faults = "; ".join(filter(None, (faults, self._scale.judge(camera, wheels))))
         self._conflicts = self._conflicts + 1 if found.conflict else 0
-        if found.conflict:  # who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`
-            found = replace(found, covariance=(2 * self._conflicts - 1) * np.asarray(found.covariance))
+        # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
+        lasting = 2.0 * self._conflicts - 1.0 if found.conflict else self._rule.lasting_covariance_scale
+        found = replace(found, covariance=lasting * np.asarray(found.covariance))
         if self._conflicts == self._rule.lasting_conflict:
             faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
         motion = SE2(*found.motion)
@@ -235,6 +252,15 @@ class HybridOdometry:
             motion, np.asarray(found.covariance), faults,
             members=members, without_gyro=without_gyro, rotation=rotation,
         )  # fmt: skip
+
+    def _scale_of(self, member: Member, covered: float) -> float:
+        """Factor on a member's covariance in this picture."""
+        return member.covariance_scale * self._rule.doubt(member.source, covered) * member.movers_scale**self._movers
+
+    def _measures(self, member: Member, motion: Motion) -> bool:
+        """Whether it is a camera's that is not led by movers, and measured."""
+        known = (np.diag(motion.covariance) < UNKNOWN).all()
+        return bool(member.source == CAMERA and member.movers_scale == 1.0 and not motion.blind and known)
 
     def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by

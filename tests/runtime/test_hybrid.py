@@ -8,10 +8,11 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.gyro import GyroOdometry
-from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.odometry.hybrid import HybridOdometry, HybridRule, Member
 from edgemap.runtime.odometry.protocol import Motion, no_motion
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
+LASTING = HybridRule().lasting_covariance_scale
 
 
 class Scripted:
@@ -49,7 +50,7 @@ def test_who_fails_is_left_out_and_its_fault_with_it():
     second = hybrid.step(FRAME, {})
     assert (second.motion.x_m, second.fault) == (0.1, "planar odometry: nothing agrees")
     third = hybrid.step(FRAME, {})
-    assert (third.fault, third.covariance[0, 0]) == ("", pytest.approx(0.5e-4))
+    assert (third.fault, third.covariance[0, 0]) == ("", pytest.approx(LASTING * 0.5e-4))
 
 
 def test_when_all_fail_the_motion_is_a_guess_that_names_them_all():
@@ -173,6 +174,20 @@ def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
     assert moved[0.7] == pytest.approx(0.07, abs=0.001)
 
 
+def test_a_member_that_follows_people_counts_less_where_they_fill_the_picture():
+    """Six tenths of it, and though they are no longer found as they come closer, until the other one measures."""
+    people, none, whole = np.array([[0.0, 0.0, 64.0, 96.0]]), np.zeros((0, 4)), np.zeros((160, 64, 3), np.uint8)
+    step, blind = motion(0.1, 0.01), Motion(blind=True)
+    corners, head = Scripted(step, blind, blind, step, blind), Scripted(*[step] * 5)
+    hybrid = HybridOdometry([Member(corners, "camera"), Member(head, "camera", movers_scale=100.0)])
+    covariances = [
+        hybrid.step(Frame(index, index / 10, whole, movers=movers), {}).covariance[0, 0]
+        for index, movers in enumerate((none, people, none, none, none))
+    ]
+    stated = LASTING * 0.01**2
+    assert covariances[1:] == pytest.approx([100**0.6 * stated, 100**0.6 * stated, stated, stated])
+
+
 def test_a_doubted_member_counts_less():
     start = motion(0.0, 1.0)
     sure, doubted = Scripted(start, motion(0.10, 0.01)), Scripted(start, motion(0.12, 0.01))
@@ -180,7 +195,7 @@ def test_a_doubted_member_counts_less():
     hybrid.step(FRAME, {})
     fused = hybrid.step(FRAME, {})
     assert fused.motion.x_m == pytest.approx(0.104)  # weights 4 to 1
-    assert fused.covariance[0, 0] == pytest.approx(8e-5)
+    assert fused.covariance[0, 0] == pytest.approx(LASTING * 8e-5)
 
 
 def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not():
@@ -191,7 +206,7 @@ def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not(
     hybrid.step(at(0.0), {})
     found = hybrid.step(at(0.9), {})
     assert (found.motion.x_m, found.motion.yaw_rad, found.blind, found.fault) == (0.4, -0.5, False, "")
-    assert hybrid.step(at(1.0), {}).covariance[0, 0] < 0.001**2 * 1.01
+    assert hybrid.step(at(1.0), {}).covariance[0, 0] < LASTING * 0.001**2 * 1.01
 
 
 def test_what_was_turned_without_a_picture_counts_for_the_reach():
@@ -277,4 +292,6 @@ def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
     found = [hybrid.step(replace(at(index / 10), attitude=attitude), {}) for index in range(2)][1]
     assert abs(found.motion.yaw_rad) < 0.001
     assert found.motion.x_m == pytest.approx(0.1, abs=1e-3)
-    assert found.covariance[0, 0] == pytest.approx(400 * 0.01**2, rel=0.05)  # it may be as wrong as it is in yaw
+    assert found.covariance[0, 0] == pytest.approx(
+        LASTING * 400 * 0.01**2, rel=0.05
+    )  # it may be as wrong as it is in yaw

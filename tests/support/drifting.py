@@ -9,6 +9,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.odometry.protocol import Motion
 
 SIGMAS = (0.004, 0.004, 0.004)  # m, m, rad, of one frame's motion
+LASTING = 2.0  # factor on the covariance, as the hybrid states it
 
 
 def drifting(way, seed=0, yaw_share=0.06, way_share=0.03):
@@ -21,7 +22,7 @@ def drifting(way, seed=0, yaw_share=0.06, way_share=0.03):
         measured = SE2(
             true.x_m * (1 + way_share) + noise[0], true.y_m + noise[1], true.yaw_rad * (1 + yaw_share) + noise[2]
         )
-        motions.append(Motion(measured, np.diag(np.square(SIGMAS))))
+        motions.append(Motion(measured, LASTING * np.diag(np.square(SIGMAS))))
     return motions
 
 
