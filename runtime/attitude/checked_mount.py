@@ -31,16 +31,16 @@ COARSE_PX = (40, 30)  # of the pictures that are compared
 class MountRule:
     """When a mount counts as wrong by the room's edges.
 
-    width_px: pictures are scaled down to it. strips: that a picture is cut into; their edges are found one after the
-    other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two estimates, once
-    the mount is confirmed or after `first_s`, and before or where the camera is carried. window_s: of estimates that
-    are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
+    pixels: pictures are scaled down to so many (185 x 139). strips: that a picture is cut into; their edges are found
+    one after the other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two
+    estimates, once the mount is confirmed or after `first_s`, and before or where the camera is carried. window_s: of
+    estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
     estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: error from
     which a mount is wrong; up to there the given one holds. moved: mean grey levels between two pictures that count as
     two views.
     """
 
-    width_px: int = 192
+    pixels: int = 25_600
     strips: int = 3
     strip_s: float = 0.09
     every_s: float = 1.5
@@ -72,7 +72,7 @@ class CheckedMount:
         self.name = other.name
         self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
         self._mount, self._given = mount, np.array([mount.roll_rad, mount.pitch_rad])
-        share = min(1.0, self._rule.width_px / lens.width)
+        share = min(1.0, math.sqrt(self._rule.pixels / (lens.width * lens.height)))
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
         self._confirmed = self._carried = False
