@@ -31,7 +31,7 @@ COARSE_PX = (40, 30)  # of the pictures that are compared
 class MountRule:
     """When a mount counts as wrong by the room's edges.
 
-    pixels: pictures are scaled down to so many (185 x 139). strips: that a picture is cut into; their edges are found
+    pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are found
     one after the other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two
     estimates, once the mount is confirmed or after `first_s`, and before or where the camera is carried. window_s: of
     estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
@@ -40,7 +40,7 @@ class MountRule:
     two views.
     """
 
-    pixels: int = 25_600
+    pixels: int = 27_648
     strips: int = 3
     strip_s: float = 0.09
     every_s: float = 1.5
