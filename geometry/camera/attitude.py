@@ -45,6 +45,15 @@ class SeenRotation:
     carried: Carried | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class RoomHeading:
+    """How the room lies in the frame of a stamp, by its edges. level_rad, sigma_rad: as of `RoomAxes`."""
+
+    stamp_s: float
+    level_rad: float
+    sigma_rad: float
+
+
 def rotation_angle(rotation: Array) -> float:
     """Angle of a rotation (3, 3), rad, 0 to pi."""
     return math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))
@@ -59,7 +68,8 @@ class Attitude:
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
     source: what it comes from, for people. predicted: by what is known before this frame's rotation; the odometry shows
     that. fault: one line where it shows that the mount is wrong, once.
-    carried: whether the tilt by a room's edges scatters as that of a mounted camera does not.
+    carried: whether the tilt by a room's edges scatters as that of a mounted camera does not. room: where
+    the edges of an earlier frame have just told it.
     """
 
     roll_rad: float
@@ -71,6 +81,7 @@ class Attitude:
     predicted: bool = False
     fault: str = ""
     carried: bool = False
+    room: RoomHeading | None = None
 
     @classmethod
     def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:

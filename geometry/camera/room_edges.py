@@ -1,8 +1,9 @@
-"""Where up is by a room's straight edges in one picture: verticals, and two level directions at right angles."""
+"""Where up is, and how the room lies, by its straight edges: verticals, and two level directions at right angles."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,24 @@ SIGMA_RAD = math.radians(0.7)  # of an edge of REFERENCE_RAD; shorter ones are l
 REFERENCE_RAD = 0.15
 FEWEST, MINIMUM_LENGTH_RAD = 6, 0.6  # upright edges, and their length as seen
 MINIMUM_SHARE = 0.4  # of all edges' length that the three directions explain
+LEVEL_LENGTH_RAD = 1.5  # of level edges that show the room's direction; fewer may be those of one piece of furniture
+# Of that direction, and times the square of its edges' length: 3 degrees with 1.5 rad, 0.5 with 7 (homes 8301-8310).
+LEVEL_SIGMA_RAD, LEVEL_SIGMA_RAD3 = math.radians(0.4), math.radians(6.0)
 
 
-def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array | None:
-    """Up, (3,) unit vector of the optical frame, as edges show it near an expected one; None where too few agree.
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomAxes:
+    """up: (3,), unit vector of the optical frame. level_rad: from the optical axis's heading to a level direction of
+    the room, counter-clockwise, modulo a right angle; None where too few level edges show it. level_sigma_rad: its
+    standard deviation."""
+
+    up: Array
+    level_rad: float | None
+    level_sigma_rad: float
+
+
+def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> RoomAxes | None:
+    """A room's axes as edges show them, up near an expected one; None where too few agree.
 
     normals: (N, 3) of the planes through lens and edge, optical frame. lengths: (N,) rad. The best of a grid by the
     length of upright edges, then all three directions of the room together by robust least squares (a Manhattan world:
@@ -30,7 +45,8 @@ def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -
     if len(lengths) < FEWEST:
         return None
     directions = _directions(normals, lengths, _most_upright(normals, lengths, expected, reach_rad))
-    each, upright, explained = np.arange(len(lengths)), lengths > 0.0, 0.0
+    each, explained = np.arange(len(lengths)), 0.0
+    upright = level = lengths > 0.0
     weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
     for scale in ANNEALING:
         misses = normals @ directions.T
@@ -42,9 +58,16 @@ def room_up(normals: Array, lengths: Array, expected: Array, reach_rad: float) -
         step = -np.linalg.solve(weighted.T @ slopes + np.eye(3), weighted.T @ miss)
         directions = directions @ small_rotation(*step.tolist()).T
         near = np.abs(miss) < NEAR_RAD
-        upright, explained = near & (kind == 0), float(lengths[near].sum() / lengths.sum())
-    enough = upright.sum() >= FEWEST and lengths[upright].sum() > MINIMUM_LENGTH_RAD and explained > MINIMUM_SHARE
-    return directions[0] if enough else None
+        upright, level = near & (kind == 0), near & (kind > 0)
+        explained = float(lengths[near].sum() / lengths.sum())
+    seen_rad = float(lengths[upright].sum())
+    if upright.sum() < FEWEST or seen_rad <= MINIMUM_LENGTH_RAD or explained <= MINIMUM_SHARE:
+        return None
+    right, away = level_axes(directions[0])
+    level_rad = math.atan2(-float(directions[1] @ right), float(directions[1] @ away))
+    seen_rad = max(float(lengths[level].sum()), 1e-3)
+    sigma_rad = LEVEL_SIGMA_RAD + LEVEL_SIGMA_RAD3 / seen_rad**2
+    return RoomAxes(directions[0], level_rad if seen_rad > LEVEL_LENGTH_RAD else None, sigma_rad)
 
 
 def _most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:
@@ -73,7 +96,7 @@ def _directions(normals: Array, lengths: Array, up: Array) -> Array:
 
 def room_heading(normals: Array, lengths: Array, up: Array) -> float:
     """The angle at which most edges are level along a wall, rad, modulo a right angle, from the first of `level_axes`
-    towards the second. normals, lengths: as of `room_up`."""
+    towards the second. normals, lengths: as of `room_axes`."""
     right, away = level_axes(up)
     level = np.cross(normals, up)  # and in the edge's plane
     size = np.linalg.norm(level, axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, RoomHeading, SeenRotation
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.robust import median_and_scatter
@@ -76,6 +76,7 @@ class CheckedMount:
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
         self._confirmed = self._carried = False
+        self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
         self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
         self._strips: list[tuple[int, MatLike]] = []  # of it, not looked at yet, with their first columns
@@ -84,15 +85,17 @@ class CheckedMount:
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
+        self._room = None
         fault = self._look(frame)
         other = self._other.step(frame)
-        if not (fault or self._carried or self._offset.any()):
+        if not (fault or self._carried or self._room or self._offset.any()):
             return other
         fault = "; ".join(filter(None, (other.fault, fault)))
         if other.source == self._pictures.name:  # it knows of the offset
-            return replace(other, fault=fault, carried=self._carried)
+            return replace(other, fault=fault, carried=self._carried, room=self._room)
         roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
-        return replace(other, roll_rad=roll, pitch_rad=pitch, fault=fault, carried=self._carried)
+        told = replace(other, fault=fault, carried=self._carried, room=self._room)
+        return replace(told, roll_rad=roll, pitch_rad=pitch)
 
     def rotated(self, rotation: SeenRotation | None) -> Attitude:
         """The other source's; only pictures predict, and they know of the offset."""
@@ -141,7 +144,9 @@ class CheckedMount:
         found = self._pictures.see_edges(edges.normals, edges.lengths)
         if found is None:
             return ""
-        pitch, roll = pitch_roll(found)
+        if found.level_rad is not None:
+            self._room = RoomHeading(self._started_s, found.level_rad, found.level_sigma_rad)
+        pitch, roll = pitch_roll(found.up)
         self._estimates.append((self._started_s, *(np.array([roll, pitch]) - self._given).tolist()))
         while self._estimates[0][0] < self._started_s - self._rule.window_s:
             self._estimates.popleft()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation, rotation_angle
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.mount import Mount
-from edgemap.geometry.camera.room_edges import room_up
+from edgemap.geometry.camera.room_edges import RoomAxes, room_axes
 from edgemap.geometry.camera.tilt import Tilt
 from edgemap.runtime.attitude.sources import NODDING_RAD
 from edgemap.runtime.calibration.level import up_optical
@@ -111,24 +111,24 @@ class PicturesAttitude:
         """The edges of this frame's picture are looked for."""
         self._begun = True
 
-    def see_edges(self, normals: Array, lengths: Array) -> Array | None:
-        """Up, (3,), in the picture that was begun, by its edges (as of `room_up`) and those of the pictures before it;
+    def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:
+        """The room in the picture that was begun, by its edges (as of `room_axes`) and those of the pictures before it;
         None where too few agree."""
-        rule, since = self._rule, self._since
+        rule, since = self._rule, None if self._begun else self._since  # begun still: no rotation was told since
         expected = self._tilt.up if since is None else since @ self._tilt.up
         reach_rad = min(max(rule.reach_sigmas * self._tilt.sigma_rad(), rule.reach_rad[0]), rule.reach_rad[1])
         self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
         all_normals, all_lengths = (np.concatenate([edges[part] for edges in self._edges]) for part in (0, 1))
-        up = room_up(all_normals, all_lengths, expected, reach_rad)
-        if up is None and len(self._edges) > 1:
+        room = room_axes(all_normals, all_lengths, expected, reach_rad)
+        if room is None and len(self._edges) > 1:
             self._edges = [(normals, lengths)]
-            up = room_up(normals, lengths, expected, reach_rad)
+            room = room_axes(normals, lengths, expected, reach_rad)
         if since is None:
             self._edges = []
-        elif up is not None:
+        elif room is not None:
             sigma_rad = rule.edges_rad * (1.0 + rule.alone / len(self._edges))
-            self._tilt = self._tilt.corrected(since.T @ up, sigma_rad, rule.edges_gate)
-        return up
+            self._tilt = self._tilt.corrected(since.T @ room.up, sigma_rad, rule.edges_gate)
+        return room
 
     def correct_mount(self, mount: Mount) -> None:
         """The mount was wrong."""

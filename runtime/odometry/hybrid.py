@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from edgemap.geometry.odometry.covariance_intersection import (
     distance,
     fused,
 )
+from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
@@ -56,7 +57,8 @@ class HybridRule:
     fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50 to 150 beyond; 29 tuning drives).
     lasting_covariance_scale: factor on the fused covariance: errors of landmarks, of scale and of a wheel's radius last
     for seconds, so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 with 1: by the camera
-    alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
+    alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310). compass:
+    of the room's edges, which keep the heading.
     """
 
     gate: float = GATE
@@ -76,6 +78,7 @@ class HybridRule:
     covered_covariance_scale: float = 30.0
     flow_movers_scale: float = 100.0
     lasting_covariance_scale: float = 2.0
+    compass: CompassRule = field(default_factory=CompassRule)
 
     def doubt(self, source: str, covered: float) -> float:
         """Factor on the covariance of a source where so much of the picture is covered."""
@@ -164,15 +167,14 @@ class HybridOdometry:
         seen = any(self._measures(member, motion) for member, motion in zip(self._members, motions, strict=True))
         movers = share_covered(frame.movers, width, height)
         self._movers = movers if seen else max(movers, self._movers)
-        motion = self._fused(frame.stamp_s, motions, frame.covered)
+        motion = self._headed(frame.stamp_s, self._fused(frame.stamp_s, motions, frame.covered), frame.attitude)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion of those that need no picture."""
-        motion = self._fused(
-            stamp_s, [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
-        )
+        motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
+        motion = self._headed(stamp_s, self._fused(stamp_s, motions), attitude)
         self._blind_rad += motion.motion.yaw_rad
         return motion
 
@@ -203,6 +205,7 @@ class HybridOdometry:
         self._begun_with: int | None = None  # index of that frame
         self._conflicts, self._first = 0, True
         self._movers = 0.0  # share of the picture that people and animals cover, or did when last one measured
+        self._compass, self._compass_s = RoomCompass(self._rule.compass), -math.inf
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
     def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
@@ -261,6 +264,20 @@ class HybridOdometry:
         """Whether it is a camera's that is not led by movers, and measured."""
         known = (np.diag(motion.covariance) < UNKNOWN).all()
         return bool(member.source == CAMERA and member.movers_scale == 1.0 and not motion.blind and known)
+
+    def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
+        """The motion, its heading held to the room's edges."""
+        span_s, self._compass_s = stamp_s - self._compass_s, stamp_s
+        if span_s == math.inf:
+            self._compass = self._compass.moved(stamp_s, SE2(), 0.0)
+            return motion
+        compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
+        if attitude is not None and attitude.room is not None:
+            compass = compass.saw(attitude.room)
+        self._compass, turned_rad = compass.paid(span_s)
+        x_m, y_m, yaw_rad = motion.motion.vector()
+        covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
+        return replace(motion, motion=SE2(x_m, y_m, yaw_rad + turned_rad), covariance=covariance)
 
     def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by

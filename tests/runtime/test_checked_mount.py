@@ -1,6 +1,6 @@
 """A mount is checked against the room's edges: on the demo's pictures, and in a room drawn from its corners."""
 
-# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false, reportOptionalOperand=false
 
 import math
 from dataclasses import replace
@@ -10,7 +10,7 @@ import pytest
 from support.edges import room_edges
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.room_edges import room_up
+from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.attitude.checked_mount import CheckedMount
 from edgemap.runtime.attitude.pictures import PicturesAttitude
 from edgemap.runtime.calibration.level import pitch_roll, up_optical
@@ -21,9 +21,21 @@ from edgemap.runtime.errors import EdgemapError
 @pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
 def test_up_of_a_room_seven_degrees_from_where_it_is_expected(pitch, roll):
     normals, lengths = room_edges(pitch, roll, np.random.default_rng(3))
-    found = room_up(normals, lengths, up_optical(math.radians(pitch - 5.0), math.radians(roll + 5.0)), math.radians(12))
+    found = room_axes(
+        normals, lengths, up_optical(math.radians(pitch - 5.0), math.radians(roll + 5.0)), math.radians(12)
+    )
     assert found is not None
-    assert np.degrees(pitch_roll(found)) == pytest.approx((pitch, roll), abs=0.5)
+    assert np.degrees(pitch_roll(found.up)) == pytest.approx((pitch, roll), abs=0.5)
+
+
+def test_the_room_lies_as_its_level_edges_do():
+    normals, lengths = room_edges(11.5, 0.0, np.random.default_rng(3))
+    found = room_axes(normals, lengths, up_optical(math.radians(9.0), 0.0), math.radians(12))
+    off = (found.level_rad - math.radians(25.0) + math.pi / 4) % (math.pi / 2) - math.pi / 4  # as of `room_edges`
+    assert abs(off) < math.radians(0.7)
+    assert math.radians(0.4) < found.level_sigma_rad < math.radians(3.1)
+    few = np.arange(24) < 14  # upright edges, and two level ones
+    assert room_axes(normals[:24][few], lengths[:24][few], found.up, math.radians(6)).level_rad is None
 
 
 def test_edges_without_order_or_too_few_say_nothing():
@@ -31,8 +43,8 @@ def test_edges_without_order_or_too_few_say_nothing():
     normals = rng.normal(size=(30, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     up = up_optical(0.2, 0.0)
-    assert room_up(normals, np.full(30, 0.2), up, math.radians(6)) is None
-    assert room_up(normals[:3], np.full(3, 0.2), up, math.radians(6)) is None
+    assert room_axes(normals, np.full(30, 0.2), up, math.radians(6)) is None
+    assert room_axes(normals[:3], np.full(3, 0.2), up, math.radians(6)) is None
 
 
 def told(off_deg, frames=80, still=False, hz=10.0):

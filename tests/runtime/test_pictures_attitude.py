@@ -105,3 +105,16 @@ def test_a_real_walk_is_seen_level_without_an_imu():
     figures = attitude_figures(*zip(*told, strict=True))
     assert figures["pitch_rms_deg"] < 0.3 * mount["pitch_rms_deg"]
     assert figures["nees"] < 6.0
+
+
+def test_pictures_whose_rotation_nobody_told_are_not_put_together():
+    """With an IMU nobody tells the rotation by corners: the room's direction is of one picture alone."""
+    rng, source = np.random.default_rng(0), PicturesAttitude(MOUNT)
+    source.rotated(None)
+    found = []
+    for yaw in (0.0, 30.0):
+        source.begin_edges()
+        normals, lengths = room_edges(math.degrees(MOUNT.pitch_rad), 0.0, rng)
+        turned = rotation_of(math.radians(yaw) * up_optical(MOUNT.pitch_rad, 0.0)[None])[0]
+        found.append(math.degrees(source.see_edges(normals @ turned.T, lengths).level_rad))
+    assert (found[1] - found[0] - 30.0 + 45.0) % 90.0 - 45.0 == pytest.approx(0.0, abs=1.5)

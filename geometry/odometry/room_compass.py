@@ -1,0 +1,169 @@
+"""Heading by the room: its level edges keep two directions at right angles, however long the drive (Manhattan world).
+
+A robust smoother over the latest views of the room: how the odometry's heading drifted up to each, and the one
+direction that all show, in which single views may err by much (a piece of furniture that stands askew).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.attitude import RoomHeading
+from edgemap.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
+
+RIGHT_ANGLE = math.pi / 2.0
+ROUNDS = 6  # of reweighting
+CERTAIN_RAD2 = 1e-9  # variance of what is given
+
+
+@dataclass(frozen=True, slots=True)
+class CompassRule:
+    """How the room's direction is weighed against the odometry's yaw.
+
+    drift: factor on the variance of the odometry's yaw, whose errors last longer than a step; up to drift_rad of
+    standard deviation, as larger errors are stated as they are. view_rad: standard deviation of what a view errs,
+    beside its edges. outlier: of its standard deviations, at which a view counts a quarter. apart_rad, apart_m: turn or
+    path length after which it is another view. views: that are kept. lost_rad: standard deviation of the drift since
+    the last view, from which on the room's direction is learnt anew, as right angles could be mistaken for one another.
+    kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as the
+    steps of one second are used together. fastest_m_s: in a room, over kept_s; on a street, which bends, edges tell no
+    heading.
+    """
+
+    drift: float = 8.0
+    drift_rad: float = math.radians(1.5)
+    view_rad: float = math.radians(1.0)
+    outlier: float = 2.0
+    apart_rad: float = math.radians(5.0)
+    apart_m: float = 0.2
+    views: int = 40
+    lost_rad: float = math.radians(20.0)
+    kept_s: float = 2.0
+    settle_s: float = 1.0
+    fastest_m_s: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """Of an odometry at a stamp, as it added up: yaw since the start, its variance, path length."""
+
+    stamp_s: float
+    yaw_rad: float = 0.0
+    variance_rad2: float = 0.0
+    way_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """shown_rad: a level direction of the room against the odometry's start. variance_rad2: of it. drift_rad2: variance
+    of the odometry's heading since the view before."""
+
+    at: Heading
+    shown_rad: float
+    variance_rad2: float
+    drift_rad2: float
+
+
+def _beginning(error_rad: float) -> Prior:
+    """A heading whose drift is known, in a room that was not seen yet."""
+    return np.diag([1.0 / CERTAIN_RAD2, 0.0]), np.array([error_rad / CERTAIN_RAD2, 0.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomCompass:
+    """past: of the odometry, the latest steps. views: of the room. prior: of the odometry's drift up to the first of
+    them and the room's direction, by views that are not kept. error_rad: the drift up to the last one. room_rad:
+    direction of the room against the start. paid_rad: of the drift, what motions were given back."""
+
+    rule: CompassRule
+    past: tuple[Heading, ...] = ()
+    views: tuple[View, ...] = ()
+    prior: Prior = field(default_factory=lambda: _beginning(0.0))
+    error_rad: float = 0.0
+    room_rad: float = 0.0
+    paid_rad: float = 0.0
+
+    def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> RoomCompass:
+        """After a step of the odometry up to a stamp, whose yaw has this variance."""
+        rule = self.rule
+        drift_rad2 = min(rule.drift * variance_rad2, max(variance_rad2, rule.drift_rad**2))
+        last = self.past[-1] if self.past else Heading(stamp_s)
+        now = Heading(
+            stamp_s,
+            last.yaw_rad + motion.yaw_rad,
+            last.variance_rad2 + drift_rad2,
+            last.way_m + math.hypot(motion.x_m, motion.y_m),
+        )
+        return replace(self, past=(*(item for item in self.past if item.stamp_s > stamp_s - rule.kept_s), now))
+
+    def saw(self, room: RoomHeading) -> RoomCompass:
+        """After a view of the room in one of the latest steps."""
+        rule = self.rule
+        at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
+        if at is None or self.past[-1].way_m - self.past[0].way_m > rule.fastest_m_s * rule.kept_s:
+            return self
+        shown_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + rule.view_rad**2
+        if not self.views:
+            return self._solved((View(at, shown_rad, variance_rad2, 0.0),))
+        last = self.views[-1]
+        drift_rad2 = max(at.variance_rad2 - last.at.variance_rad2, CERTAIN_RAD2)
+        if drift_rad2 > rule.lost_rad**2:
+            begun = replace(self, prior=_beginning(self.error_rad))
+            return begun._solved((View(at, shown_rad, variance_rad2, 0.0),))
+        expected_rad = self.room_rad + self.error_rad
+        off_rad = (shown_rad - expected_rad + RIGHT_ANGLE / 2.0) % RIGHT_ANGLE - RIGHT_ANGLE / 2.0
+        view = View(at, expected_rad + off_rad, variance_rad2, drift_rad2)
+        near = abs(at.yaw_rad - last.at.yaw_rad) < rule.apart_rad and at.way_m - last.at.way_m < rule.apart_m
+        if not near:
+            return self._solved((*self.views, view))
+        if variance_rad2 > last.variance_rad2:
+            return self
+        return self._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
+
+    def paid(self, span_s: float) -> tuple[RoomCompass, float]:
+        """What a motion over this time turns more, rad, and the compass after it."""
+        part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / self.rule.settle_s))
+        return replace(self, paid_rad=self.paid_rad + part), part
+
+    def _solved(self, views: tuple[View, ...]) -> RoomCompass:
+        """The drift at each view and the room's direction, by reweighted least squares (Geman and McClure)."""
+        count, shown = len(views), np.array([view.shown_rad for view in views])
+        variance = np.array([view.variance_rad2 for view in views])
+        tied = 1.0 / np.array([view.drift_rad2 for view in views[1:]])
+        place, ends = np.arange(count), np.array([0, count])
+        steady, given = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
+        steady[place[:-1], place[:-1]] += tied
+        steady[place[1:], place[1:]] += tied
+        steady[place[1:], place[:-1]] = steady[place[:-1], place[1:]] = -tied
+        steady[np.ix_(ends, ends)] += self.prior[0]
+        given[ends] += self.prior[1]
+        weight, found = 1.0 / variance, given
+        for _ in range(ROUNDS):
+            normal, right = steady.copy(), given.copy()
+            normal[place, place] += weight
+            normal[place, count] += weight
+            normal[count, place] += weight
+            normal[count, count] += weight.sum()
+            right[:count] += weight * shown
+            right[count] += weight @ shown
+            found = np.linalg.solve(normal, right)
+            miss2 = (shown - found[:count] - found[count]) ** 2 / variance
+            weight = 1.0 / (variance * (1.0 + miss2 / self.rule.outlier**2) ** 2)
+        solved = replace(self, views=views, error_rad=float(found[count - 1]), room_rad=float(found[count]))
+        return solved._shortened(float(weight[0])) if count > self.rule.views else solved
+
+    def _shortened(self, weight: float) -> RoomCompass:
+        """Without the first view, which counted with this weight, rad^-2: the prior takes what it told."""
+        first, second = self.views[:2]
+        covariance = np.linalg.inv(self.prior[0] + weight)
+        mean = covariance @ (self.prior[1] + weight * first.shown_rad)
+        covariance[0, 0] += second.drift_rad2
+        information = np.linalg.inv(covariance)
+        return replace(self, views=self.views[1:], prior=(information, information @ mean))

@@ -1,0 +1,87 @@
+"""The heading of a drive that drifts, held to a room whose edges are seen now and then."""
+
+import math
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.attitude import RoomHeading
+from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
+from edgemap.geometry.se2 import SE2, wrap_angle
+
+STEP_S, SPAN = 0.1, 600
+YAWS = 0.6 * np.sin(np.arange(SPAN) * STEP_S / 3.0) + 0.02 * np.arange(SPAN)  # it looks about and turns round
+STEP_SIGMA = math.radians(0.05)
+
+
+def driven(errors_rad, seen_rad, sigma_rad=STEP_SIGMA, metres=0.05, rule=None):
+    """Errors of the heading (N,), rad: odometry errs by `errors_rad` (N,) at each step; every fifth step a room
+    that lies at 0.3 rad is seen, off by `seen_rad` (N,)."""
+    compass, heading = RoomCompass(rule or CompassRule()).moved(0.0, SE2(), 0.0), 0.0
+    found = [0.0]
+    for index in range(1, SPAN):
+        stamp_s, yaw = index * STEP_S, wrap_angle(YAWS[index] - YAWS[index - 1]) + errors_rad[index]
+        compass = compass.moved(stamp_s, SE2(metres, 0.0, yaw), sigma_rad**2)
+        if index % 5 == 0:
+            level_rad = 0.3 - (YAWS[index - 1] - YAWS[0]) + seen_rad[index]  # of the step before, modulo a right angle
+            compass = compass.saw(RoomHeading(stamp_s - STEP_S, level_rad % (math.pi / 2.0), math.radians(0.6)))
+        compass, turned = compass.paid(STEP_S)
+        heading += yaw + turned
+        found.append(heading - (YAWS[index] - YAWS[0]))
+    return np.array(found)
+
+
+def views(rng, outliers=0.0):
+    """Errors (N,) of what is seen: 0.6 degrees, and a share that is off by anything."""
+    wild = rng.random(SPAN) < outliers
+    return np.where(wild, rng.uniform(-0.7, 0.7, SPAN), rng.normal(0.0, math.radians(0.6), SPAN))
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.25])
+def test_a_heading_that_drifts_is_held_to_the_room(outliers):
+    drift = np.full(SPAN, math.radians(6.0) / SPAN)
+    found = driven(drift, views(np.random.default_rng(0), outliers))
+    assert np.degrees(np.abs(drift.cumsum()[-1])) == pytest.approx(6.0)
+    assert np.degrees(np.abs(found)).max() < 2.5
+    unknown = driven(drift, views(np.random.default_rng(0)), rule=CompassRule(drift=0.0, drift_rad=0.0))
+    assert np.degrees(unknown[-1]) > 5.0  # odometry that is certain of its yaw is believed
+
+
+def test_first_views_of_something_that_stands_askew_turn_no_map():
+    seen = views(np.random.default_rng(1))
+    seen[:26] += math.radians(4.0)
+    found = np.degrees(driven(np.zeros(SPAN), seen, sigma_rad=math.radians(0.02)))
+    assert np.abs(found).max() < 2.0
+
+
+def test_steps_are_corrected_smoothly():
+    errors = np.zeros(SPAN)
+    errors[100] = math.radians(8.0)  # a step that is badly wrong, and does not say so
+    found = np.degrees(driven(errors, views(np.random.default_rng(2)), sigma_rad=math.radians(0.5)))
+    assert abs(found[100]) > 6.0
+    assert np.abs(found[160:]).max() < 2.0
+    assert np.abs(np.diff(found))[101:].max() < 1.0
+
+
+def test_on_a_street_edges_tell_no_heading():
+    rng = np.random.default_rng(3)
+    drift = np.full(SPAN, math.radians(6.0) / SPAN)
+    assert np.degrees(driven(drift, views(rng), metres=0.8))[-1] == pytest.approx(6.0, abs=0.1)
+
+
+def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
+    """After 60 unseen degrees, said to be 40 by standard deviation, the room is learnt anew where it seems to be."""
+    compass = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
+    compass = compass.moved(1.0, SE2(0.5, 0.0, math.radians(60.0)), math.radians(40.0) ** 2)
+    compass = compass.saw(RoomHeading(1.0, 0.3, 0.01))
+    assert compass.paid(10.0)[1] == pytest.approx(0.0, abs=1e-6)
+    assert len(compass.views) == 1
+
+
+def test_its_cost_has_a_bound():
+    compass = RoomCompass(CompassRule())
+    for index in range(300):
+        compass = compass.moved(index * STEP_S, SE2(0.1, 0.0, 0.2), STEP_SIGMA**2)
+        compass = compass.saw(RoomHeading(index * STEP_S, -0.2 * index, 0.01))
+    assert len(compass.views) == CompassRule().views
+    assert len(compass.past) <= CompassRule().kept_s / STEP_S + 1
