@@ -48,17 +48,21 @@ def place(spec: InputSpec, image_width: int, image_height: int) -> Placement:
     return Placement(width, height, left, top, image_width, image_height)
 
 
+EDGE_PX = 8  # of padding beside the picture that its features of stride 4 see, rather than the zeros beyond an input
+
+
 def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -> tuple[int, int]:
     """The first row of the input that a picture of this size reaches and how many, in whole cells of a stride: the rest
-    is padding. Of a centred letterbox as many are left out above as below, so that the picture stays in its middle."""
+    is padding, but for some that show in the features of the picture's edge. Of a centred letterbox as many are left
+    out above as below, so that the picture stays in its middle."""
     if spec.resize == "stretch":
         return 0, spec.height
     where = place(spec, image_width, image_height)
     height = math.ceil(image_height * min(spec.width / image_width, spec.height / image_height) - 1e-9)  # not cut
-    below = (spec.height - where.top - height) // stride * stride
+    below = max(spec.height - where.top - height - EDGE_PX, 0) // stride * stride
     if spec.resize == "letterbox_topleft":
         return 0, spec.height - below
-    above = min(where.top // stride * stride, below)
+    above = min(max(where.top - EDGE_PX, 0) // stride * stride, below)
     return above, spec.height - 2 * above
 
 

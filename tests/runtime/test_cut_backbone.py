@@ -15,7 +15,7 @@ from edgemap.runtime.decode import Decoder
 from edgemap.runtime.detector import Detector
 from edgemap.runtime.manifest import InputSpec
 from edgemap.runtime.network import Network
-from edgemap.runtime.preprocess import Preprocessor, place, rows_of
+from edgemap.runtime.preprocess import EDGE_PX, Preprocessor, place, rows_of
 from edgemap.runtime.store import bundle_folder
 
 ENGINES = ["onnxruntime", "openvino"]
@@ -86,6 +86,7 @@ def test_a_cut_input_holds_the_whole_picture_where_it_was(width, height, resize)
     assert after.top == before.top - first
     assert after.top >= 0
     assert after.top + after.height <= rows
+    assert min(before.top + before.height + EDGE_PX, 416) <= first + rows  # the edge's features see the padding
 
 
 def test_features_of_the_middle_rows_lie_in_the_middle():
