@@ -33,8 +33,8 @@ class CompassRule:
     path length after which it is another view. views: that are kept. lost_rad: standard deviation of the drift since
     the last view, from which on the room's direction is learnt anew, as right angles could be mistaken for one another.
     kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as the
-    steps of one second are used together. fastest_m_s: in a room, over kept_s; on a street, which bends, edges tell no
-    heading.
+    steps of one second are used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a room,
+    over kept_s; on a street, which bends, edges tell no heading.
     """
 
     drift: float = 8.0
@@ -47,6 +47,7 @@ class CompassRule:
     lost_rad: float = math.radians(20.0)
     kept_s: float = 2.0
     settle_s: float = 1.0
+    settle_gyro_s: float = 5.0
     fastest_m_s: float = 3.0
 
 
@@ -127,9 +128,10 @@ class RoomCompass:
             return self
         return self._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
 
-    def paid(self, span_s: float) -> tuple[RoomCompass, float]:
-        """What a motion over this time turns more, rad, and the compass after it."""
-        part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / self.rule.settle_s))
+    def paid(self, span_s: float, by_gyro: bool = False) -> tuple[RoomCompass, float]:
+        """What a motion over this time, with a gyro's yaw or without, turns more, rad, and the compass after it."""
+        settle_s = self.rule.settle_gyro_s if by_gyro else self.rule.settle_s
+        part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / settle_s))
         return replace(self, paid_rad=self.paid_rad + part), part
 
     def _solved(self, views: tuple[View, ...]) -> RoomCompass:

@@ -274,7 +274,7 @@ class HybridOdometry:
         compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
         if attitude is not None and attitude.room is not None:
             compass = compass.saw(attitude.room)
-        self._compass, turned_rad = compass.paid(span_s)
+        self._compass, turned_rad = compass.paid(span_s, by_gyro=motion.without_gyro is not None)
         x_m, y_m, yaw_rad = motion.motion.vector()
         covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
         return replace(motion, motion=SE2(x_m, y_m, yaw_rad + turned_rad), covariance=covariance)

@@ -78,6 +78,14 @@ def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
     assert len(compass.views) == 1
 
 
+def test_beside_a_gyro_a_correction_is_spread_longer():
+    compass = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
+    compass = compass.moved(1.0, SE2(0.5, 0.0, 0.2), 0.05**2).saw(RoomHeading(1.0, 0.2, 0.01))
+    parts = [abs(compass.paid(0.1, by_gyro)[1]) for by_gyro in (True, False)]
+    assert 0.0 < parts[0] < 0.3 * parts[1]
+    assert parts[1] < 0.1 * 0.1
+
+
 def test_its_cost_has_a_bound():
     compass = RoomCompass(CompassRule())
     for index in range(300):
