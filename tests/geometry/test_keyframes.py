@@ -37,11 +37,11 @@ def test_turning_on_the_spot_makes_keyframes_too():
 
 
 def test_yaw_is_told_with_less_room_for_a_slip_than_loops_are_closed_with():
-    """0.3 m and 0.06 rad a keyframe, 3 frames of 1e-5 rad^2: 10 times that and 5 % of the turn, or 5 times and 3 %."""
+    """0.3 m and 0.06 rad a keyframe, 3 frames of 1e-5 rad^2: 5 times that and 5 % of the turn, or 2.5 times and 3 %."""
     trajectory = driven(31)
     wide, told = (np.linalg.inv(trajectory.factors(stated).information[0]).diagonal() for stated in (False, True))
-    assert wide[2] == pytest.approx(10 * 3e-5 + (0.05 * 0.06) ** 2 + 0.003**2, rel=0.05)
-    assert told[2] == pytest.approx(5 * 3e-5 + (0.03 * 0.06) ** 2 + 0.003**2, rel=0.05)
+    assert wide[2] == pytest.approx(5 * 3e-5 + (0.05 * 0.06) ** 2 + 0.003**2, rel=0.05)
+    assert told[2] == pytest.approx(2.5 * 3e-5 + (0.03 * 0.06) ** 2 + 0.003**2, rel=0.05)
     assert told[0] == pytest.approx(wide[0], rel=0.05)
     trajectory.drop({2, 3, 7})
     assert len(trajectory.factors(True).information) == len(trajectory.factors().information) == len(trajectory) - 1
