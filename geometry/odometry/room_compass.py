@@ -23,13 +23,23 @@ ROUNDS = 6  # of reweighting
 CERTAIN_RAD2 = 1e-9  # variance of what is given
 
 
+WINGS = 4  # beside the first direction
+
+
+def _wrapped(angle_rad: float) -> float:
+    """Modulo a right angle, nearest to none."""
+    return (angle_rad + RIGHT_ANGLE / 2.0) % RIGHT_ANGLE - RIGHT_ANGLE / 2.0
+
+
 @dataclass(frozen=True, slots=True)
 class CompassRule:
     """How the room's direction is weighed against the odometry's yaw.
 
     drift: factor on the variance of the odometry's yaw, whose errors last longer than a step; up to drift_rad of
     standard deviation, as larger errors are stated as they are. view_rad: standard deviation of what a view errs,
-    beside its edges. outlier: of its standard deviations, at which a view counts a quarter. apart_rad, apart_m: turn or
+    beside its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those of a view
+    and of the drift since the last one, beyond which it shows what stands askew, or another wing of the building:
+    `alike` of them in a row, within alike_rad, are one more direction that views may show. apart_rad, apart_m: turn or
     path length after which it is another view. views: that are kept. lost_rad: standard deviation of the drift since
     the last view, from which on the room's direction is learnt anew, as right angles could be mistaken for one another.
     kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as the
@@ -41,6 +51,9 @@ class CompassRule:
     drift_rad: float = math.radians(1.5)
     view_rad: float = math.radians(1.0)
     outlier: float = 2.0
+    gate: float = 4.5
+    alike: int = 5
+    alike_rad: float = math.radians(4.0)
     apart_rad: float = math.radians(5.0)
     apart_m: float = 0.2
     views: int = 40
@@ -81,7 +94,8 @@ def _beginning(error_rad: float) -> Prior:
 class RoomCompass:
     """past: of the odometry, the latest steps. views: of the room. prior: of the odometry's drift up to the first of
     them and the room's direction, by views that are not kept. error_rad: the drift up to the last one. room_rad:
-    direction of the room against the start. paid_rad: of the drift, what motions were given back."""
+    direction of the room against the start. others_rad: of its other wings against that. strange_rad: of the latest
+    views, if none showed a known one. paid_rad: of the drift, what motions were given back."""
 
     rule: CompassRule
     past: tuple[Heading, ...] = ()
@@ -89,6 +103,8 @@ class RoomCompass:
     prior: Prior = field(default_factory=lambda: _beginning(0.0))
     error_rad: float = 0.0
     room_rad: float = 0.0
+    others_rad: tuple[float, ...] = ()
+    strange_rad: tuple[float, ...] = ()
     paid_rad: float = 0.0
 
     def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> RoomCompass:
@@ -116,23 +132,35 @@ class RoomCompass:
         last = self.views[-1]
         drift_rad2 = max(at.variance_rad2 - last.at.variance_rad2, CERTAIN_RAD2)
         if drift_rad2 > rule.lost_rad**2:
-            begun = replace(self, prior=_beginning(self.error_rad))
+            begun = replace(self, prior=_beginning(self.error_rad), others_rad=(), strange_rad=())
             return begun._solved((View(at, shown_rad, variance_rad2, 0.0),))
         expected_rad = self.room_rad + self.error_rad
-        off_rad = (shown_rad - expected_rad + RIGHT_ANGLE / 2.0) % RIGHT_ANGLE - RIGHT_ANGLE / 2.0
+        off_rad = min((_wrapped(shown_rad - expected_rad - wing) for wing in (0.0, *self.others_rad)), key=abs)
+        if abs(off_rad) > rule.gate * math.sqrt(2.0 * variance_rad2 + drift_rad2):
+            return self._puzzled(_wrapped(shown_rad - expected_rad))
         view = View(at, expected_rad + off_rad, variance_rad2, drift_rad2)
         near = abs(at.yaw_rad - last.at.yaw_rad) < rule.apart_rad and at.way_m - last.at.way_m < rule.apart_m
+        known = replace(self, strange_rad=())
         if not near:
-            return self._solved((*self.views, view))
+            return known._solved((*self.views, view))
         if variance_rad2 > last.variance_rad2:
-            return self
-        return self._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
+            return known
+        return known._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
 
     def paid(self, span_s: float, by_gyro: bool = False) -> tuple[RoomCompass, float]:
         """What a motion over this time, with a gyro's yaw or without, turns more, rad, and the compass after it."""
         settle_s = self.rule.settle_gyro_s if by_gyro else self.rule.settle_s
         part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / settle_s))
         return replace(self, paid_rad=self.paid_rad + part), part
+
+    def _puzzled(self, off_rad: float) -> RoomCompass:
+        """After a view of none of the known directions, so far off the first one."""
+        strange = (*self.strange_rad, off_rad)[-self.rule.alike :]
+        apart = [_wrapped(item - off_rad) for item in strange]
+        if len(strange) < self.rule.alike or max(apart) - min(apart) > self.rule.alike_rad:
+            return replace(self, strange_rad=strange)
+        wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
+        return replace(self, others_rad=(*self.others_rad, wing_rad)[-WINGS:], strange_rad=())
 
     def _solved(self, views: tuple[View, ...]) -> RoomCompass:
         """The drift at each view and the room's direction, by reweighted least squares (Geman and McClure)."""

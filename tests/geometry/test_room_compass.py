@@ -54,6 +54,15 @@ def test_first_views_of_something_that_stands_askew_turn_no_map():
     assert np.abs(found).max() < 2.0
 
 
+@pytest.mark.parametrize("askew_deg", [10.0, 20.0, 45.0])
+def test_another_wing_of_the_building_turns_no_map(askew_deg):
+    """After 20 s the robot enters a part that lies otherwise, for 40 s, and drifts there no more than before."""
+    seen = views(np.random.default_rng(1))
+    seen[200:] += math.radians(askew_deg)
+    drift = np.full(SPAN, math.radians(6.0) / SPAN)
+    assert np.degrees(np.abs(driven(drift, seen))).max() < 3.0
+
+
 def test_steps_are_corrected_smoothly():
     errors = np.zeros(SPAN)
     errors[100] = math.radians(8.0)  # a step that is badly wrong, and does not say so
