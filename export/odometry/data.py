@@ -21,7 +21,7 @@ from tqdm import tqdm
 from edgemap.export.backbones import Backbone
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import GRID_STRIDE
-from edgemap.export.odometry.views import View
+from edgemap.export.odometry.views import AugmentedView
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
@@ -33,7 +33,7 @@ from edgemap.runtime.network import Compute
 from edgemap.runtime.preprocess import Preprocessor, cell_grid
 
 FORMAT = "edgemap.features/1"
-PLAIN = View()  # the pictures as they are
+PLAIN = AugmentedView()  # the pictures as they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class FeatureDrive:
     """One drive, ready for training. features: (N, C, H, W) float16, on disk. stamps_s: (N,). poses: (N, 3) of the
     base. cells, mount: as `flow_cells` gives them. angles: (N, 3) roll and pitch of the camera in rad and the lens's
     height in metres, in the angles of `Mount`, where the base does not stay level. rotated: (3, 3), of the camera
-    against its mount (`View`)."""
+    against its mount (`AugmentedView`)."""
 
     name: str
     features: NDArray[np.float16]
@@ -96,7 +96,7 @@ class FeatureStore:
 
         workers: processes that compute, each a drive on one thread. views: of each drive, besides its own.
         """
-        seen = [PLAIN, *(View.drawn(1 + index) for index in range(views))]
+        seen = [PLAIN, *(AugmentedView.drawn(1 + index) for index in range(views))]
         if workers > 1:
             store = copy.copy(self)
             store._session, store._threads = None, 1
@@ -107,7 +107,7 @@ class FeatureStore:
         bar = tqdm(specs, unit=" drives", disable=None if len(specs) > 1 else True)
         return [self.drive(spec, first, frames, view) for spec in bar for view in seen]
 
-    def drive(self, spec: str, first: int = 0, frames: int | None = None, view: View = PLAIN) -> FeatureDrive:
+    def drive(self, spec: str, first: int = 0, frames: int | None = None, view: AugmentedView = PLAIN) -> FeatureDrive:
         """One drive from a frame on. Raises ExportError where it has no true poses or no mount."""
         drive = open_drive(spec)
         if drive.truth is None or drive.mount is None or drive.intrinsics is None:
@@ -132,7 +132,7 @@ class FeatureStore:
         features = self._features(spec, drive, count, view)[first:]
         return FeatureDrive(spec, features, stamps, poses * [1.0, side, side], cells, mount, angles, view.rotation())
 
-    def _features(self, spec: str, drive: Drive, count: int, view: View) -> NDArray[np.float16]:
+    def _features(self, spec: str, drive: Drive, count: int, view: AugmentedView) -> NDArray[np.float16]:
         about = f"{spec} {drive.folder.resolve()} {len(drive.stamps_s)} {_content(drive)}"
         about += "" if view == PLAIN else repr(view)
         key = hashlib.sha256(about.encode()).hexdigest()[:16]
@@ -169,7 +169,7 @@ class FeatureStore:
         return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
 
 
-def _compute(store: FeatureStore, spec: str, first: int, frames: int | None, view: View) -> None:
+def _compute(store: FeatureStore, spec: str, first: int, frames: int | None, view: AugmentedView) -> None:
     """In a process of its own, which keeps its session from drive to drive."""
     known = _STORES.setdefault(str(store.folder), store)
     known.drive(spec, first, frames, view)

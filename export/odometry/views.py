@@ -31,7 +31,7 @@ class ViewRule:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class AugmentedView:
     """How a view differs from the pictures: mirrored first, then rotated (about the optical axes down, right and
     ahead), zoomed, and its brightness changed."""
 
@@ -44,12 +44,12 @@ class View:
     mirrored: bool = False
 
     @staticmethod
-    def drawn(index: int, rule: ViewRule | None = None) -> View:
+    def drawn(index: int, rule: ViewRule | None = None) -> AugmentedView:
         """The view of a number, from 1 on: always the same. Every second one is mirrored."""
         rule, rng = rule or ViewRule(), np.random.default_rng((77, index))
         angles = [float(rng.uniform(*span)) for span in (rule.yaw_rad, rule.pitch_rad, rule.roll_rad)]
         factors = [math.exp(rng.uniform(*span)) for span in (rule.zoom, rule.gain, rule.gamma)]
-        return View(*angles, *factors, mirrored=index % 2 == 1)
+        return AugmentedView(*angles, *factors, mirrored=index % 2 == 1)
 
     def rotation(self) -> Array:
         """(3, 3), takes the view's optical directions into the camera's."""

@@ -21,8 +21,6 @@ Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), r
 RIGHT_ANGLE = math.pi / 2.0
 ROUNDS = 6  # of reweighting
 CERTAIN_RAD2 = 1e-9  # variance of what is given
-
-
 WINGS = 4  # beside the first direction
 
 
@@ -41,7 +39,7 @@ class CompassRule:
     and of the drift since the last one, beyond which it shows what stands askew, or another wing of the building:
     `alike` of them in a row, within alike_rad, are one more direction that views may show. apart_rad, apart_m: turn or
     path length after which it is another view. views: that are kept. lost_rad: standard deviation of the drift since
-    the last view, from which on the room's direction is learnt anew, as right angles could be mistaken for one another.
+    the last view, from which on the room's direction is learnt again: right angles could be mistaken for one another.
     kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as the
     steps of one second are used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a room,
     over kept_s; on a street, which bends, edges tell no heading.
@@ -71,11 +69,11 @@ class Heading:
     stamp_s: float
     yaw_rad: float = 0.0
     variance_rad2: float = 0.0
-    way_m: float = 0.0
+    path_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class RoomView:
     """shown_rad: a level direction of the room against the odometry's start. variance_rad2: of it. drift_rad2: variance
     of the odometry's heading since the view before."""
 
@@ -99,7 +97,7 @@ class RoomCompass:
 
     rule: CompassRule
     past: tuple[Heading, ...] = ()
-    views: tuple[View, ...] = ()
+    views: tuple[RoomView, ...] = ()
     prior: Prior = field(default_factory=lambda: _beginning(0.0))
     error_rad: float = 0.0
     room_rad: float = 0.0
@@ -116,7 +114,7 @@ class RoomCompass:
             stamp_s,
             last.yaw_rad + motion.yaw_rad,
             last.variance_rad2 + drift_rad2,
-            last.way_m + math.hypot(motion.x_m, motion.y_m),
+            last.path_m + math.hypot(motion.x_m, motion.y_m),
         )
         return replace(self, past=(*(item for item in self.past if item.stamp_s > stamp_s - rule.kept_s), now))
 
@@ -124,22 +122,22 @@ class RoomCompass:
         """After a view of the room in one of the latest steps."""
         rule = self.rule
         at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
-        if at is None or self.past[-1].way_m - self.past[0].way_m > rule.fastest_m_s * rule.kept_s:
+        if at is None or self.past[-1].path_m - self.past[0].path_m > rule.fastest_m_s * rule.kept_s:
             return self
         shown_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + rule.view_rad**2
         if not self.views:
-            return self._solved((View(at, shown_rad, variance_rad2, 0.0),))
+            return self._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         last = self.views[-1]
         drift_rad2 = max(at.variance_rad2 - last.at.variance_rad2, CERTAIN_RAD2)
         if drift_rad2 > rule.lost_rad**2:
             begun = replace(self, prior=_beginning(self.error_rad), others_rad=(), strange_rad=())
-            return begun._solved((View(at, shown_rad, variance_rad2, 0.0),))
+            return begun._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         expected_rad = self.room_rad + self.error_rad
         off_rad = min((_wrapped(shown_rad - expected_rad - wing) for wing in (0.0, *self.others_rad)), key=abs)
         if abs(off_rad) > rule.gate * math.sqrt(2.0 * variance_rad2 + drift_rad2):
             return self._puzzled(_wrapped(shown_rad - expected_rad))
-        view = View(at, expected_rad + off_rad, variance_rad2, drift_rad2)
-        near = abs(at.yaw_rad - last.at.yaw_rad) < rule.apart_rad and at.way_m - last.at.way_m < rule.apart_m
+        view = RoomView(at, expected_rad + off_rad, variance_rad2, drift_rad2)
+        near = abs(at.yaw_rad - last.at.yaw_rad) < rule.apart_rad and at.path_m - last.at.path_m < rule.apart_m
         known = replace(self, strange_rad=())
         if not near:
             return known._solved((*self.views, view))
@@ -162,7 +160,7 @@ class RoomCompass:
         wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
         return replace(self, others_rad=(*self.others_rad, wing_rad)[-WINGS:], strange_rad=())
 
-    def _solved(self, views: tuple[View, ...]) -> RoomCompass:
+    def _solved(self, views: tuple[RoomView, ...]) -> RoomCompass:
         """The drift at each view and the room's direction, by reweighted least squares (Geman and McClure)."""
         count, shown = len(views), np.array([view.shown_rad for view in views])
         variance = np.array([view.variance_rad2 for view in views])

@@ -91,10 +91,10 @@ class CheckedMount:
         if not (fault or self._carried or self._room or self._offset.any()):
             return other
         fault = "; ".join(filter(None, (other.fault, fault)))
-        if other.source == self._pictures.name:  # it knows of the offset
-            return replace(other, fault=fault, carried=self._carried, room=self._room)
-        roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
         told = replace(other, fault=fault, carried=self._carried, room=self._room)
+        if other.source == self._pictures.name:  # it knows of the offset
+            return told
+        roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
         return replace(told, roll_rad=roll, pitch_rad=pitch)
 
     def rotated(self, rotation: SeenRotation | None) -> Attitude:

@@ -205,7 +205,7 @@ class HybridOdometry:
         self._begun_with: int | None = None  # index of that frame
         self._conflicts, self._first = 0, True
         self._movers = 0.0  # share of the picture that people and animals cover, or did when last one measured
-        self._compass, self._compass_s = RoomCompass(self._rule.compass), -math.inf
+        self._compass = RoomCompass(self._rule.compass)
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
     def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
@@ -267,10 +267,10 @@ class HybridOdometry:
 
     def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion, its heading held to the room's edges."""
-        span_s, self._compass_s = stamp_s - self._compass_s, stamp_s
-        if span_s == math.inf:
+        if not self._compass.past:
             self._compass = self._compass.moved(stamp_s, SE2(), 0.0)
             return motion
+        span_s = stamp_s - self._compass.past[-1].stamp_s
         compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
         if attitude is not None and attitude.room is not None:
             compass = compass.saw(attitude.room)

@@ -79,7 +79,7 @@ def test_on_a_street_edges_tell_no_heading():
 
 
 def test_a_heading_that_is_lost_is_not_taken_for_another_right_angle():
-    """After 60 unseen degrees, said to be 40 by standard deviation, the room is learnt anew where it seems to be."""
+    """After 60 unseen degrees, said to be 40 by standard deviation, the room is learnt again where it seems to be."""
     compass = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0).saw(RoomHeading(0.0, 0.3, 0.01))
     compass = compass.moved(1.0, SE2(0.5, 0.0, math.radians(60.0)), math.radians(40.0) ** 2)
     compass = compass.saw(RoomHeading(1.0, 0.3, 0.01))

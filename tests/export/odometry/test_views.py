@@ -18,7 +18,7 @@ from edgemap.export.odometry.clips import make_batch
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.recipe import FewDrives
 from edgemap.export.odometry.validate import segment_lengths_m
-from edgemap.export.odometry.views import View
+from edgemap.export.odometry.views import AugmentedView
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion
 from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells
@@ -29,7 +29,7 @@ GRID = CellGrid(15, 20, 16, (1.0, 1.0), 0, 0, 320, 240)
 
 
 def test_a_view_pitched_and_zoomed_is_the_picture_of_that_camera():
-    view = View(pitch_rad=-math.radians(4.0), zoom=1.2)  # about the axis to the right: nose down is negative
+    view = AugmentedView(pitch_rad=-math.radians(4.0), zoom=1.2)  # about the axis to the right: nose down is negative
     lens = replace(LENS, fx=1.2 * LENS.fx, fy=1.2 * LENS.fy)
     other = FloorCamera(lens, replace(CAMERA.mount, pitch_rad=CAMERA.mount.pitch_rad + math.radians(4.0)))
     pose = SE2(0.3, 0.2, 0.4)
@@ -49,14 +49,14 @@ def test_a_mirrored_view_is_the_mirrored_world():
     mount = replace(CAMERA.mount, roll_rad=0.05, left_m=0.03)
     camera = FloorCamera(replace(LENS, cx=150.0), mount)
     pixels = np.array([[40.0, 200.0], [300.0, 180.0]])
-    other = View(mirrored=True).camera(camera).floor_points([319.0, 0.0] + pixels * [-1.0, 1.0])
+    other = AugmentedView(mirrored=True).camera(camera).floor_points([319.0, 0.0] + pixels * [-1.0, 1.0])
     np.testing.assert_allclose(other, camera.floor_points(pixels) * [1.0, -1.0], atol=1e-9)
     picture = seen_by(CAMERA, SE2())
-    np.testing.assert_array_equal(View(mirrored=True).picture(picture, LENS, 114), picture[:, ::-1])
+    np.testing.assert_array_equal(AugmentedView(mirrored=True).picture(picture, LENS, 114), picture[:, ::-1])
 
 
 def test_a_view_does_not_show_what_the_picture_did_not():
-    yawed = View(yaw_rad=math.radians(10.0))
+    yawed = AugmentedView(yaw_rad=math.radians(10.0))
     shown = yawed.shows(GRID, LENS)
     assert shown[2:-2, :16].all()
     assert not shown[:, 19].any()
@@ -64,14 +64,14 @@ def test_a_view_does_not_show_what_the_picture_did_not():
 
 
 def test_views_are_drawn_by_number_and_half_are_mirrored():
-    assert View.drawn(3) == View.drawn(3) != View.drawn(5)
-    assert [View.drawn(index).mirrored for index in (1, 2, 3)] == [True, False, True]
+    assert AugmentedView.drawn(3) == AugmentedView.drawn(3) != AugmentedView.drawn(5)
+    assert [AugmentedView.drawn(index).mirrored for index in (1, 2, 3)] == [True, False, True]
 
 
 def test_a_lens_that_distorts_is_refused():
     lens = replace(LENS, distortion=Distortion("brown_conrady", (0.1, 0.0, 0.0, 0.0)))
     with pytest.raises(ExportError, match="distorts"):
-        View(yaw_rad=0.1).camera(FloorCamera(lens, CAMERA.mount))
+        AugmentedView(yaw_rad=0.1).camera(FloorCamera(lens, CAMERA.mount))
 
 
 def test_a_world_of_another_size_looks_the_same():
