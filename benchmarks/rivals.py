@@ -60,18 +60,19 @@ def opencv_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[In
 
 
 def picture_to_boxes(detector: DetectorSpec, infer: Infer, confidence: float) -> Callable[[NDArray[np.uint8]], object]:
-    """Their loop as their demos write it: letterbox, network, boxes of all cells, suppression.
+    """Their loop as their demos write it: resize, network, boxes of all cells, suppression.
 
     Gives boxes xywh in picture px, scores and class ids.
     """
     spec = detector.input
-    decode = _yolox if detector.decode == "yolox" else _yolov3
-    centred = detector.input.resize == "letterbox"
+    decode = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _picodet}[detector.decode]
+    centred, stretched = spec.resize == "letterbox", spec.resize == "stretch"
     mean, factor = np.array(spec.mean, np.float32), np.float32(spec.scale) / np.array(spec.std, np.float32)
 
     def run(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-        scale = min(spec.width / image.shape[1], spec.height / image.shape[0])
-        size = int(image.shape[1] * scale), int(image.shape[0] * scale)
+        sides = np.array([spec.width / image.shape[1], spec.height / image.shape[0]], np.float32)
+        scale = sides if stretched else np.full(2, sides.min())
+        size = int(image.shape[1] * scale[0]), int(image.shape[0] * scale[1])
         canvas = np.full((spec.height, spec.width, 3), PAD, np.uint8)
         left, top = (spec.width - size[0]) // 2 * centred, (spec.height - size[1]) // 2 * centred
         canvas[top : top + size[1], left : left + size[0]] = cv2.resize(image, size)
@@ -82,7 +83,7 @@ def picture_to_boxes(detector: DetectorSpec, infer: Infer, confidence: float) ->
             tensor = (tensor - mean[:, None, None] / np.float32(spec.scale)) * factor[:, None, None]
         boxes, scores, classes = decode(infer(np.ascontiguousarray(tensor, np.float32)), detector, confidence)
         boxes[:, :2] -= boxes[:, 2:] / 2 + np.array([left, top], np.float32)
-        boxes /= np.float32(scale)
+        boxes /= np.tile(scale, 2)
         kept = np.asarray(cv2.dnn.NMSBoxes(boxes.tolist(), scores.tolist(), confidence, NMS_IOU), np.int64).reshape(-1)
         return boxes[kept], scores[kept], classes[kept]
 
@@ -114,6 +115,21 @@ def _yolox(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confi
     grid, stride = np.concatenate(grids), np.concatenate(strides)
     boxes = np.concatenate([(rows[:, :2] + grid) * stride, np.exp(rows[:, 2:4]) * stride], 1)
     return _strong(boxes, rows[:, 4:5] * rows[:, 5:], confidence)
+
+
+def _picodet(outputs: Sequence[NDArray[np.float32]], detector: DetectorSpec, confidence: float) -> tuple:
+    labels, parts = len(detector.classes), []
+    for output, head in zip(outputs, detector.heads, strict=True):
+        rows, columns = output.shape[2:]
+        cells = output[0].reshape(output.shape[1], -1).T
+        bins = np.exp(cells[:, labels:].reshape(len(cells), 4, -1))
+        sides = (bins / bins.sum(2, keepdims=True)) @ np.arange(bins.shape[2], dtype=np.float32)
+        u, v = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+        low = np.stack([u.ravel(), v.ravel()], 1) - sides[:, :2]
+        size = sides[:, :2] + sides[:, 2:]
+        parts.append((np.concatenate([low + size / 2, size], 1) * head.strides[0], _sigmoid(cells[:, :labels])))
+    boxes, scores = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return _strong(boxes, scores, confidence)
 
 
 def _strong(boxes: NDArray, scores: NDArray, confidence: float) -> tuple:

@@ -11,7 +11,7 @@ from edgemap.runtime.detector import Detector
 from edgemap.runtime.store import bundle_folder
 
 
-@pytest.mark.parametrize("name", ["edgemap-nano", "yolox-nano"])
+@pytest.mark.parametrize("name", ["edgemap-nano", "yolox-nano", "edgemap-pico"])
 def test_the_rivals_loop_finds_our_boxes(name):
     bundle = load_bundle(bundle_folder(name), threads=1)
     spec = bundle.manifest.detector
