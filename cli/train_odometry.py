@@ -53,12 +53,13 @@ def command(
     first: Annotated[int, arg(metavar="N", help="Leave out the first N frames of each drive.")] = 0,
     frames: Annotated[int | None, arg(metavar="N", help="Only N frames of each training drive.")] = None,
     views: Annotated[
-        int,
+        int | None,
         arg(
             metavar="N",
-            help="Train a flow head on N rotated, zoomed or mirrored views of each drive besides: few drives.",
+            help="Train a flow head on N rotated, zoomed or mirrored views of each drive besides; by default 8 of "
+            "up to three drives, which it would learn by heart.",
         ),
-    ] = 0,
+    ] = None,
     validation_first: Annotated[int, arg(metavar="N", help="The same for validation drives.")] = 0,
     validation_frames: Annotated[int | None, arg(metavar="N", help="The same for validation drives.")] = None,
     patience: Annotated[int | None, arg(metavar="N", help="Stop after N validations without a better one.")] = None,
@@ -104,7 +105,7 @@ def command(
     if views and (head != "flow" or larger is not None):
         raise OptionError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
     from edgemap.export.exporter import is_onnx, open_backbone
-    from edgemap.export.odometry.data import FeatureStore
+    from edgemap.export.odometry.data import FeatureStore, usual_views
     from edgemap.export.odometry.flow import FlowHead
     from edgemap.export.odometry.recipe import FewDrives, flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
@@ -117,11 +118,12 @@ def command(
     part = open_backbone(backbone, weights, [feature])
     store = FeatureStore(part, feature, cache or cache_folder() / "features")
     print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
+    if views is None:
+        views = usual_views(data) if head == "flow" and larger is None else 0
     train = store.load(data, first, frames, workers, views)
     held_back = store.load(validation, validation_first, validation_frames, workers)
-    print(
-        f"{sum(map(len, train))} frames of {len(train)} drives to train on, {sum(map(len, held_back))} to validate on"
-    )
+    seen = f"{len(data)} drives" + (f" and {views} views of each" if views else "")
+    print(f"{sum(map(len, train))} frames of {seen} to train on, {sum(map(len, held_back))} to validate on")
     begun = begin(
         head, store, train, backbone, feature, seed=seed, start=start, larger=larger, device=device,
         kernel=kernel, slope=0.0 if relu else 0.1,

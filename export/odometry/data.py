@@ -34,6 +34,7 @@ from edgemap.runtime.preprocess import Preprocessor, cell_grid
 
 FORMAT = "edgemap.features/1"
 PLAIN = AugmentedView()  # the pictures as they are
+FEW_DRIVES, USUAL_VIEWS = 3, 8  # that many drives, a flow head learns by heart: so many views of each besides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,6 +168,14 @@ class FeatureStore:
         options = ort.RunOptions()
         options.only_execute_path_to_fetches = True  # the heads behind the features are not needed
         return np.asarray(self._session.run([self._name], {self.input.name: tensor}, options)[0])[0]
+
+
+def usual_views(specs: Sequence[str]) -> int:
+    """How many views besides of each of these drives a flow head is trained on where nobody says."""
+    if len(specs) > FEW_DRIVES:
+        return 0
+    lenses = [open_drive(spec).intrinsics for spec in specs]
+    return 0 if any(lens and lens.distortion.model != "none" for lens in lenses) else USUAL_VIEWS
 
 
 def _compute(store: FeatureStore, spec: str, first: int, frames: int | None, view: AugmentedView) -> None:

@@ -144,7 +144,7 @@ class HeadTraining(Training):
 
     def _checkpoint(self, head: Any, row: dict[str, Any], figures: dict[str, Any]) -> HeadCheckpoint:
         measured = {
-            "training": {"drives": len(self.train), "settings": asdict(self.settings), **row},
+            "training": {"drives": len({drive.name for drive in self.train}), "settings": asdict(self.settings), **row},
             "validation": figures,
         }
         return HeadCheckpoint(

@@ -75,7 +75,8 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, tmp_path, kind):
     spent = ("--batch", "2", "--cache", tmp_path / "cache", "-o", tmp_path / "run")
     result = edgemap("train", "odometry", *flags, *spent, "--steps", "2")
     assert result.returncode == 0, result.stderr
-    assert "16 frames of 1 drives to train on, 16 to validate on" in result.stdout
+    trained_on = {"flow": "144 frames of 1 drives and 8 views of each", "paper": "16 frames of 1 drives"}[kind]
+    assert f"{trained_on} to train on, 16 to validate on" in result.stdout
     assert {path.name for path in (tmp_path / "run").iterdir()} >= {"best.pt", "last.pt", "curves.csv"}
     features = list((tmp_path / "cache").rglob("*.npy"))
     written = features[0].stat().st_mtime_ns
