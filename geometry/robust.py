@@ -1,11 +1,9 @@
 """Middle and scatter of values among which some are wrong."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from edgemap.geometry.arrays import Array
 
 NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation (Hampel 1974)
 

@@ -1,7 +1,5 @@
 """Bytes at the end of a file, all of them or none: a disk that fails in the middle leaves the file as it was."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Doing less where processor time or temperature asks for it: decided outside of the step, recorded, and replayed."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """One mark per label, a shape in a colour: the same on the live page, in figures and in reports."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from zlib import crc32

@@ -3,8 +3,6 @@
 Threads change no result: onnxruntime's outputs are the same to the bit (a test holds that).
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

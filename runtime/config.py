@@ -1,7 +1,5 @@
 """The configuration tree: every tuned number of the step under one name, as YAML, in run.json, and back."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """A backbone that computes only some rows of its input, with features as if it had computed all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

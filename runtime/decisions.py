@@ -1,7 +1,5 @@
 """What trials and budgets decided for a run: inputs of the step, recorded with it and taken from there at replay."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from edgemap.runtime.network import Engine

@@ -1,19 +1,17 @@
 """Raw heads become boxes: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
 
-from __future__ import annotations
-
 import math
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Placement
 
-Array = NDArray[np.float64]
 NMS_IOU = 0.45
 SAME_PLACE = 0.8  # IoU of boxes that are one object under two names
 MAX_CANDIDATES = 1000  # before suppression; the best scores stay

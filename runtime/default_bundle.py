@@ -1,7 +1,5 @@
 """Which bundle a source gets where none is named: rendered pictures and those of a lens have one each."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.geometry.errors import EdgemapError

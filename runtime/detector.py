@@ -1,7 +1,5 @@
 """Boxes in single pictures: preprocess, backbone, decode."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

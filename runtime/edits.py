@@ -1,7 +1,5 @@
 """Edits on their way into a run: asked for by any thread, taken between two steps, recorded as inputs."""
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,5 @@
 """Which engine runs a backbone fastest on this processor: tried once for each bundle, remembered in the cache."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version

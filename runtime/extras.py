@@ -1,7 +1,5 @@
 """Optional parts of the installation: how to ask for one that is missing, from wherever this one came."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

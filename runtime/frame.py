@@ -1,7 +1,5 @@
 """One picture with its time: what every camera delivers and every stage of the step reads."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

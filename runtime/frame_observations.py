@@ -1,7 +1,5 @@
 """What the front end makes of one frame: all that the back end ever sees of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from edgemap.geometry.camera.floor import FloorCamera

@@ -1,7 +1,5 @@
 """Whether a picture shows anything: judged before detector, odometry and map trust it."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Frames from a camera through front end and back end into sinks, until the camera ends or somebody says stop."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence

@@ -1,21 +1,15 @@
 """Loop closure: landmarks observed again measure the drift of odometry, and correct trajectory and map."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
 from edgemap.runtime.frame_observations import FrameObservations
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

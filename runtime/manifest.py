@@ -4,8 +4,6 @@ A bundle is a folder with `bundle.json` (this module's `Manifest`) beside ONNX f
 a file is parsed; the contract in each ONNX file's metadata must say the same as the manifest.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

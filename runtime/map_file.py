@@ -1,7 +1,5 @@
 """`map.json`: the map on disk, written atomically and read with every value checked."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,14 +1,12 @@
 """The back end: observations and motions in, pose and map out. It never sees a picture."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, MapEdits, Zone
 from edgemap.geometry.objects.floor_map import FloorMap
@@ -26,8 +24,6 @@ from edgemap.runtime.odometry.protocol import FARTHEST_M, Motion, is_covariance
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.relocalisation import NoRelocalisation, Relocaliser
 from edgemap.runtime.timing import Stopwatch
-
-Array = NDArray[np.float64]
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands

@@ -1,7 +1,5 @@
 """A bound on what a library may take while it reads a file that anybody may have made."""
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager

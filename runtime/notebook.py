@@ -1,7 +1,5 @@
 """How results show themselves in a notebook: pictures as PNG, maps as a drawing over a table."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Text tables of numbers: CSV and space-separated lines, checked line by line against their columns."""
 
-from __future__ import annotations
-
 import math
 from array import array
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What an ONNX file says of itself, read without loading its graph, so that the robot needs no onnx package."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO

@@ -1,7 +1,5 @@
 """Drawings over the camera's picture: boxes, and the horizon with a metre grid by which the eye checks the mount."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2

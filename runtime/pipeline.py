@@ -1,7 +1,5 @@
 """The front end in one method: `Pipeline.step` takes a frame and gives what is in view and how the robot moved."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """YAML as plain values: no aliases, no tags of its own, no dates; bounded in size and depth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

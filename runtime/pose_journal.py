@@ -1,14 +1,11 @@
 """Every pose of a drive as it is known now: loop closure and relocalisation move the past, and readers ask here."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection, composed
-
-Array = NDArray[np.float64]
 
 SETTLE_AT = 4096  # stamps of corrections that wait to be applied
 MAXIMUM = 65_536  # poses kept, 2 MB: all of 1.8 hours of motion at 10 Hz

@@ -1,7 +1,5 @@
 """float32 or int8: whether a bundle's own report allows the smaller numbers, and whether they are faster here."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Literal

@@ -1,7 +1,5 @@
 """A picture becomes the network's input tensor, and boxes find their way back."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

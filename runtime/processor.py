@@ -1,7 +1,5 @@
 """What this machine computes with."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """OpenCV and FFmpeg kept off the terminal: what fails is said in our own line."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ Every reader of edgemap begins here: `read_bytes` or `read_text` bounds what ent
 check all of a document against a msgspec type with constraints before anything is made of it.
 """
 
-from __future__ import annotations
-
 import re
 import stat
 import sys

@@ -1,7 +1,5 @@
 """Finding the robot in a saved map by its objects."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 
 from edgemap.geometry.objects.association import AssociationRule

@@ -1,7 +1,5 @@
 """Messages to systemd about a run that it supervises: `sd_notify` (3), a datagram to the socket in `$NOTIFY_SOCKET`."""
 
-from __future__ import annotations
-
 import os
 import socket
 import time

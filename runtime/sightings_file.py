@@ -1,7 +1,5 @@
 """What a run folder says of single sightings: `sightings.jsonl`, and the merged ids of `run.json`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One frame through front end and back end: the result that every sink reads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

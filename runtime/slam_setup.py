@@ -1,7 +1,5 @@
 """Front end and back end for a camera, as `edgemap run`, `edgemap.open` and the benchmarks drive them: one builder."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 

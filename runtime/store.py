@@ -1,7 +1,5 @@
 """The cache on this machine: where bundles and downloads lie, and how a finished bundle gets in."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

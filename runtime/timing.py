@@ -1,7 +1,5 @@
 """Where the time of a step goes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from time import perf_counter, thread_time
 from typing import ClassVar

@@ -1,13 +1,10 @@
 """A depth picture as points before the camera."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.intrinsics import Intrinsics
-
-Array = NDArray[np.float64]
 
 EVERY_PX = 8  # points are taken this far apart
 NEAREST_M, FARTHEST_M = 0.15, 6.0  # depth that these cameras measure well

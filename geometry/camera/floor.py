@@ -8,12 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount, rotation_base_optical
 from edgemap.geometry.errors import GeometryError
-
-Array = NDArray[np.float64]
 
 FARTHEST_HEIGHTS = 20.0  # of the nearest floor in the picture; at 3 degrees below the horizon boxes give no distance
 LOWEST_M = 0.02  # of a lens above the floor in one frame

@@ -1,16 +1,12 @@
 """The floor as a plane among 3-D points that a depth camera sees."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.robust import NORMAL
-
-Array = NDArray[np.float64]
 
 STEEPEST_RAD = math.radians(45.0)  # between a plane's normal and where up is expected
 TRIALS = 300

@@ -1,19 +1,15 @@
 """When sightings are one object, and what that one is: its position, covariance and size from its pools."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.class_posterior import OverlapRule
 from edgemap.geometry.objects.map_object import MapObject, SightingSums
 from edgemap.geometry.objects.observation_pool import ObservationPool, mean_variance
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

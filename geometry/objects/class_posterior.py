@@ -6,13 +6,9 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
-
-Array = NDArray[np.float64]
 
 CELL_M = 1.0
 SAME_LABEL = 0.8  # smallest distance of two objects of one label, as a share of the smaller one's extent

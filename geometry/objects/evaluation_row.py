@@ -1,7 +1,5 @@
 """What the truth says of one object of a map, or of one that the map lacks: a row of the table under a run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.association import AssociationRule, Estimate
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
@@ -34,8 +34,6 @@ from edgemap.geometry.objects.observation_pool import (
 from edgemap.geometry.objects.pool_index import PoolIndex
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
-
-Array = NDArray[np.float64]
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
 

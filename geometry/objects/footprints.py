@@ -1,7 +1,5 @@
 """Floor area of an object by its class and its apparent size; its heading is unknown."""
 
-from __future__ import annotations
-
 import math
 
 from edgemap.geometry.objects.map_object import MapObject

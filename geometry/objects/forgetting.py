@@ -1,7 +1,5 @@
 """Negative evidence: an object in plain view that is missed again and again is no longer there."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Collection, Sequence

@@ -7,15 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 if TYPE_CHECKING:
     from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
-
-Array = NDArray[np.float64]
 
 CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
 

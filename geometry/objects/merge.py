@@ -1,13 +1,10 @@
 """Two maps of one place become one: what is one object is fused, everything else is carried over."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.class_posterior import least_spacing_m
@@ -16,7 +13,6 @@ from edgemap.geometry.objects.observation_pool import positive
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
 
-Array = NDArray[np.float64]
 CHI2_99 = 9.21
 
 

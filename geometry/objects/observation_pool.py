@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, SightingSums
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 
-Array = NDArray[np.float64]
 View = tuple[float, float, float]  # stamp_s, x_m, y_m of the base; the stamp says with which pose it moves
 Key = tuple[int, int, int, int, int]  # cell x, cell y, side, track, rank among the frame's sightings there
 

@@ -8,12 +8,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.observation_pool import Key, ObservationPool
-
-Array = NDArray[np.float64]
 
 
 class PoolIndex:

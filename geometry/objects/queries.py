@@ -1,7 +1,5 @@
 """Questions to a map: what is nearest, what stands inside this polygon, what was seen since then."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,14 +1,11 @@
 """How far what a box shows is, by a depth picture."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
-
-Array = NDArray[np.float64]
 
 ACROSS, DOWN = (0.2, 0.8), (0.15, 0.9)  # of a box, its part that is read
 SAMPLES = 14  # along each side of it

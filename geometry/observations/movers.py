@@ -1,7 +1,5 @@
 """Detected things that move by themselves: what is seen on them tells nothing of the robot's own motion."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,13 +1,10 @@
 """Which boxes stand on the floor, and how much of a box's lower edge other boxes may hide."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.detections import Detections
-
-Array = NDArray[np.float64]
 
 # What people put on furniture; on the floor only where no furniture is seen under it.
 TABLETOP_LABELS = frozenset(

@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
 from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.occlusion import carried, covered
 from edgemap.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 WEIGHT_SPAN = 0.2  # of scores over which a sighting comes to count fully

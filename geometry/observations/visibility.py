@@ -1,20 +1,17 @@
 """Which objects of the map a picture must show if they still stand where the map has them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.footprints import radius_m
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 AROUND = 8  # points of a footprint's circle that are projected
 HALF_VIEW_M = 0.25  # places that an object was seen from are known to about this

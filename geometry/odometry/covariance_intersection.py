@@ -1,17 +1,13 @@
 """Fusion of several measurements of one motion: independent ones, correlated ones, and consensus among them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import wrap_angle
-
-Array = NDArray[np.float64]
 
 GATE = 16.27  # squared Mahalanobis distance that holds 99.9 % of agreeing motions (chi-square, 3 degrees of freedom)
 KNOWN_SIGMA = 0.1  # m and rad; a standard deviation beyond it counts for less where sources disagree

@@ -1,7 +1,5 @@
 """Input of a learned odometry about lens and mount: the floor's geometry at each cell of its grid."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

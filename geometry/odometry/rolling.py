@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 MEASURED_M = 0.005  # errs a lateral motion seen in a turn, whatever it states
 FOLLOWED_M = 0.005  # least standard deviation of a learnt axle, so that it goes on being learnt

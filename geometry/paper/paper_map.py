@@ -1,19 +1,16 @@
 """`--clustering paper`: single linkage per label at 1 m over all sightings (paper, section 3.7)."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.paper.single_linkage import SingleLinkage
 from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 
-Array = NDArray[np.float64]
 Root = tuple[int, int]
 
 

@@ -6,15 +6,13 @@ together, and a point is forgotten once the discs of radius d around its cell ma
 no later point can join the cluster through it alone. Memory follows the floor area and not time.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edgemap.geometry.arrays import Array
 
 _QUANTUM_M = 1e-9  # sums are integers of this unit, hence the same in any order
 

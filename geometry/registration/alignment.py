@@ -12,16 +12,15 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.special import bdtrc
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
 from edgemap.geometry.se2 import SE2
 
-Array = NDArray[np.float64]
 Pairs = tuple[tuple[int, int], ...]
 
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
 MAXIMUM_CORRESPONDENCES = 200  # of which every two are tried; more are drawn from, rarest labels first

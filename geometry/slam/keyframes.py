@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2, compose_covariance
 from edgemap.geometry.slam.least_squares import OdometryFactors, inverse
-
-Array = NDArray[np.float64]
 
 FIXED = np.eye(3) * 1e8  # information of a first pose that is the map's origin
 

@@ -1,7 +1,5 @@
 """Trajectory and landmarks as one sparse least-squares problem: banded poses, landmarks by Schur complement."""
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
@@ -10,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
-Array = NDArray[np.float64]
+from edgemap.geometry.arrays import Array
+
 Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain

@@ -1,16 +1,13 @@
 """Loop hypotheses: which landmarks in view are earlier ones, all pairings weighed jointly, never one by itself."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edgemap.geometry.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

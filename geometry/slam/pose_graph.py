@@ -1,15 +1,13 @@
 """A drive as a graph of poses and landmarks: those observed again close loops, a bounded unit of work per frame."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Generator, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
@@ -25,7 +23,6 @@ from edgemap.geometry.slam.least_squares import (
 from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing, certain_pairings
 from edgemap.geometry.slam.tracks import Track, Tracker, TrackRule
 
-Array = NDArray[np.float64]
 Work = Generator[None, None, "_Solved | None"]
 
 

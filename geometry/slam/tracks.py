@@ -1,18 +1,14 @@
 """Data association while an object stays in view, too short a time for odometry to drift as far as its twin."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

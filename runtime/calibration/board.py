@@ -1,7 +1,5 @@
 """The chessboard: finding its inner corners in pictures, and keeping pictures with new views."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.cameras.reading import next_frame
 from edgemap.runtime.errors import CalibrationError
 from edgemap.runtime.frame import Frame
-
-Array = NDArray[np.float64]
 
 NEW_SHARE = 0.02  # of the picture's width: a board none of whose corners moved more is the same view again
 MAXIMUM_VIEWS = 40

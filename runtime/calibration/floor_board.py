@@ -1,16 +1,14 @@
 """The mount from pictures of a chessboard that lies on the floor: height, pitch and roll."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
@@ -18,8 +16,6 @@ from edgemap.geometry.errors import GeometryError
 from edgemap.runtime.calibration.board import Board, BoardView
 from edgemap.runtime.calibration.level import pitch_roll
 from edgemap.runtime.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 FEWEST_VIEWS = 3
 WORST_RMS_PX = 1.0

@@ -1,7 +1,5 @@
 """The mount from depth pictures: the floor's plane gives height, pitch and roll without any pattern."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, DepthPoints
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
 from edgemap.geometry.camera.intrinsics import Intrinsics
@@ -17,8 +16,6 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.calibration.level import pitch_roll
 from edgemap.runtime.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 FEWEST_PICTURES = 3
 WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation of the mean over pictures

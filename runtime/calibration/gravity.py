@@ -1,14 +1,10 @@
 """Where up is by an accelerometer, over all samples of a source."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 WINDOW_S = 0.5
 FEWEST_WINDOWS = 4

@@ -1,7 +1,5 @@
 """Intrinsics from views of a chessboard, and whether the views determine them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,22 +1,18 @@
 """Pitch and roll without a pattern: rooms are built of verticals and of two level directions at right angles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.room_edges import NEAR_RAD, level_axes, room_heading
 from edgemap.runtime.calibration.level import pitch_roll, up_optical
 from edgemap.runtime.calibration.segments import Segments
 from edgemap.runtime.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 STEEPEST_RAD = math.radians(50.0)  # between the picture's columns and up, for the search
 TRIALS = 2000

@@ -1,7 +1,5 @@
 """The lens's height from wheels: the floor passes as much faster as the lens is lower."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A camera round another one: what it delivers is read in another way, what it knows stays as it is."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from edgemap.runtime.cameras.base import CameraBase

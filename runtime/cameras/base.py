@@ -1,7 +1,5 @@
 """What file cameras share: counting, the check of every frame's size against the lens, and closing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

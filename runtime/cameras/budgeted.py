@@ -1,7 +1,5 @@
 """A camera of whose frames a budget takes some, and has some of those searched for objects."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any

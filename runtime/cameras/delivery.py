@@ -1,7 +1,5 @@
 """Judges what a live device delivers: stamp, size, format, repeats. What is in a picture is judged elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

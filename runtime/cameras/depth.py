@@ -1,7 +1,5 @@
 """Depth pictures beside a camera's own: of a RealSense, live or recorded, and of a drive with depth/."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any

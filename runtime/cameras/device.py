@@ -1,7 +1,5 @@
 """What a live source brings to the supervisor: a driver that opens devices, and the device itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 

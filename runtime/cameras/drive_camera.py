@@ -1,7 +1,5 @@
 """A recorded drive as a camera: its pictures or its video, with its lens, mount and truth."""
 
-from __future__ import annotations
-
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.pictures import PicturesCamera

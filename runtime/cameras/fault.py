@@ -1,7 +1,5 @@
 """Faults in the delivery of frames, as types: each is counted and reported, and reading goes on."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 from edgemap.runtime.errors import CameraError

@@ -1,7 +1,5 @@
 """Which cameras are here: RealSense devices, V4L2 devices, and what installed kinds find."""
 
-from __future__ import annotations
-
 import os
 import struct
 from dataclasses import dataclass

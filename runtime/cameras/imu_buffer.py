@@ -1,7 +1,5 @@
 """Inertial samples that come by themselves, from a driver's thread or from a program, dealt out with the frames."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace

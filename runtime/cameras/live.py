@@ -1,7 +1,5 @@
 """A live camera: a supervisor on a thread of its own, and a mailbox with one slot for the newest frame."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

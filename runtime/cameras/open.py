@@ -1,7 +1,5 @@
 """SPEC to camera: one line per kind, each kind's module imported when it is asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

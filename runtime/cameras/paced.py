@@ -1,7 +1,5 @@
 """Plays a file camera at the speed of its stamps."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """A list of pictures as a camera: every one, in order."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cameras of other packages: entry points of the group `edgemap.cameras`, one kind of SPEC each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol

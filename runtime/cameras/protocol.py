@@ -1,7 +1,5 @@
 """What every camera is to the pipeline: a source of frames that knows its lens, and perhaps its mount."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Protocol, Self, runtime_checkable
 

@@ -1,7 +1,5 @@
 """Reading on past what goes wrong, for those who only want frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout

@@ -1,7 +1,5 @@
 """Intel RealSense: colour and depth of a device, with its own lens and sensor time."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from functools import cache

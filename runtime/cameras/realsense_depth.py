@@ -1,7 +1,5 @@
 """Depth of a RealSense beside its colour pictures, aligned to them by librealsense."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType

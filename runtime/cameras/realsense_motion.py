@@ -1,7 +1,5 @@
 """Gyro and accelerometer of a RealSense (D435i, D455 and others): live beside the pictures, or out of a recording."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,13 +7,11 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.cameras.realsense_playback import await_begin, caught_up
-
-Array = NDArray[np.float64]
 
 PLAYBACK_LIMIT_S = 120.0  # for reading all samples of a recording
 

@@ -1,7 +1,5 @@
 """One librealsense colour frame to BGR, whatever format it came in."""
 
-from __future__ import annotations
-
 from types import ModuleType
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Starting and stopping librealsense's pipelines so that a recording is read completely, and let go of safely."""
 
-from __future__ import annotations
-
 import time
 from types import ModuleType
 from typing import Any

@@ -1,7 +1,5 @@
 """A recording made by librealsense as a camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An MCAP recording as a camera: every picture of one topic, in order, with what the file knows of the camera."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import islice

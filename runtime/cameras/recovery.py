@@ -1,7 +1,5 @@
 """When to open a camera again, when to reset it, and when to give up: numbers and a clock, no hardware."""
 
-from __future__ import annotations
-
 import statistics
 from collections import deque
 from dataclasses import dataclass

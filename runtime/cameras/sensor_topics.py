@@ -1,7 +1,5 @@
 """Which ROS 2 topics bring further sensors of the robot."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """A device's stamps to the stamps of one stream, which only go forward whatever the device's clock does."""
 
-from __future__ import annotations
-
 import math
 
 from edgemap.runtime.cameras.fault import FaultKind

@@ -1,7 +1,5 @@
 """A network camera: `rtsp://` or `http(s)://`, through OpenCV's FFmpeg."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from urllib.parse import urlsplit
 

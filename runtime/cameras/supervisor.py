@@ -1,7 +1,5 @@
 """Keeps one live camera going: late frame, retry, open again, hardware reset, back off; and gives up at last."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A video file as a camera: every frame, in order, with the file's own time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A USB camera through V4L2."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

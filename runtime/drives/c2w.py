@@ -1,7 +1,5 @@
 """Pictures with camera-to-world poses: `image/` or the folder itself, `poses.txt` with a 4x4 per line, `K.txt`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics

@@ -1,7 +1,5 @@
 """A data folder's `camera.yaml`: the lens, the mount, the frame rate, and which way the recorded poses call up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from pathlib import Path

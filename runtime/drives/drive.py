@@ -1,7 +1,5 @@
 """A recorded drive in memory: where its pictures are and all that is known about them, whatever layout it came in."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@
 A picture's name is its stamp in nanoseconds. IMU samples are turned into the camera's optical frame by both `T_BS`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -15,8 +13,8 @@ from typing import Annotated, TypeVar
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
@@ -31,7 +29,6 @@ from edgemap.runtime.number_rows import Column, NumberTable, columns
 from edgemap.runtime.plain_yaml import read_yaml
 from edgemap.runtime.reading import Coordinate, Side, convert
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 STAMP_NS = Column("stamp_ns", 0.0, 1e19)

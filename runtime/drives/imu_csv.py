@@ -1,7 +1,5 @@
 """Inertial samples as a CSV: `stamp_s,gx,gy,gz,ax,ay,az`, rad/s and m/s^2 in the camera's optical frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.geometry.camera.imu import ImuSamples

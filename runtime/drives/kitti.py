@@ -1,7 +1,5 @@
 """KITTI odometry: a folder of pictures (`image/` or `image_2/`) and `poses.txt`, 3x4 per line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.runtime.drives.drive import Drive

@@ -1,7 +1,5 @@
 """Pictures with true boxes, one by one, from any KIND that has them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import cv2

@@ -1,7 +1,5 @@
 """What the layouts share: the optional camera file and where stamps come from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -10,8 +10,6 @@ No public data in this form exists; the layout is edgemap's own. Truth is `poses
 wheel odometry itself, which drifts (the source stands in the drive's notes).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`KIND:DIR` to a `Drive`: one reader per layout."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

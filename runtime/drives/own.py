@@ -10,8 +10,6 @@ imu.csv                    optional; stamp_s,gx,gy,gz,ax,ay,az: rad/s and m/s^2,
 depth/…                    optional; 16-bit pictures, millimetres along the optical axis
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

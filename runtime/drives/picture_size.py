@@ -1,7 +1,5 @@
 """Width and height of a picture file from its first bytes, before anything decodes it."""
 
-from __future__ import annotations
-
 import re
 import struct
 

@@ -1,7 +1,5 @@
 """Pictures on disk: which ones a folder holds, in what order, and reading one with its damage noticed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,16 +1,12 @@
 """Recorded 3-D poses to planar poses of the base, REP-103: x forward, y left, yaw counter-clockwise."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.errors import CameraError
-
-Array = NDArray[np.float64]
 
 OPTICAL_FORWARD = (0.0, 0.0, 1.0)
 BASE_FORWARD = (1.0, 0.0, 0.0)

@@ -1,19 +1,15 @@
 """Text files of 3-D poses and of stamps, checked line by line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import CameraError, OdometryError
 from edgemap.runtime.number_rows import STAMP, TABLE_BYTES, Column, NumberTable
 from edgemap.runtime.reading import read_bytes
 from edgemap.runtime.trajectory import Trajectory, tum_rows
-
-Array = NDArray[np.float64]
 
 MATRICES = {
     count: NumberTable(tuple(Column("xyzw"[i // 4] + "xyzt"[i % 4]) for i in range(count))) for count in (12, 16)

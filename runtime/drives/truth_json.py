@@ -1,7 +1,5 @@
 """The two truth files of a drive, checked: `objects.json` (what stands where) and `boxes.json` (what is seen where)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

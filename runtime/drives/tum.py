@@ -1,13 +1,11 @@
 """TUM RGB-D: `rgb.txt` (stamp, file) with `groundtruth.txt`, or pictures with `poses.tum`; poses of the CAMERA."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.drives.drive import Drive
@@ -19,8 +17,6 @@ from edgemap.runtime.errors import CameraError
 from edgemap.runtime.number_rows import STAMP
 from edgemap.runtime.reading import one_line, read_text
 from edgemap.runtime.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 LIST_BYTES = 16 << 20
 MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)

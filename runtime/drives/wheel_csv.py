@@ -1,7 +1,5 @@
 """Wheel odometry as a CSV: `stamp_s,x_m,y_m,yaw_rad`, the wheels' own integrated pose of the base."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path

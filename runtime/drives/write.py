@@ -1,7 +1,5 @@
 """Writes our own drive layout: everything beside the pictures, which the caller writes himself."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from math import cos, sin

@@ -3,8 +3,6 @@
 With a sixth column, the score, they are what a network told of pictures that nobody labelled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

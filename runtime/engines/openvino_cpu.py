@@ -1,7 +1,5 @@
 """OpenVINO on the CPU (extra `openvino`)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`edgemap fleet serve`: keeps the merged map of a place from the latest map of each robot."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import threading

@@ -1,7 +1,5 @@
 """Where a fleet meets: names, keys and sessions of zenoh, and maps as its messages."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

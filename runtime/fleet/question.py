@@ -1,7 +1,5 @@
 """The merged map of a place, asked of who keeps it."""
 
-from __future__ import annotations
-
 import json
 import time
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """`--fleet`: a robot's map and pose to whoever keeps the map of its place."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

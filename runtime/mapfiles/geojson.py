@@ -1,7 +1,5 @@
 """A map as GeoJSON: circles on the floor as polygons, the trajectory as a line; in metres of the map's own frame."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

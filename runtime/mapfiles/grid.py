@@ -1,7 +1,5 @@
 """A map as occupied, free and unknown cells of floor."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

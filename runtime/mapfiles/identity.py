@@ -1,7 +1,5 @@
 """Ids that other programs ask for: the same object of the same map gets the same UUID, today and tomorrow."""
 
-from __future__ import annotations
-
 import uuid
 
 from edgemap.runtime.map_file import FORMAT

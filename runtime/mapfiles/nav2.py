@@ -1,7 +1,5 @@
 """An occupancy map for Nav2's map_server: a PGM picture and the YAML that says where it lies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A map as vector objects for Nav2's Vector Object server: one circle with a UUID per object."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A map as a table: one line per object, for spreadsheets and data frames."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The robot's trajectory beside a map, where a run has left one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.runtime.errors import OdometryError

@@ -4,8 +4,6 @@ Frames as in REP-103 and REP-105: map -> odom (moves when a loop closes) -> base
 turn axis) -> camera_optical_frame.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

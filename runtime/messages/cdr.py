@@ -1,7 +1,5 @@
 """ROS 2 messages to CDR bytes and back: the one place that encodes and decodes them."""
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable

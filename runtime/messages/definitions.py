@@ -3,8 +3,6 @@
 Fields as in common_interfaces and geometry2 (Humble to Jazzy) and vision_msgs 4; constants and comments left out.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The objects on the map as ROS 2 messages: for programs (Detection3DArray) and for eyes (MarkerArray)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

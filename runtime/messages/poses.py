@@ -1,7 +1,5 @@
 """Poses out of messages."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Seconds to nanoseconds and back without losing a bit."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 from typing import Any
 

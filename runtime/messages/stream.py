@@ -1,7 +1,5 @@
 """What a run sends, message by message: recordings and live outputs take these and choose what they want of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache

@@ -1,18 +1,15 @@
 """A tf tree, as messages bring it, and what it says of two frames."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from edgemap.geometry.arrays import Array
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.trajectory import QUATERNION_TOLERANCE
 
-Array = NDArray[np.float64]
 FARTHEST_M = 1000.0
 FRAMES = 10_000  # a tree with more is none
 

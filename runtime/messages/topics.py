@@ -1,7 +1,5 @@
 """Names and types of the topics that edgemap writes, for recordings and live outputs alike."""
 
-from __future__ import annotations
-
 PICTURES, INFO, STAMPS = "/camera/image/compressed", "/camera/camera_info", "/camera/stamp_s"
 SEARCHED = "/camera/searched"  # 0 with a picture that a budget did not have searched
 WHEEL, TRUTH, TF, TF_STATIC = "/wheel/odometry", "/ground_truth/odometry", "/tf", "/tf_static"

@@ -1,7 +1,5 @@
 """Where the robot's motion comes from: `open_odometry` makes one from its name on the command line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Motion without any measurement: the last velocity for a moment, then rest, with a covariance to match."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

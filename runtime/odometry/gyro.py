@@ -1,7 +1,5 @@
 """Yaw from the gyro alone: translation is a guess, so beside others it has a say on rotation only."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation

@@ -1,7 +1,5 @@
 """Learned odometry: a stepwise network whose recurrent state goes in and comes out explicitly."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

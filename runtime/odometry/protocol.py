@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
-
-Array = NDArray[np.float64]
 
 FARTHEST_M = 100.0  # of one step
 STILL_M, STILL_RAD = 0.002, 0.002  # of one step, below which wheels and gyro say still; their noise is less

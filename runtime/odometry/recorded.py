@@ -1,7 +1,5 @@
 """Odometry that was recorded beside the pictures: true poses, a TUM file, wheel odometry."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

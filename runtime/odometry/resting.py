@@ -1,7 +1,5 @@
 """A robot at rest does not drift: motions too small to be distinguished from rest are held until they add up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`--foxglove`: a WebSocket server that Foxglove connects to, with the messages of the recordings."""
 
-from __future__ import annotations
-
 import threading
 
 from edgemap.geometry.objects.map_object import MapObject

@@ -1,7 +1,5 @@
 """`--mqtt`: the map's state and events to an MQTT broker, with Home Assistant's discovery."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """`--rerun`: the messages of a run to a Rerun viewer, or into an .rrd file."""
 
-from __future__ import annotations
-
 import math
 import os
 import socket

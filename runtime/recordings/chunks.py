@@ -1,7 +1,5 @@
 """The parts of an MCAP file, bounded: records, chunks and attachments never larger than they may be in memory."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

@@ -4,8 +4,6 @@
 names; else the four bytes of each float32.
 """
 
-from __future__ import annotations
-
 import itertools
 import struct
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The one place that says which part of the installation recordings need."""
 
-from __future__ import annotations
-
 from edgemap.runtime.extras import need
 
 

@@ -4,8 +4,6 @@ Quaternions and whole nanoseconds round in the last bit, and `plumb_bob` stands 
 messages are for everybody else.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Optional

@@ -1,7 +1,5 @@
 """Lens and mount out of ROS 2 messages that somebody else made."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Inertial samples out of a recording, in the pictures' optical frame."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`sensor_msgs/Image` and `CompressedImage` to BGR."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """Reads any MCAP file of ROS 2 messages, whole or cut off: its topics, and messages in order of time."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What is recorded: pictures with lens, mount, wheel odometry and truth, and what a run made of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edgemap.geometry.objects.map_object import MapObject

@@ -1,7 +1,5 @@
 """Wheel odometry out of a recording."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edgemap.geometry.se2 import SE2

@@ -1,7 +1,5 @@
 """Writes a recording: a chunked MCAP file that is good up to its last whole chunk at any moment."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

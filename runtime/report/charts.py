@@ -1,7 +1,5 @@
 """Charts over time: the drawing stretches to any width, its words are HTML beside it and stay readable on a phone."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Each object's best picture, chosen as the frames go by: at most one per object is kept, small and already a JPEG."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The floor from above as SVG: x forward is up, y left is left, one scale for both."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where names stand beside their dots so that they cover little."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 TEXT_PX, WIDTH_SHARE = 13.0, 0.56  # height of the text; usual width of a letter against it

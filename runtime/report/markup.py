@@ -1,7 +1,5 @@
 """HTML and SVG elements as text; whatever is not markup already is escaped."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Iterable
 from html import escape

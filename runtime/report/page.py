@@ -1,7 +1,5 @@
 """Puts the report together: one HTML file that asks for nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

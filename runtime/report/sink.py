@@ -1,7 +1,5 @@
 """The sink that gathers what the report needs and writes `report.html` when the run ends."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

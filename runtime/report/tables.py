@@ -1,7 +1,5 @@
 """The report's tables: objects with their pictures and their truth, stages, faults, configuration."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`--camera ros2:/topic`: pictures of a ROS 2 camera, with what its CameraInfo and tf say."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """From a stream's stamps to ROS time, which is the wall clock's."""
 
-from __future__ import annotations
-
 NEAR_S = 5.0
 
 

@@ -1,7 +1,5 @@
 """Depth pictures on a ROS 2 topic, beside the colour pictures of another."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from contextlib import suppress

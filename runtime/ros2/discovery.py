@@ -4,8 +4,6 @@ Source: https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discov
 range is this machine (ROS 2 itself: the subnet), so that a robot publishes beyond itself only when asked to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Planar poses that arrive one by one, looked up as a recorded trajectory is."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 

@@ -1,7 +1,5 @@
 """RIHS01 hashes of the message types (REP-2011), by which ROS 2 distinguishes types from Iron on."""
 
-from __future__ import annotations
-
 HASHES = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": "26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e",
     "nav_msgs/msg/OccupancyGrid": "8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7",

@@ -3,8 +3,6 @@
 Source: https://design.ros2.org/articles/topic_and_service_names.html; rosidl's DDS types end in an underscore.
 """
 
-from __future__ import annotations
-
 import re
 
 from edgemap.runtime.errors import Ros2Error

@@ -1,7 +1,5 @@
 """One DDS participant that publishes and subscribes as a ROS 2 node does."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Where the robot's own tf has its base in odom."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 from edgemap.geometry.se2 import SE2

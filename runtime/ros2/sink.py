@@ -1,7 +1,5 @@
 """A run's results, published live as ROS 2 topics."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Wheel odometry and inertial samples on ROS 2 topics, beside any camera."""
 
-from __future__ import annotations
-
 import time
 from contextlib import suppress
 from dataclasses import replace

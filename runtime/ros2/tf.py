@@ -1,7 +1,5 @@
 """What tf says, live."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TypeVar

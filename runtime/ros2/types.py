@@ -1,7 +1,5 @@
 """DDS types of ROS 2's messages, made from the definitions; samples are CDR bytes, encoded elsewhere."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from typing import Any

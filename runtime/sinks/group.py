@@ -1,7 +1,5 @@
 """The rule for sinks that fail, in one place: the run goes on, and failure and recovery are reported."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass

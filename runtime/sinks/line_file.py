@@ -1,7 +1,5 @@
 """A text file that grows by complete lines: what the disk does not take now waits in memory."""
 
-from __future__ import annotations
-
 from collections import deque
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A progress line on the terminal."""
 
-from __future__ import annotations
-
 import sys
 
 from tqdm import tqdm

@@ -1,7 +1,5 @@
 """Where results go: a sink gets what `step` returned and never reaches into the pipeline."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from edgemap.geometry.objects.map_object import MapObject

@@ -1,7 +1,5 @@
 """A run's pictures and results into a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 

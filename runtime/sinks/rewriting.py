@@ -1,15 +1,13 @@
 """A run folder's trajectory and sightings as known now: what loop closure and relocalisation moved since."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import composed
 from edgemap.runtime.errors import DiskError
@@ -17,7 +15,6 @@ from edgemap.runtime.map_file import write_atomically
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.trajectory import tum_line
 
-Array = NDArray[np.float64]
 BLOCK = 4096  # lines in memory at once: the files of a day are larger than a robot's memory
 
 

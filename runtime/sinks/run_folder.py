@@ -1,7 +1,5 @@
 """The run folder: map, trajectory, sightings and the run's own record, on disk from the first second on."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import math
