@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.config import Config
 from edgemap.runtime.drives import READERS, open_drive
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry import open_odometry
@@ -38,7 +39,7 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 class Selection:
     """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
     for the kind's own. wheels, imu, depth: whether those that come with the data may be used. mount: its height and
-    pitch hold instead of the data's own, for the odometry and not for the truth."""
+    pitch hold instead of the data's own, for the odometry and not for the truth. config: the step's tuned numbers."""
 
     first: int = 0
     every: int = 1
@@ -48,6 +49,7 @@ class Selection:
     imu: bool = True
     depth: bool = True
     mount: Mount | None = None
+    config: Config = field(default_factory=Config)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,13 +95,13 @@ def score_drive(
             if camera.wheel is None or not selection.wheels:
                 raise OdometryError(f"{spec}: no wheel odometry comes with it")
             odometry = f"wheel:{camera.wheel}"
-        floor = FloorCamera(camera.intrinsics, mount)
-        motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels)
-        attitude = open_attitude(odometry, camera, floor, selection.imu)
+        floor, tuned = FloorCamera(camera.intrinsics, mount), selection.config
+        motion = open_odometry(odometry, bundle, camera, floor, wheels=selection.wheels, rules=tuned.odometry)
+        attitude = open_attitude(odometry, camera, floor, selection.imu, tuned.attitude)
+        step = Pipeline(bundle, floor, motion, rule=tuned.floor, attitude=attitude, health=tuned.health, rest=NO_REST)
         followed = follow(
-            camera, Pipeline(bundle, floor, motion, attitude=attitude, rest=NO_REST), first=selection.first,
-            every=selection.every, frames=selection.frames, progress=progress,
-        )  # fmt: skip
+            camera, step, first=selection.first, every=selection.every, frames=selection.frames, progress=progress
+        )
         lengths = selection.lengths_m or (KITTI_LENGTHS_M if spec.startswith("kitti:") else INDOOR_LENGTHS_M)
         known = camera.attitudes
         level = None if known is None else [known.at(stamp_s, mount.height_m) for stamp_s in followed.stamps_s]

@@ -12,6 +12,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
+    ConfigFile,
     EngineName,
     Json,
     MountText,
@@ -57,6 +58,7 @@ def command(
     ] = 0,
     every: Annotated[int, arg(metavar="K", help="Use each K-th frame only: 2 makes 5 Hz out of 10 Hz.")] = 1,
     frames: Annotated[int | None, arg(metavar="N", help="Only the first N of those frames.")] = None,
+    config: ConfigFile = None,
     segments: Annotated[
         str | None,
         arg(metavar="L,…", help="Lengths in metres over which drift is taken; 1,2,5, and 100,200,…,800 for kitti."),
@@ -82,13 +84,14 @@ def command(
 
     from edgemap.benchmarks.odometry import ScoredDrive, Selection, score_drive, sequence_names, together
     from edgemap.cli.simulated import as_data
+    from edgemap.runtime.config import Config, load_config
 
     at_least(1, every=every, frames=frames)
     if first < 0:
         raise OptionError(f"--from {first}: must be 0 or more")
     selection = Selection(
         first, every, frames, _lengths(segments), not without_wheels, not without_imu, not without_depth,
-        read_mount(mount),
+        read_mount(mount), load_config(config)[0] if config else Config(),
     )  # fmt: skip
     specs = [spec for several in data or DEFAULT_DATA for spec in several]
     if not specs:

@@ -172,6 +172,13 @@ def test_the_demo_by_default(evaluate):
     assert own["availability"] == {"planar": {"used": 1.0, "blind": 0.0, "left_out": 0.0}}
 
 
+def test_tuned_numbers_can_be_given(evaluate, tmp_path):
+    (tmp_path / "few.yaml").write_text("config:\n  odometry:\n    planar: {corners: 60}\n")
+    flags = ("--frames", "40", "--odometry", "planar", "--json")
+    found, few = (document(evaluate(*flags, *more)) for more in ((), ("--config", tmp_path / "few.yaml")))
+    assert found["sequences"]["demo"]["ate_m"] != few["sequences"]["demo"]["ate_m"]
+
+
 def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_path):
     spec = kitti(tmp_path / "k")
     flags = ("--data", spec, "--mount", "0.7,4", "--odometry", "truth", "--json")
