@@ -119,10 +119,9 @@ class Pipeline:
 
     def _rotated(self, camera: FloorCamera, motion: Motion) -> FloorCamera:
         """The frame's camera, where its attitude was predicted as the odometry saw it rotate."""
-        predicted = camera.attitude
-        if predicted is None or not predicted.predicted:
-            return camera
-        camera = self.camera.at(replace(self.attitude.rotated(motion.rotation), fault=predicted.fault))
+        predicted, told = camera.attitude, self.attitude.rotated(motion.rotation)
+        if predicted is not None and predicted.predicted:
+            camera = self.camera.at(replace(told, fault=predicted.fault))
         self._watch.stage("attitude")
         return camera
 

@@ -33,16 +33,37 @@ class GyroRotation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SeenDirection:
+    """direction: (3,), unit, in which the lens moved since an earlier frame, that frame's optical axes. covariance:
+    (3, 3) of it, rad^2, rank 2."""
+
+    direction: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SeenRotation:
     """The camera's rotation from the previous frame to this one, as tracked corners show it.
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. sigma_rad: standard
     deviation about each level axis. carried: what the drive has shown of that so far, None of a camera at rest.
+    travelled: the direction in which the lens moved over the last few frames, where it has just been measured.
     """
 
     rotation: Array
     sigma_rad: float
     carried: Carried | None = None
+    travelled: SeenDirection | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MountSeen:
+    """A mount's roll and pitch as pictures and forces show them. sigma_rad: standard deviations of both, (2,). used:
+    whether it replaces the mount as given."""
+
+    mount: Mount
+    sigma_rad: Array
+    used: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +90,8 @@ class Attitude:
     source: what it comes from, for people. predicted: by what is known before this frame's rotation; the odometry shows
     that. fault: one line where it shows that the mount is wrong, once.
     carried: whether the tilt by a room's edges scatters as that of a mounted camera does not. room: where
-    the edges of an earlier frame have just told it.
+    the edges of an earlier frame have just told it. force_rad: roll and pitch (2,) by the accelerometer alone. mount:
+    what the drive has shown of it so far, None for nothing.
     """
 
     roll_rad: float
@@ -82,6 +104,8 @@ class Attitude:
     fault: str = ""
     carried: bool = False
     room: RoomHeading | None = None
+    force_rad: Array | None = None
+    mount: MountSeen | None = None
 
     @classmethod
     def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:

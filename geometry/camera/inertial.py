@@ -184,6 +184,14 @@ def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array)
     return _corrected(state, selected, np.array([off[1], -off[0]]), variance, learns_vertical_bias=False)
 
 
+def inertial_remounted(state: InertialState, before: Array, after: Array) -> InertialState:
+    """What a mount told, with up (3,) on the level robot, was told as if up were another direction (optical frame): the
+    force stays, so the tilt and the accelerometer's offset change by as much."""
+    turned = state.rotation @ small_rotation(*np.cross(after, before).tolist())
+    offset = state.offset + GRAVITY_M_S2 * (state.rotation[2] - turned[2])
+    return replace(state, rotation=turned, offset=offset)
+
+
 def inertial_step(
     state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
 ) -> tuple[InertialState, GyroRotation]:

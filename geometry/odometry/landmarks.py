@@ -59,6 +59,12 @@ def rotation_between(before: Viewpoint, camera_before: FloorCamera, after: Viewp
     return base_before.T @ _rotation_z(before.pose.inverse() @ after.pose) @ base_after
 
 
+def displacement(before: Viewpoint, camera_before: FloorCamera, after: Viewpoint, camera: FloorCamera) -> Array:
+    """Of the lens, (3,), in the optical axes of the earlier view; unit as of the poses."""
+    base = _rotation_z(before.pose).T @ (_lens_at(camera, after) - _lens_at(camera_before, before))
+    return base @ before.tilt.rotation() @ camera_before.mount.rotation_base_optical()
+
+
 DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
 
 
@@ -325,7 +331,7 @@ def with_neighbours_depth(
     near: (new, old), 0..1, weights by their distance in the picture. Otherwise new landmarks pull the common scale
     towards `Noise.unknown_mean` where no floor is in view. None lies beyond the floor.
     """
-    lens = _rotation_z(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
+    lens = _lens_at(camera, view)
     away = old.ray + old.inverse_m[:, None] * (old.anchor_m - lens)
     inverse = old.inverse_m / np.maximum(np.linalg.norm(away, axis=1), 1e-6)
     near = near * ((np.sqrt(old.variance) < NEIGHBOUR_DEPTH * old.inverse_m) & (inverse > 0.0))
@@ -421,7 +427,7 @@ def excess_scale(landmarks: Landmarks) -> float:
 
 def rescaled(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint, factor: float, noise: Noise) -> Landmarks:
     """All landmarks nearer to a view by a factor; floor landmarks now lie above the floor, those below become it."""
-    lens = _rotation_z(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
+    lens = _lens_at(camera, view)
     anchor = landmarks.anchor_m.copy()
     anchor[:, :2] = lens[:2] + (anchor[:, :2] - lens[:2]) / factor
     return _classified(
@@ -449,7 +455,7 @@ def reduce_tilt(
     yaw = _rotation_z(view.pose)
     part = AttitudeError(share * view.tilt.pitch_rad, share * view.tilt.roll_rad)
     removed = yaw @ part.rotation() @ yaw.T  # its transpose removes the tilt
-    lens = yaw @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
+    lens = _lens_at(camera, view)
     ray = landmarks.ray @ removed
     below = landmarks.floor | (landmarks.on_floor > 0.0)
     slope = np.where(below, np.clip(ray[:, 2] / np.where(below, landmarks.ray[:, 2], 1.0), 0.5, 2.0), 1.0)
@@ -505,6 +511,11 @@ def _moved(view: Viewpoint, step: Array) -> Viewpoint:
 def _lens(camera: FloorCamera, view: Viewpoint) -> Array:
     """Where the lens is in the view's base frame, (3,) m."""
     return camera.mount.position_base_m() + [0.0, 0.0, view.rise_m]
+
+
+def _lens_at(camera: FloorCamera, view: Viewpoint) -> Array:
+    """Where the lens is in the landmarks' frame, (3,) m."""
+    return _rotation_z(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
 
 
 def _rotation_z(pose: SE2) -> Array:

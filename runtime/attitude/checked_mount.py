@@ -1,10 +1,10 @@
-"""Checks the mount by the pictures: a room's straight edges give the up direction."""
+"""One judge of a camera's mount: a room's edges, motion parallel to the floor, turns, gravity and depth tell its angles."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import cv2
@@ -12,9 +12,10 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, RoomHeading, SeenRotation
-from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.attitude import Attitude, MountSeen, RoomHeading, SeenRotation
+from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.camera.mount_tilt import MountTilt, MountTiltRule
 from edgemap.geometry.robust import median_and_scatter
 from edgemap.runtime.attitude.pictures import PicturesAttitude
 from edgemap.runtime.attitude.protocol import AttitudeSource
@@ -25,19 +26,24 @@ from edgemap.runtime.frame import Frame
 Array = NDArray[np.float64]
 
 COARSE_PX = (40, 30)  # of the pictures that are compared
+EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 
 @dataclass(frozen=True, slots=True)
 class MountRule:
-    """When a mount counts as wrong by the room's edges.
+    """When a mount counts as wrong.
 
     pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are found
     one after the other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two
-    estimates, once the mount is confirmed or after `first_s`, and before or where the camera is carried. window_s: of
-    estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median scatter of the
-    estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. wrong_rad: error from
-    which a mount is wrong; up to there the given one holds. moved: mean grey levels between two pictures that count as
-    two views.
+    estimates by edges, once the mount is confirmed or after `first_s`, and before or where the camera is carried.
+    window_s: of estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median
+    scatter of the estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. moved:
+    mean grey levels between two pictures that count as two views.
+    turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's
+    samples before their mean counts, and their largest standard deviation. floors, floors_s: of depth pictures whose
+    height counts; height_share, height_scatter: by which the height is wrong, and their largest scatter.
+    told_s: between two judgements. wrong_rad, sigmas: error from which on a mount is wrong; up to there the given one
+    holds. follow_rad: change of an error by which a wrong mount is corrected again. tilt: how witnesses count.
     """
 
     pixels: int = 27_648
@@ -50,32 +56,51 @@ class MountRule:
     judged_s: float = 5.0
     fewest: int = 8
     steady_rad: float = math.radians(1.2)
-    wrong_rad: float = math.radians(2.5)
     moved: float = 3.0
+    turn_rad: float = 1.2
+    turn_s: float = 4.0
+    gravity_s: float = 10.0
+    gravity_rad: float = math.radians(2.0)
+    floors: int = 30
+    floors_s: float = 3.0
+    height_share: float = 0.1
+    height_scatter: float = 0.04
+    told_s: float = 1.0
+    wrong_rad: float = math.radians(0.75)
+    sigmas: float = 2.5
+    follow_rad: float = math.radians(0.1)
+    tilt: MountTiltRule = field(default_factory=MountTiltRule)
 
 
 class CheckedMount:
-    """Another source's attitude, about a mount that is checked against the edges of the room.
+    """Another source's attitude, about a mount whose angles all witnesses together estimate (`MountTilt`).
 
-    Where they steadily give other angles than the mount's, that is reported once, as a fault, and theirs are used from
-    then on. What they show of single frames goes to `pictures`, which may be the other source, or behind it.
+    Where they give other angles than the mount's, that is reported once, as a fault, and theirs are used from then on. A
+    carried camera has no mount: it is not judged. What the edges show of single frames goes to `pictures`, which may be
+    the other source, or behind it.
     """
 
     def __init__(
-        self,
-        mount: Mount,
-        lens: Intrinsics,
-        other: AttitudeSource,
-        pictures: PicturesAttitude,
-        rule: MountRule | None = None,
+        self, camera: FloorCamera, other: AttitudeSource, pictures: PicturesAttitude, rule: MountRule | None = None
     ) -> None:
         self.name = other.name
         self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
+        mount, lens = camera.mount, camera.intrinsics
         self._mount, self._given = mount, np.array([mount.roll_rad, mount.pitch_rad])
+        self._to_base = mount.rotation_base_optical()
         share = min(1.0, math.sqrt(self._rule.pixels / (lens.width * lens.height)))
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
-        self._offset = np.zeros(2)  # of the mount, roll and pitch, where it is wrong
-        self._confirmed = self._carried = False
+        self._indoors = camera.unit_m == 1.0  # a road's edges are not a room's
+        self._tilt = MountTilt.given(self._rule.tilt)
+        self._seen: MountSeen | None = None
+        self._judged_s = -math.inf
+        self._plain: Attitude | None = None  # the other source's last one, and what became of it
+        self._told: Attitude | None = None
+        self._turned, self._turned_s, self._now_s = np.eye(3), -math.inf, -math.inf  # rotation since a stamp
+        self._forces: list[Array] = []
+        self._forces_s = math.inf  # stamp of the first
+        self._heights: list[tuple[float, float]] = []  # stamp, as a share of the mount's
+        self._steady = self._carried = False
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
         self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
@@ -85,45 +110,58 @@ class CheckedMount:
 
     def step(self, frame: Frame) -> Attitude:
         """The attitude at the frame's stamp."""
-        self._room = None
-        fault = self._look(frame)
+        self._room, self._now_s = None, frame.stamp_s
+        self._look(frame)
+        fault = self._judge()
         other = self._other.step(frame)
-        if not (fault or self._carried or self._room or self._offset.any()):
-            return other
-        fault = "; ".join(filter(None, (other.fault, fault)))
-        told = replace(other, fault=fault, carried=self._carried, room=self._room)
-        if other.source == self._pictures.name:  # it knows of the offset
-            return told
-        roll, pitch = (np.array([other.roll_rad, other.pitch_rad]) + self._offset).tolist()
-        return replace(told, roll_rad=roll, pitch_rad=pitch)
+        fault = "; ".join(filter(None, (other.fault, fault, self._feel(other))))
+        if (
+            fault
+            or self._room
+            or other is not self._plain
+            or self._told is None
+            or self._told.room
+            or self._told.fault
+            or (self._told.mount, self._told.carried) != (self._seen, self._carried)
+        ):
+            self._told = replace(other, fault=fault, carried=self._carried, room=self._room, mount=self._seen)
+        self._plain = other
+        return self._told
 
     def rotated(self, rotation: SeenRotation | None) -> Attitude:
-        """The other source's; only pictures predict, and they know of the offset."""
-        return replace(self._other.rotated(rotation), carried=self._carried)
+        """The other source's, where it could only predict."""
+        self._travel(rotation)
+        if self._told is not None and not self._told.predicted:
+            return self._told
+        return replace(self._other.rotated(rotation), carried=self._carried, mount=self._seen)
+
+    def correct_mount(self, mount: Mount) -> None:
+        """The other source's."""
+        self._other.correct_mount(mount)
 
     def reset(self, reason: str) -> None:
-        """The mount and its offset stay."""
+        """What is known of the mount stays."""
         self._other.reset(reason)
         self._estimates.clear()
         self._strips, self._ends = [], []
 
-    def _look(self, frame: Frame) -> str:
-        """A part of the work on a picture, the next one if none is begun; the fault, where the mount is wrong."""
+    def _look(self, frame: Frame) -> None:
+        """A part of the work on a picture, the next one if none is begun."""
         if self._ends and not self._strips:
             ends, self._ends = np.concatenate(self._ends), []
-            return self._estimate(ends)
+            self._estimate(ends)
+            return
         if not self._strips and self._due(frame.stamp_s):
             self._begin(frame)
         first = self._started_s == self._first_s  # all at once: a carried camera may be tilted by far
         while self._strips and (first or frame.stamp_s - self._started_s >= len(self._ends) * self._rule.strip_s):
             left, strip = self._strips.pop()
             self._ends.append(line_ends(strip, 1.0) + [left, 0.0])
-        return ""
 
     def _due(self, stamp_s: float) -> bool:
         """Whether it is time for the next picture."""
         self._first_s = min(self._first_s, stamp_s)
-        settled = not self._carried and (self._confirmed or stamp_s - self._first_s >= self._rule.first_s)
+        settled = not self._carried and (self._steady or stamp_s - self._first_s >= self._rule.first_s)
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
 
     def _begin(self, frame: Frame) -> None:
@@ -138,36 +176,102 @@ class CheckedMount:
         self._pictures.begin_edges()
         self._last, self._strips = coarse, [(left, grey[:, left:right]) for left, right in pairwise(edges)]
 
-    def _estimate(self, ends: Array) -> str:
+    def _estimate(self, ends: Array) -> None:
         """Estimate the mount by the edges of one picture, (N, 2, 2) px."""
+        rule = self._rule
         edges = segments_between(ends, self._lens)
         found = self._pictures.see_edges(edges.normals, edges.lengths)
         if found is None:
-            return ""
+            return
         if found.level_rad is not None:
             self._room = RoomHeading(self._started_s, found.level_rad, found.level_sigma_rad)
         pitch, roll = pitch_roll(found.up)
-        self._estimates.append((self._started_s, *(np.array([roll, pitch]) - self._given).tolist()))
-        while self._estimates[0][0] < self._started_s - self._rule.window_s:
+        error_rad = np.array([roll, pitch]) - self._given
+        self._estimates.append((self._started_s, *error_rad.tolist()))
+        while self._estimates[0][0] < self._started_s - rule.window_s:
             self._estimates.popleft()
-        return self._judge()
+        estimates = np.array(self._estimates)
+        if self._indoors:
+            self._tilt = self._tilt.by_up(EDGES, error_rad, rule.tilt.edges)
+        if len(estimates) < rule.fewest or estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
+            return
+        self._steady = bool(median_and_scatter(estimates[:, 1:])[1].max() < rule.steady_rad)
+        self._carried = not self._steady
+
+    def _travel(self, rotation: SeenRotation | None) -> None:
+        """Motion and turns of a robot on wheels."""
+        rule = self._rule
+        if (
+            rotation is None
+            or rotation.carried is None
+            or not rotation.carried.on_wheels
+            or rotation.carried.share > 0.0
+        ):
+            self._turned, self._turned_s = np.eye(3), self._now_s
+            return
+        if rotation.travelled is not None:
+            covariance = self._to_base @ rotation.travelled.covariance @ self._to_base.T
+            self._tilt = self._tilt.by_direction(self._to_base @ rotation.travelled.direction, covariance)
+        if not self._indoors:  # a car leans, and its road rises
+            return
+        self._turned = self._turned @ rotation.rotation
+        vector = self._to_base @ cv2.Rodrigues(self._turned)[0].ravel()
+        if abs(vector[2]) > rule.turn_rad:
+            self._tilt = self._tilt.by_turn(vector)
+        if abs(vector[2]) > rule.turn_rad or self._now_s - self._turned_s > rule.turn_s:
+            self._turned, self._turned_s = np.eye(3), self._now_s
+
+    def _feel(self, attitude: Attitude) -> str:
+        """Take in gravity and the floor in a depth picture; the fault, where that shows another height."""
+        rule, fault = self._rule, ""
+        if attitude.force_rad is not None and GRAVITY not in self._tilt.witnesses:
+            self._forces_s = min(self._forces_s, self._now_s)
+            self._forces.append(attitude.force_rad)
+            if self._now_s - self._forces_s >= rule.gravity_s and len(self._forces) % 8 == 0:
+                forces = np.array(self._forces)
+                if forces.std(axis=0).max() < rule.gravity_rad:
+                    self._tilt = self._tilt.by_up(GRAVITY, forces.mean(axis=0) - self._given, rule.tilt.gravity)
+        if attitude.source == "depth" and attitude.height_m is not None:
+            angles = np.array([attitude.roll_rad, attitude.pitch_rad])
+            self._tilt = self._tilt.by_up(DEPTH, angles - self._given, rule.tilt.depth)
+            heights = self._heights
+            if len(heights) < rule.floors or heights[-1][0] - heights[0][0] < rule.floors_s:
+                heights.append((self._now_s, attitude.height_m / self._mount.height_m))
+                if len(heights) >= rule.floors and self._now_s - heights[0][0] >= rule.floors_s:
+                    share, scatter = (float(v[0]) for v in median_and_scatter(np.array(heights)[:, 1:]))
+                    if abs(share - 1.0) > rule.height_share and scatter < rule.height_scatter:
+                        fault = (
+                            f"mount: height {self._mount.height_m:.2f} m given, {DEPTH} gives "
+                            f"{self._mount.height_m * share:.2f} m: measure it again"
+                        )
+        return fault
 
     def _judge(self) -> str:
-        rule, estimates = self._rule, np.array(self._estimates)
-        if len(estimates) < rule.fewest or estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
+        """What is known of the mount, now and then; the fault, where it has just proved wrong."""
+        rule, tilt = self._rule, self._tilt
+        if self._now_s - self._judged_s < rule.told_s or not tilt.witnesses:
             return ""
-        middle, scatter = median_and_scatter(estimates[:, 1:])
-        steady = scatter.max() < rule.steady_rad
-        self._carried = not steady
-        off = np.abs(middle - self._offset).max()
-        self._confirmed = bool(steady and off < rule.wrong_rad)
-        if not steady or self._confirmed:
+        self._judged_s = self._now_s
+        if self._indoors and self._carried:
+            self._tilt = MountTilt.given(rule.tilt)
             return ""
-        self._offset = middle
-        roll, pitch = (self._given + middle).tolist()
-        self._pictures.correct_mount(replace(self._mount, roll_rad=roll, pitch_rad=pitch))
-        given, found = np.degrees(self._given), np.degrees(self._given + middle)
+        used, sigma = self._seen is not None and self._seen.used, tilt.sigma_rad()
+        waits = EDGES in tilt.witnesses and not self._steady
+        wrong = bool((np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma)).any()) and not waits
+        roll, pitch = (self._given + tilt.error_rad).tolist()
+        mount = replace(self._mount, roll_rad=roll, pitch_rad=pitch)
+        if used and self._seen is not None:
+            was = self._seen.mount
+            far = max(abs(was.roll_rad - roll), abs(was.pitch_rad - pitch)) > rule.follow_rad
+            mount = mount if far else was
+        self._seen = MountSeen(mount, sigma, used or wrong)
+        if self._seen.used:
+            self._other.correct_mount(mount)
+        if used or not wrong:
+            return ""
+        given, found = np.degrees(self._given), np.degrees(self._given + tilt.error_rad)
+        most = sorted(tilt.witnesses, key=lambda name: -tilt.witnesses[name])
         return (
-            f"mount: {angles_text(given[1], given[0])} given, the room's edges give {angles_text(found[1], found[0])} "
-            f"({len(estimates)} pictures): used from now on, measure it again"
+            f"mount: {angles_text(given[1], given[0])} given, {', '.join(most)} give {angles_text(found[1], found[0])}, "
+            f"to {math.degrees(sigma.max()):.1f}: used from now on, measure it again"
         )

@@ -14,6 +14,7 @@ from edgemap.geometry.camera.inertial import (
     InertialState,
     inertial_mounted,
     inertial_moved,
+    inertial_remounted,
     inertial_start,
     inertial_step,
 )
@@ -21,13 +22,12 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.checked_mount import MountRule
 from edgemap.runtime.attitude.pictures import PicturesRule
 from edgemap.runtime.attitude.protocol import AttitudeSource
-from edgemap.runtime.calibration.level import angles_text, pitch_roll, up_optical
+from edgemap.runtime.calibration.level import pitch_roll, up_optical
 from edgemap.runtime.frame import Frame
 
 LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
 NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
 SWUNG_S = 5.0  # over which the camera's nodding is judged
-JUDGED_EVERY_S = 0.5  # whether gravity and the mount agree
 START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 
@@ -38,10 +38,7 @@ class AttitudeRule:
 
     farthest_rad: the filter starts at a mount that is nearer to gravity; what is tilted more is held otherwise.
     nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so; held_every_s: how often the
-    filter takes the mount in, as each time costs processor time and neighbours tell the same. judged_s: of samples,
-    before the mount is called wrong. steady_rad: standard deviation of tilt below which a camera is mounted, not
-    carried.
-    wrong_rad: more than the accelerometer's offset.
+    filter takes the mount in, as each time costs processor time and neighbours tell the same.
     noise: of the sensor and the filter. pictures: where no samples come. check: of the mount, by the pictures.
     """
 
@@ -49,42 +46,9 @@ class AttitudeRule:
     nodding_rad: float = math.radians(0.5)
     nodding_s: float = 0.5
     held_every_s: float = 0.15
-    judged_s: float = 10.0
-    steady_rad: float = math.radians(2.0)
-    wrong_rad: float = math.radians(4.5)
     noise: InertialNoise = field(default_factory=InertialNoise)
     pictures: PicturesRule = field(default_factory=PicturesRule)
     check: MountRule = field(default_factory=MountRule)
-
-
-class MountCheck:
-    """Tells once where gravity and the mount differ by more than an accelerometer's offset can explain.
-
-    A camera that is carried and not mounted, whose tilt scatters, is not judged.
-    """
-
-    def __init__(self, mount: Mount, rule: AttitudeRule) -> None:
-        self._rule = rule
-        self._mount, self._sum, self._squares = mount, np.zeros(2), np.zeros(2)
-        self._seconds, self._count, self._due_s = 0.0, 0, rule.judged_s
-
-    def judge(self, measured_rad: np.ndarray, span_s: float) -> str:
-        """The fault after one more frame's roll and pitch (2,) by gravity; empty where there is none or it was
-        reported before."""
-        self._sum, self._squares = self._sum + measured_rad, self._squares + measured_rad**2
-        self._seconds, self._count = self._seconds + span_s, self._count + 1
-        if self._seconds < self._due_s:
-            return ""
-        self._due_s += JUDGED_EVERY_S
-        mean = self._sum / self._count
-        scatter = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
-        off = np.abs(mean - [self._mount.roll_rad, self._mount.pitch_rad])
-        if scatter.max() > self._rule.steady_rad or off.max() < self._rule.wrong_rad:
-            return ""
-        self._due_s = math.inf
-        given = angles_text(math.degrees(self._mount.pitch_rad), math.degrees(self._mount.roll_rad))
-        likelier = angles_text(math.degrees(mean[1]), math.degrees(mean[0]))
-        return f"mount: {given} given, gravity over {self._seconds:.0f} s says {likelier}: measure it again"
 
 
 class InertialAttitude:
@@ -100,7 +64,6 @@ class InertialAttitude:
         arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
         self._arm = np.array(arms) @ mount.rotation_base_optical()
         self._other, self._noise = other, rule.noise
-        self._check = MountCheck(mount, rule)
         self._state: InertialState | None = None
         self._seen_s = -math.inf
         self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
@@ -118,7 +81,7 @@ class InertialAttitude:
                 self._state = replace(state, before=None)  # the odometry's next motion is of another time
             return other
         if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= self._noise.lost_s:
-            (state, rotation), span_s = self._begun(frame, before_s), 0.0
+            state, rotation = self._begun(frame, before_s)
         else:
             span_s = frame.stamp_s - state.stamp_s
             state = replace(state, calm=None)
@@ -132,11 +95,18 @@ class InertialAttitude:
                 self._loose_s = 0.0
         self._state = state
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
-        return replace(found, rotation=rotation, fault=self._check.judge(_angles(state.force_optical), span_s))
+        return replace(found, rotation=rotation, force_rad=_angles(state.force_optical))
 
     def rotated(self, rotation: SeenRotation | None) -> Attitude:
         """The other source's, where no samples came."""
         return self._other.rotated(rotation)
+
+    def correct_mount(self, mount: Mount) -> None:
+        """What the mount told of up and of the accelerometer's offset was wrong by as much."""
+        self._other.correct_mount(mount)
+        before, self._up = self._up, up_optical(mount.pitch_rad, mount.roll_rad)
+        if self._state is not None:
+            self._state = inertial_remounted(self._state, before, self._up)
 
     def reset(self, reason: str) -> None:
         """Start again with the next samples."""

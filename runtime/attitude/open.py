@@ -23,4 +23,4 @@ def open_attitude(
     rule = rule or AttitudeRule()
     pictures = PicturesAttitude(floor.mount, rule.pictures)
     known = InertialAttitude(floor.mount, pictures, rule) if imu else pictures
-    return DepthAttitude(floor, CheckedMount(floor.mount, floor.intrinsics, known, pictures, rule.check))
+    return CheckedMount(floor, DepthAttitude(floor, known), pictures, rule.check)

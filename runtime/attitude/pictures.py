@@ -66,8 +66,7 @@ class PicturesAttitude:
 
     def __init__(self, mount: Mount, rule: PicturesRule | None = None) -> None:
         self._rule = rule or PicturesRule()
-        self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
-        self._given = replace(Attitude.of_mount(mount, self._rule.nodding_rad), predicted=True)
+        self.correct_mount(mount)
         self.reset("start")
 
     def step(self, frame: Frame) -> Attitude:
@@ -131,8 +130,9 @@ class PicturesAttitude:
         return room
 
     def correct_mount(self, mount: Mount) -> None:
-        """The mount was wrong."""
+        """The mount has these angles."""
         self._mounted = up_optical(mount.pitch_rad, mount.roll_rad)
+        self._given = replace(Attitude.of_mount(mount, self._rule.nodding_rad), predicted=True)
         self._tilt = Tilt.about(self._mounted, self._rule.nodding_rad)
 
     def _known(self) -> bool:

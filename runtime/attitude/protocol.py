@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frame import Frame
 
 
@@ -20,6 +21,10 @@ class AttitudeSource(Protocol):
     def rotated(self, rotation: SeenRotation | None) -> Attitude:
         """The last frame's attitude where `step` could only predict it, once its rotation is seen; None where no corner
         showed it."""
+        ...
+
+    def correct_mount(self, mount: Mount) -> None:
+        """From now on the mount has these angles."""
         ...
 
     def reset(self, reason: str) -> None:

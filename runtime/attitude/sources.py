@@ -18,7 +18,8 @@ class MountAttitude:
     name = "mount"
 
     def __init__(self, mount: Mount, sigma_rad: float = NODDING_RAD) -> None:
-        self._attitude = Attitude.of_mount(mount, sigma_rad)
+        self._sigma_rad = sigma_rad
+        self.correct_mount(mount)
 
     def step(self, frame: Frame) -> Attitude:  # noqa: ARG002
         """The same in every frame."""
@@ -27,6 +28,10 @@ class MountAttitude:
     def rotated(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
         """The same."""
         return self._attitude
+
+    def correct_mount(self, mount: Mount) -> None:
+        """Its angles from now on."""
+        self._attitude = Attitude.of_mount(mount, self._sigma_rad)
 
     def reset(self, reason: str) -> None:
         """Nothing to forget."""
@@ -48,6 +53,9 @@ class RecordedAttitude:
     def rotated(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
         """The same again: nothing is predicted."""
         return self._track.at(self._seen_s, self._height_m)
+
+    def correct_mount(self, mount: Mount) -> None:
+        """The poses know better."""
 
     def reset(self, reason: str) -> None:
         """Nothing to forget."""

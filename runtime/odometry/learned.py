@@ -1,12 +1,13 @@
 """Learned odometry: a stepwise network whose recurrent state goes in and comes out explicitly."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import Bundle
@@ -68,12 +69,10 @@ class LearnedOdometry:
         sigmas = (self._head.sigma_forward_m, self._head.sigma_left_m, self._head.sigma_yaw_rad)
         self._covariance = np.diag(np.square(sigmas))
         self._geometry: Tensors = {}
+        self._camera, self._input, self._mount = camera, bundle.manifest.detector.input, camera.mount
         self._warning = ""  # how the camera lies outside what the head was trained on
         if self._head.geometry is not None:
-            spec, lens = self._head.geometry, camera.intrinsics
-            grid = cell_grid(bundle.manifest.detector.input, lens.width, lens.height, spec.stride)
-            cells, mount = flow_cells(camera, grid)
-            self._geometry = {spec.cells: cells, spec.mount: mount}
+            self._look_from(camera.mount)
             self._warning = outside_envelope(bundle.manifest, camera)
         self.reset("start")
 
@@ -82,8 +81,20 @@ class LearnedOdometry:
         """Whether the camera lies outside what the head was trained on."""
         return bool(self._warning)
 
+    def _look_from(self, mount: Mount) -> None:
+        """The cells' geometry for a mount with these angles."""
+        spec, lens = self._head.geometry, self._camera.intrinsics
+        if spec is None:
+            return
+        grid = cell_grid(self._input, lens.width, lens.height, spec.stride)
+        cells, pose = flow_cells(replace(self._camera, mount=mount), grid)
+        self._geometry, self._mount = {spec.cells: cells, spec.mount: pose}, mount
+
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
+        seen = frame.attitude and frame.attitude.mount
+        if seen and seen.used and seen.mount != self._mount:
+            self._look_from(seen.mount)
         dt_s, step_s, self._last_s = frame.stamp_s - self._keyframe_s, frame.stamp_s - self._last_s, frame.stamp_s
         if not self._fresh and self._geometry and not (step_s >= SHORTEST_DT_S and dt_s <= LONGEST_DT_S):
             self._start_again()

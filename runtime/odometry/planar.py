@@ -10,7 +10,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, SeenDirection, SeenRotation
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
@@ -21,6 +21,7 @@ from edgemap.geometry.odometry.landmarks import (
     Located,
     Noise,
     Viewpoint,
+    displacement,
     excess_scale,
     locate,
     medians,
@@ -35,6 +36,7 @@ from edgemap.geometry.odometry.landmarks import (
 )
 from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.odometry.rolling import Rolling
+from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.depth import Depth
 from edgemap.runtime.frame import Frame
@@ -78,6 +80,8 @@ class PlanarRule:
     itself. slides_weight: of the newest step in that share. floor_lost_s: on wheels, after so long without floor
     landmarks, what is seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost
     meanwhile.
+    travelled_rad: the direction of motion is measured when the corners have moved so far, median, beside the rotation,
+    among travelled_fewest of one picture.
     neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
@@ -116,6 +120,8 @@ class PlanarRule:
     slides_weight: float = 0.05
     floor_lost_s: float = 1.0
     unseen_speed_m_s: float = 0.35
+    travelled_rad: float = 0.035
+    travelled_fewest: int = 30
     neighbour_px: float = 40.0
     rise_per_rad: float = 0.5
     gyro_rad: float = math.radians(0.05)
@@ -225,8 +231,9 @@ class PlanarOdometry:
             motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
         if not self._predicted:
             self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._levelling)
+        direction = self._travelled()
         self._seek(grey, frame.depth)
-        return Motion(motion, covariance, rotation=seen)
+        return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
         """A guess; the landmarks stay for the next picture, which measures the motion since the last one."""
@@ -259,6 +266,7 @@ class PlanarOdometry:
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
         self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
+        self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
         self._rotation_known = self._rotation_held = self._upright = self._predicted = False
         self._floor_s, self._scaled_s = self._seen_s, -math.inf
@@ -373,6 +381,26 @@ class PlanarOdometry:
         rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
         return SeenRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self._carried)
 
+    def _travelled(self) -> SeenDirection | None:
+        """In which direction the lens moved since the keyframe, once the corners have moved enough; then a new keyframe
+        begins. No landmark's depth is used, as those of the floor are the mount's."""
+        view, camera, rays = self._keyframe
+        both = np.isfinite(rays[:, 0])
+        found = None
+        if both.sum() >= self._rule.travelled_fewest:
+            first, second = rays[both], _rays(self._bearings(self._corners[both]))
+            rotation = rotation_between(view, camera, self._view, self._camera)
+            turned = second @ rotation.T
+            moved = medians(np.hypot(*(turned[:, :2] / turned[:, 2:] - first[:, :2]).T)[:, None])
+            if float(moved[0]) < self._rule.travelled_rad:
+                return None
+            way = displacement(view, camera, self._view, self._camera)
+            length = float(np.linalg.norm(way))
+            if length > 0.0:
+                found = travelled(first, second, rotation, way / length, self._noise.track_rad)
+        self._keyframe = self._view, self._camera, _rays(self._bearings(self._corners))
+        return found
+
     def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:
         """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
@@ -400,7 +428,7 @@ class PlanarOdometry:
         self._view = self._ahead(self._since @ guess.motion)
         self._motion, self._trusted = guess.motion, False
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._corners, self._landmarks = self._corners[:0], Landmarks.none()
+        self._keep(np.zeros(len(self._corners), dtype=bool))
         self._seek(grey, frame.depth)
         return guess
 
@@ -442,6 +470,7 @@ class PlanarOdometry:
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
         self._corners, self._landmarks = self._corners[which], self._landmarks.chosen(which)
+        self._keyframe = *self._keyframe[:2], self._keyframe[2][which]
 
     def _seek(self, grey: MatLike, depth: Depth | None) -> None:
         """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
@@ -479,6 +508,8 @@ class PlanarOdometry:
                 near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
                 new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
             self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
+            rays = np.concatenate([self._keyframe[2], np.full((len(fresh), 3), np.nan)])
+            self._keyframe = *self._keyframe[:2], rays
 
     def _depths(self, corners: Pixels, depth: Depth) -> Array:
         """Depths (N,) at corners, m; NaN where unknown, or where a nearer object ends before a farther one: on a plane

@@ -53,7 +53,7 @@ def told(off_deg, frames=80, still=False, hz=10.0):
     with open_camera("demo") as camera:
         mount = replace(camera.mount, pitch_rad=camera.mount.pitch_rad + math.radians(off_deg))
         pictures = PicturesAttitude(mount)
-        source = CheckedMount(mount, camera.intrinsics, pictures, pictures)
+        source = CheckedMount(FloorCamera(camera.intrinsics, mount), pictures, pictures)
         first = camera.read()
         for index in range(frames):
             frame = first if still else camera.read()

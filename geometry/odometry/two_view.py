@@ -1,0 +1,80 @@
+"""In which direction a lens moved, from points tracked over two views: epipolar geometry by maximum likelihood."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.attitude import SeenDirection
+from edgemap.geometry.camera.inertial import small_rotation
+
+Array = NDArray[np.float64]
+
+TUKEY = 3.0  # standard deviations, beyond which a point has no weight, at last
+ANNEALING = (4.0, 2.0, 1.0, 1.0, 1.0)
+ROTATION_RAD, DIRECTION_RAD = 0.03, 1.0  # standard deviations of the start
+LARGEST_STEP_RAD = 0.3
+
+
+def travelled(first: Array, second: Array, rotation: Array, direction: Array, sigma_rad: float) -> SeenDirection:
+    """The direction that points seen twice fit best, with the rotation, from a start near it: robust Gauss-Newton.
+
+    first, second: (N, 3) rays with z = 1. rotation: (3, 3), takes directions of the second view into those of the first.
+    direction: (3,), unit, of the lens, first view's axes. sigma_rad: standard deviation of a point in one view. Residual: Sampson's
+    distance, whose denominator is differentiated too: taken as a weight it draws the direction towards the points
+    (Kanatani 1996), by 0.5 to 3 degrees in rendered homes.
+    """
+    start, information = rotation, np.eye(5)
+    weights, distance = np.ones(len(first)), np.zeros(len(first))
+    across = np.zeros((2, 3))
+    prior = np.array([ROTATION_RAD**-2] * 3 + [DIRECTION_RAD**-2] * 2)
+    for scale in ANNEALING:
+        across = np.linalg.svd(direction[None])[2][1:]
+        distance, by_pose = _sampson(first.T, second.T, rotation, direction, across)
+        distance, by_pose = distance / sigma_rad, by_pose / sigma_rad
+        weights = np.clip(1.0 - (distance / (TUKEY * scale)) ** 2, 0.0, 1.0) ** 2
+        weighted = by_pose * weights
+        information = weighted @ by_pose.T + np.diag(prior)
+        gradient = weighted @ distance
+        turned = rotation @ start.T
+        gradient[:3] += prior[:3] * [turned[2, 1], turned[0, 2], turned[1, 0]]
+        step = np.clip(-np.linalg.solve(information, gradient), -LARGEST_STEP_RAD, LARGEST_STEP_RAD)
+        rotation = small_rotation(*step[:3].tolist()) @ rotation
+        direction = direction + step[3:] @ across
+        direction = direction / np.linalg.norm(direction)
+    excess = max(1.0, float(weights @ distance**2) / max(float(weights.sum()) - 5.0, 1.0))
+    covariance = excess * np.linalg.inv(information)[3:, 3:]
+    return SeenDirection(direction, across.T @ covariance @ across)
+
+
+def _sampson(first: Array, second: Array, rotation: Array, direction: Array, across: Array) -> tuple[Array, Array]:
+    """Sampson's distances (N,) from the epipolar constraint, and their Jacobian (5, N): rotation from the left (3),
+    direction along `across` (2, 3). first, second: (3, N)."""
+    way = direction[:, None]
+    turned = rotation @ second
+    line = _cross(way, turned)  # in the first view
+    back = _cross(first, way)
+    other = rotation[:, :2].T @ back  # in the second
+    product = (first * line).sum(axis=0)
+    root = np.sqrt((line[:2] ** 2).sum(axis=0) + (other**2).sum(axis=0) + 1e-12)
+    flat = line * [[1.0], [1.0], [0.0]]
+    along, pulled = direction @ turned, rotation[:, :2] @ other
+    by_product = np.concatenate([first * along - way * (first * turned).sum(axis=0), across @ _cross(turned, first)])
+    by_square = np.concatenate(
+        [
+            flat * along - way * (turned * flat).sum(axis=0) - _cross(back, pulled),
+            across @ (_cross(turned, flat) + _cross(pulled, first)),
+        ]
+    )
+    return product / root, by_product / root - product * by_square / root**3
+
+
+def _cross(left: Array, right: Array) -> Array:
+    """Of columns (3, N)."""
+    return np.stack(
+        [
+            left[1] * right[2] - left[2] * right[1],
+            left[2] * right[0] - left[0] * right[2],
+            left[0] * right[1] - left[1] * right[0],
+        ]
+    )
