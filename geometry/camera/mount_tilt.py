@@ -15,18 +15,19 @@ Array = NDArray[np.float64]
 class MountTiltRule:
     """How witnesses of a mount's angles count, as standard deviations in radians.
 
-    given: of the mount as given; it holds until told otherwise, so this is wide. nod: of the tilt in one picture, and of
-    the lens's path, about level; a turn's axis and a direction hold two of them. edges: of one picture of a room's edges:
-    neighbours repeat each other. drift: of the rotation over a turn. gravity: of an accelerometer's offset (BMI055: 70 mg,
-    4 degrees at most). depth: of a floor in a depth picture, whose neighbours repeat each other. lasting: what each
-    kind errs by over a whole drive, and so all together. gate: standard deviations beyond which a witness counts less.
+    given: of the mount as given; it holds until told otherwise, so this is wide. nod: of the tilt in one picture, and
+    of the lens's path, against the floor; a turn has one at each end. edges: of one picture of a room's edges, whose
+    neighbours repeat each other. drift: of the rotation over a turn. gravity: of an accelerometer's offset (BMI055: 70
+    mg, 4 degrees at most). depth: of the floor in one depth picture, whose neighbours repeat each other. lasting: by
+    which all together err over a whole drive (homes 8301-8310: 0.2 degrees of pitch). gate: standard deviations beyond
+    which a witness counts less.
     """
 
     given: float = math.radians(10.0)
     nod: float = math.radians(0.6)
     edges: float = math.radians(1.5)
     drift: float = math.radians(0.4)
-    gravity: float = math.radians(2.5)
+    gravity: float = math.radians(2.0)
     depth: float = math.radians(2.0)
     lasting: float = math.radians(0.2)
     gate: float = 1.5
@@ -34,8 +35,8 @@ class MountTiltRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountTilt:
-    """error_rad: of the mount as given, roll and pitch (2,), to be added to it. covariance (2, 2). witnesses: what told
-    it, most telling kinds by name, and how often."""
+    """error_rad: of the mount as given, roll and pitch (2,), to be added to it. covariance: (2, 2) of it. witnesses:
+    what told it, by name, and how often."""
 
     rule: MountTiltRule
     error_rad: Array
@@ -56,8 +57,8 @@ class MountTilt:
         return self._seen("the direction of motion", slope, direction[2:] / max(across, 1e-6), np.array([[variance]]))
 
     def by_turn(self, turned_rad: Array) -> MountTilt:
-        """A robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector, base axes by the mount as
-        given."""
+        """A robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector, base axes by the mount
+        as given."""
         angle = float(turned_rad[2])
         off = np.array([turned_rad[1], -turned_rad[0]]) / angle
         chord = 2.0 * math.sin(min(abs(angle), math.pi) / 2.0)

@@ -19,10 +19,10 @@ LARGEST_STEP_RAD = 0.3
 def travelled(first: Array, second: Array, rotation: Array, direction: Array, sigma_rad: float) -> SeenDirection:
     """The direction that points seen twice fit best, with the rotation, from a start near it: robust Gauss-Newton.
 
-    first, second: (N, 3) rays with z = 1. rotation: (3, 3), takes directions of the second view into those of the first.
-    direction: (3,), unit, of the lens, first view's axes. sigma_rad: standard deviation of a point in one view. Residual: Sampson's
-    distance, whose denominator is differentiated too: taken as a weight it draws the direction towards the points
-    (Kanatani 1996), by 0.5 to 3 degrees in rendered homes.
+    first, second: (N, 3) rays with z = 1. rotation: (3, 3), takes directions of the second view into those of the
+    first. direction: (3,), unit, of the lens, first view's axes. sigma_rad: standard deviation of a point in one view.
+    Residual: Sampson's distance with its denominator differentiated too; as a mere weight that draws the direction
+    towards the points (Kanatani 1996), by 0.5 to 4 degrees in rendered homes.
     """
     start, information = rotation, np.eye(5)
     weights, distance = np.ones(len(first)), np.zeros(len(first))
@@ -43,8 +43,8 @@ def travelled(first: Array, second: Array, rotation: Array, direction: Array, si
         direction = direction + step[3:] @ across
         direction = direction / np.linalg.norm(direction)
     excess = max(1.0, float(weights @ distance**2) / max(float(weights.sum()) - 5.0, 1.0))
-    covariance = excess * np.linalg.inv(information)[3:, 3:]
-    return SeenDirection(direction, across.T @ covariance @ across)
+    covariance = across.T @ np.linalg.inv(information)[3:, 3:] @ across
+    return SeenDirection(direction, np.asarray(excess * covariance, dtype=np.float64))
 
 
 def _sampson(first: Array, second: Array, rotation: Array, direction: Array, across: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""One judge of a camera's mount: a room's edges, motion parallel to the floor, turns, gravity and depth tell its angles."""
+"""One judge of a mount's angles: a room's edges, motion parallel to the floor, turns, gravity and depth tell them."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from edgemap.runtime.frame import Frame
 Array = NDArray[np.float64]
 
 COARSE_PX = (40, 30)  # of the pictures that are compared
+GRAVITY_EVERY = 8  # frames, between two looks whether its scatter allows it to count
 EDGES, GRAVITY, DEPTH = "the room's edges", "gravity", "the floor in depth pictures"
 
 
@@ -40,8 +41,8 @@ class MountRule:
     scatter of the estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. moved:
     mean grey levels between two pictures that count as two views.
     turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's
-    samples before their mean counts, and their largest standard deviation. floors, floors_s: of depth pictures whose
-    height counts; height_share, height_scatter: by which the height is wrong, and their largest scatter.
+    samples before their mean counts, and their largest standard deviation. floors: depth pictures whose height counts;
+    height_share, height_scatter: by which the height is wrong, and their largest scatter.
     told_s: between two judgements. wrong_rad, sigmas: error from which on a mount is wrong; up to there the given one
     holds. follow_rad: change of an error by which a wrong mount is corrected again. tilt: how witnesses count.
     """
@@ -62,7 +63,6 @@ class MountRule:
     gravity_s: float = 10.0
     gravity_rad: float = math.radians(2.0)
     floors: int = 30
-    floors_s: float = 3.0
     height_share: float = 0.1
     height_scatter: float = 0.04
     told_s: float = 1.0
@@ -75,9 +75,9 @@ class MountRule:
 class CheckedMount:
     """Another source's attitude, about a mount whose angles all witnesses together estimate (`MountTilt`).
 
-    Where they give other angles than the mount's, that is reported once, as a fault, and theirs are used from then on. A
-    carried camera has no mount: it is not judged. What the edges show of single frames goes to `pictures`, which may be
-    the other source, or behind it.
+    Where they give other angles than the mount's, that is reported once, as a fault, and theirs are used from then on.
+    A carried camera has no mount: it is not judged. What the edges show of single frames goes to `pictures`, which may
+    be the other source, or behind it.
     """
 
     def __init__(
@@ -94,12 +94,11 @@ class CheckedMount:
         self._tilt = MountTilt.given(self._rule.tilt)
         self._seen: MountSeen | None = None
         self._judged_s = -math.inf
-        self._plain: Attitude | None = None  # the other source's last one, and what became of it
-        self._told: Attitude | None = None
+        self._plain: Attitude | None = None  # the other source's last one, and what became of it with what was known
+        self._told, self._told_of = Attitude.of_mount(mount), (False, self._seen)
         self._turned, self._turned_s, self._now_s = np.eye(3), -math.inf, -math.inf  # rotation since a stamp
-        self._forces: list[Array] = []
-        self._forces_s = math.inf  # stamp of the first
-        self._heights: list[tuple[float, float]] = []  # stamp, as a share of the mount's
+        self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
+        self._heights: list[float] = []  # by depth, as shares of the mount's
         self._steady = self._carried = False
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
         self._last: MatLike | None = None
@@ -115,23 +114,17 @@ class CheckedMount:
         fault = self._judge()
         other = self._other.step(frame)
         fault = "; ".join(filter(None, (other.fault, fault, self._feel(other))))
-        if (
-            fault
-            or self._room
-            or other is not self._plain
-            or self._told is None
-            or self._told.room
-            or self._told.fault
-            or (self._told.mount, self._told.carried) != (self._seen, self._carried)
-        ):
-            self._told = replace(other, fault=fault, carried=self._carried, room=self._room, mount=self._seen)
-        self._plain = other
+        told = self._carried, self._seen
+        if fault or self._room or other is not self._plain or told != self._told_of:
+            carried, mount = told
+            self._told = replace(other, fault=fault, carried=carried, room=self._room, mount=mount)
+        self._plain, self._told_of = None if fault or self._room else other, told
         return self._told
 
     def rotated(self, rotation: SeenRotation | None) -> Attitude:
         """The other source's, where it could only predict."""
         self._travel(rotation)
-        if self._told is not None and not self._told.predicted:
+        if not self._told.predicted:
             return self._told
         return replace(self._other.rotated(rotation), carried=self._carried, mount=self._seen)
 
@@ -223,28 +216,27 @@ class CheckedMount:
 
     def _feel(self, attitude: Attitude) -> str:
         """Take in gravity and the floor in a depth picture; the fault, where that shows another height."""
-        rule, fault = self._rule, ""
+        rule = self._rule
         if attitude.force_rad is not None and GRAVITY not in self._tilt.witnesses:
-            self._forces_s = min(self._forces_s, self._now_s)
-            self._forces.append(attitude.force_rad)
-            if self._now_s - self._forces_s >= rule.gravity_s and len(self._forces) % 8 == 0:
-                forces = np.array(self._forces)
+            self._forces.append((self._now_s, *attitude.force_rad.tolist()))
+            if self._now_s - self._forces[0][0] >= rule.gravity_s and len(self._forces) % GRAVITY_EVERY == 0:
+                forces = np.array(self._forces)[:, 1:]
                 if forces.std(axis=0).max() < rule.gravity_rad:
                     self._tilt = self._tilt.by_up(GRAVITY, forces.mean(axis=0) - self._given, rule.tilt.gravity)
-        if attitude.source == "depth" and attitude.height_m is not None:
-            angles = np.array([attitude.roll_rad, attitude.pitch_rad])
-            self._tilt = self._tilt.by_up(DEPTH, angles - self._given, rule.tilt.depth)
-            heights = self._heights
-            if len(heights) < rule.floors or heights[-1][0] - heights[0][0] < rule.floors_s:
-                heights.append((self._now_s, attitude.height_m / self._mount.height_m))
-                if len(heights) >= rule.floors and self._now_s - heights[0][0] >= rule.floors_s:
-                    share, scatter = (float(v[0]) for v in median_and_scatter(np.array(heights)[:, 1:]))
-                    if abs(share - 1.0) > rule.height_share and scatter < rule.height_scatter:
-                        fault = (
-                            f"mount: height {self._mount.height_m:.2f} m given, {DEPTH} gives "
-                            f"{self._mount.height_m * share:.2f} m: measure it again"
-                        )
-        return fault
+        if attitude.source != "depth" or attitude.height_m is None:
+            return ""
+        angles = np.array([attitude.roll_rad, attitude.pitch_rad])
+        self._tilt = self._tilt.by_up(DEPTH, angles - self._given, rule.tilt.depth)
+        heights, given_m = self._heights, self._mount.height_m
+        if len(heights) >= rule.floors:
+            return ""
+        heights.append(attitude.height_m / given_m)
+        if len(heights) < rule.floors:
+            return ""
+        share, scatter = (float(value[0]) for value in median_and_scatter(np.array(heights)[:, None]))
+        if abs(share - 1.0) < rule.height_share or scatter > rule.height_scatter:
+            return ""
+        return f"mount: height {given_m:.2f} m given, {DEPTH} gives {given_m * share:.2f} m: measure it again"
 
     def _judge(self) -> str:
         """What is known of the mount, now and then; the fault, where it has just proved wrong."""
@@ -270,8 +262,8 @@ class CheckedMount:
         if used or not wrong:
             return ""
         given, found = np.degrees(self._given), np.degrees(self._given + tilt.error_rad)
-        most = sorted(tilt.witnesses, key=lambda name: -tilt.witnesses[name])
+        names = ", ".join(sorted(tilt.witnesses, key=lambda name: -tilt.witnesses[name]))
         return (
-            f"mount: {angles_text(given[1], given[0])} given, {', '.join(most)} give {angles_text(found[1], found[0])}, "
+            f"mount: {angles_text(given[1], given[0])} given, {names} give {angles_text(found[1], found[0])}, "
             f"to {math.degrees(sigma.max()):.1f}: used from now on, measure it again"
         )

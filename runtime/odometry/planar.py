@@ -264,7 +264,8 @@ class PlanarOdometry:
         self._grey: MatLike | None = None
         self._view, self._covariance = Viewpoint(), np.zeros((3, 3))
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
+        self._corners: Pixels = np.zeros((0, 2), dtype=np.float32)
+        self._before = self._corners
         self._landmarks = Landmarks.none()
         self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
@@ -388,11 +389,11 @@ class PlanarOdometry:
         both = np.isfinite(rays[:, 0])
         found = None
         if both.sum() >= self._rule.travelled_fewest:
-            first, second = rays[both], _rays(self._bearings(self._corners[both]))
+            first, second = rays[both], _rays(self._bearings(self._corners))[both]
             rotation = rotation_between(view, camera, self._view, self._camera)
             turned = second @ rotation.T
-            moved = medians(np.hypot(*(turned[:, :2] / turned[:, 2:] - first[:, :2]).T)[:, None])
-            if float(moved[0]) < self._rule.travelled_rad:
+            across, down = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
+            if float(np.median(np.hypot(across, down))) < self._rule.travelled_rad:
                 return None
             way = displacement(view, camera, self._view, self._camera)
             length = float(np.linalg.norm(way))
