@@ -51,6 +51,7 @@ from edgemap.cli.ros2 import (
 from edgemap.cli.saved_map import EditsFile, Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
+    from edgemap.geometry.camera.mount import Mount
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
@@ -234,7 +235,7 @@ def command(
             finally:
                 notifier.stopping()
             print(f"map of {len(latest.objects)} objects saved in {folder}/")
-            _summary(done, latest, stop.is_set(), report.evaluation_rows)
+            _summary(done, latest, camera_mount, stop.is_set(), report.evaluation_rows)
             if line := where_it_was(slam.mapper, saved):
                 print(line)
             print(report.failure or f"see it:  {report.path}")
@@ -261,13 +262,16 @@ class _Latest:
         """Nothing to close."""
 
 
-def _summary(done: int, latest: _Latest, stopped: bool, evaluation_rows: list[EvaluationRow]) -> None:
+def _summary(done: int, latest: _Latest, mount: Mount, stopped: bool, evaluation_rows: list[EvaluationRow]) -> None:
     from edgemap.cli.truth import object_lines
+    from edgemap.runtime.calibration.level import seen_text
 
     end = "stopped" if stopped else "done"
     travelled_m = latest.result.update.travelled_m if latest.result else 0.0
     headline = f"{end} after {done} frames, {travelled_m:.1f} m travelled"
-    print("\n".join([headline, *object_lines(latest.objects, evaluation_rows)]))
+    seen = latest.result.observed.mount_seen if latest.result else None
+    told = [seen_text(mount, seen)] if seen else []
+    print("\n".join([headline, *told, *object_lines(latest.objects, evaluation_rows)]))
 
 
 def _record(

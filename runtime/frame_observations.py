@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from edgemap.geometry.camera.attitude import MountSeen
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
@@ -49,3 +50,9 @@ class FrameObservations:
         """Where roll and pitch come from."""
         attitude = self.camera and self.camera.attitude
         return attitude.source if attitude else "mount"
+
+    @property
+    def mount_seen(self) -> MountSeen | None:
+        """What the drive has shown of the mount so far."""
+        attitude = self.camera and self.camera.attitude
+        return attitude.mount if attitude else None

@@ -58,12 +58,12 @@ class SeenRotation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountSeen:
-    """A mount's roll and pitch as pictures and forces show them. sigma_rad: standard deviations of both, (2,). used:
-    whether it replaces the mount as given."""
+    """A mount's angles as pictures and forces show them. sigma_rad: standard deviations of roll and pitch, (2,). used:
+    the mount that attitudes are about, as given but for angles that are wrong."""
 
     mount: Mount
     sigma_rad: Array
-    used: bool
+    used: Mount
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ class MountRule:
     turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's
     samples before their mean counts, and their largest standard deviation. floors: depth pictures whose height counts;
     height_share, height_scatter: by which the height is wrong, and their largest scatter.
-    told_s: between two judgements. wrong_rad, sigmas: error from which on a mount is wrong; up to there the given one
+    told_s: between two judgements. wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one
     holds. follow_rad: change of an error by which a wrong mount is corrected again. tilt: how witnesses count.
     """
 
@@ -54,7 +54,7 @@ class MountRule:
     first_every_s: float = 0.35
     first_s: float = 10.0
     window_s: float = 20.0
-    judged_s: float = 5.0
+    judged_s: float = 3.0
     fewest: int = 8
     steady_rad: float = math.radians(1.2)
     moved: float = 3.0
@@ -93,6 +93,8 @@ class CheckedMount:
         self._indoors = camera.unit_m == 1.0  # a road's edges are not a room's
         self._tilt = MountTilt.given(self._rule.tilt)
         self._seen: MountSeen | None = None
+        self._used, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which angle is wrong, and by how much
+        self._correct = mount
         self._judged_s = -math.inf
         self._plain: Attitude | None = None  # the other source's last one, and what became of it with what was known
         self._told, self._told_of = Attitude.of_mount(mount), (False, self._seen)
@@ -247,23 +249,25 @@ class CheckedMount:
         if self._indoors and self._carried:
             self._tilt = MountTilt.given(rule.tilt)
             return ""
-        used, sigma = self._seen is not None and self._seen.used, tilt.sigma_rad()
+        sigma, used = tilt.sigma_rad(), self._used
         waits = EDGES in tilt.witnesses and not self._steady
-        wrong = bool((np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma)).any()) and not waits
-        roll, pitch = (self._given + tilt.error_rad).tolist()
-        mount = replace(self._mount, roll_rad=roll, pitch_rad=pitch)
-        if used and self._seen is not None:
-            was = self._seen.mount
-            far = max(abs(was.roll_rad - roll), abs(was.pitch_rad - pitch)) > rule.follow_rad
-            mount = mount if far else was
-        self._seen = MountSeen(mount, sigma, used or wrong)
-        if self._seen.used:
-            self._other.correct_mount(mount)
-        if used or not wrong:
+        wrong = (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma)) & (not waits)
+        self._used = used | wrong
+        error_rad = np.where(self._used, tilt.error_rad, 0.0)
+        if np.abs(error_rad - self._corrected).max() > rule.follow_rad:
+            self._corrected, self._correct = error_rad, self._with(error_rad)
+            self._other.correct_mount(self._correct)
+        self._seen = MountSeen(self._with(tilt.error_rad), sigma, self._correct)
+        if not (wrong & ~used).any():
             return ""
-        given, found = np.degrees(self._given), np.degrees(self._given + tilt.error_rad)
+        given, found = np.degrees(self._given), np.degrees(self._given + error_rad)
         names = ", ".join(sorted(tilt.witnesses, key=lambda name: -tilt.witnesses[name]))
         return (
             f"mount: {angles_text(given[1], given[0])} given, {names} give {angles_text(found[1], found[0])}, "
             f"to {math.degrees(sigma.max()):.1f}: used from now on, measure it again"
         )
+
+    def _with(self, error_rad: Array) -> Mount:
+        """The mount with other angles."""
+        roll, pitch = (self._given + error_rad).tolist()
+        return replace(self._mount, roll_rad=roll, pitch_rad=pitch)

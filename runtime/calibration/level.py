@@ -7,6 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.mount import Mount
+
 Array = NDArray[np.float64]
 
 
@@ -19,6 +22,16 @@ def up_optical(pitch_rad: float, roll_rad: float) -> Array:
 def angles_text(pitch_deg: float, roll_deg: float) -> str:
     """Both angles of a mount, in degrees, as messages name them."""
     return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
+
+
+def seen_text(given: Mount, seen: MountSeen) -> str:
+    """A mount's angles as given and as a drive has shown them, one line."""
+    angles = (
+        (given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]),
+        (given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]),
+    )
+    pitch, roll = ("{:.1f} deg given, {:.1f} +- {:.1f} deg seen".format(*np.degrees(each)) for each in angles)
+    return f"mount: pitch {pitch}; roll {roll}"
 
 
 def pitch_roll(up: Array) -> tuple[float, float]:

@@ -93,8 +93,8 @@ class LearnedOdometry:
     def step(self, frame: Frame, features: Tensors) -> Motion:
         """Feed this frame's features; the first ones after a reset give identity."""
         seen = frame.attitude and frame.attitude.mount
-        if seen and seen.used and seen.mount != self._mount:
-            self._look_from(seen.mount)
+        if seen and seen.used != self._mount:
+            self._look_from(seen.used)
         dt_s, step_s, self._last_s = frame.stamp_s - self._keyframe_s, frame.stamp_s - self._last_s, frame.stamp_s
         if not self._fresh and self._geometry and not (step_s >= SHORTEST_DT_S and dt_s <= LONGEST_DT_S):
             self._start_again()

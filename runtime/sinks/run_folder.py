@@ -12,6 +12,7 @@ from typing import Any
 
 import cv2
 
+from edgemap.geometry.camera.attitude import MountSeen
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
@@ -108,6 +109,8 @@ class RunFolder:
         for stage, time_ms in result.stages_ms.items():
             self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
         self._attitudes[result.observed.attitude_source] += 1
+        if (seen := result.observed.mount_seen) is not None:
+            self._record = self._record | {"mount_seen": mount_record(seen)}
         for fault in result.observed.faults:
             self.fault(fault)
         self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
@@ -216,6 +219,17 @@ def _lock(folder: Path) -> int:
         os.close(handle)
         raise RunFolderError(f"{folder}: another run writes into it; choose another --out") from None
     return handle
+
+
+def mount_record(seen: MountSeen) -> dict[str, float]:
+    """A mount's angles as the drive has shown them so far, degrees."""
+    angles = {
+        "pitch_deg": seen.mount.pitch_rad,
+        "roll_deg": seen.mount.roll_rad,
+        "sigma_pitch_deg": seen.sigma_rad[1],
+        "sigma_roll_deg": seen.sigma_rad[0],
+    }
+    return {name: round(math.degrees(angle), 2) for name, angle in angles.items()}
 
 
 def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:
