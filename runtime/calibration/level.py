@@ -26,12 +26,10 @@ def angles_text(pitch_deg: float, roll_deg: float) -> str:
 
 def seen_text(given: Mount, seen: MountSeen) -> str:
     """A mount's angles as given and as a drive has shown them, one line."""
-    angles = (
-        (given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]),
-        (given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]),
-    )
-    pitch, roll = ("{:.1f} deg given, {:.1f} +- {:.1f} deg seen".format(*np.degrees(each)) for each in angles)
-    return f"mount: pitch {pitch}; roll {roll}"
+    pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
+    roll = given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]
+    told = ("{:.1f} deg given, {:.1f} +- {:.1f} deg seen".format(*np.degrees(angle)) for angle in (pitch, roll))
+    return "mount: pitch {}; roll {}".format(*told)
 
 
 def pitch_roll(up: Array) -> tuple[float, float]:

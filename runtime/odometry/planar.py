@@ -264,8 +264,7 @@ class PlanarOdometry:
         self._grey: MatLike | None = None
         self._view, self._covariance = Viewpoint(), np.zeros((3, 3))
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
-        self._corners: Pixels = np.zeros((0, 2), dtype=np.float32)
-        self._before = self._corners
+        self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
         self._landmarks = Landmarks.none()
         self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
@@ -386,10 +385,11 @@ class PlanarOdometry:
         """In which direction the lens moved since the keyframe, once the corners have moved enough; then a new keyframe
         begins. No landmark's depth is used, as those of the floor are the mount's."""
         view, camera, rays = self._keyframe
+        now = _rays(self._bearings(np.asarray(self._corners, dtype=np.float32)))
         both = np.isfinite(rays[:, 0])
         found = None
         if both.sum() >= self._rule.travelled_fewest:
-            first, second = rays[both], _rays(self._bearings(self._corners))[both]
+            first, second = rays[both], now[both]
             rotation = rotation_between(view, camera, self._view, self._camera)
             turned = second @ rotation.T
             across, down = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
@@ -399,7 +399,7 @@ class PlanarOdometry:
             length = float(np.linalg.norm(way))
             if length > 0.0:
                 found = travelled(first, second, rotation, way / length, self._noise.track_rad)
-        self._keyframe = self._view, self._camera, _rays(self._bearings(self._corners))
+        self._keyframe = self._view, self._camera, now
         return found
 
     def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:

@@ -30,7 +30,8 @@ def test_the_direction_of_motion_is_not_drawn_towards_the_points():
     rotation, start = small_rotation(0.01, -0.05, 0.005), small_rotation(0.0, -0.04, 0.0)
     true, errors, sigmas = moved_m / np.linalg.norm(moved_m), [], []
     for _ in range(300):
-        found = travelled(*seen_twice(random, rotation, moved_m), start, np.array([0.0, 0.0, 1.0]), SIGMA_RAD)
+        first, second = seen_twice(random, rotation, moved_m)
+        found = travelled(first, second, start, np.array([0.0, 0.0, 1.0]), SIGMA_RAD)
         errors.append((found.direction - true)[1])
         sigmas.append(math.sqrt(found.covariance[1, 1]))
     assert abs(math.degrees(np.mean(errors))) < 0.25  # 0.8 where Sampson's denominator is taken for a weight
