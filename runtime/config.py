@@ -40,7 +40,7 @@ RENAMED = {
     },
 }
 # Of before 2026-11-22 too: numbers that nothing uses any more, passed over.
-RETIRED = {"attitude": ("offset_rad",)}
+RETIRED = {"attitude": ("offset_rad", "judged_s", "steady_rad", "wrong_rad")}
 
 
 class ConfigError(EdgemapError):

@@ -101,7 +101,7 @@ class CheckedMount:
         self._turned, self._turned_s, self._now_s = np.eye(3), -math.inf, -math.inf  # rotation since a stamp
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._heights: list[float] = []  # by depth, as shares of the mount's
-        self._steady = self._carried = False
+        self._steady = self._carried = self._on_wheels = False
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
         self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
@@ -195,13 +195,11 @@ class CheckedMount:
 
     def _travel(self, rotation: SeenRotation | None) -> None:
         """Motion and turns of a robot on wheels."""
-        rule = self._rule
-        if (
-            rotation is None
-            or rotation.carried is None
-            or not rotation.carried.on_wheels
-            or rotation.carried.share > 0.0
-        ):
+        rule, carried = self._rule, rotation and rotation.carried
+        if carried and carried.share > 0.0:
+            self._tilt = MountTilt.given(rule.tilt)
+        self._on_wheels = carried.on_wheels if carried else self._on_wheels
+        if rotation is None or carried is None or not carried.on_wheels:
             self._turned, self._turned_s = np.eye(3), self._now_s
             return
         if rotation.travelled is not None:
@@ -250,7 +248,7 @@ class CheckedMount:
             self._tilt = MountTilt.given(rule.tilt)
             return ""
         sigma, used = tilt.sigma_rad(), self._used
-        waits = EDGES in tilt.witnesses and not self._steady
+        waits = EDGES in tilt.witnesses and not (self._steady or self._on_wheels)
         wrong = (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma)) & (not waits)
         self._used = used | wrong
         error_rad = np.where(self._used, tilt.error_rad, 0.0)
@@ -264,7 +262,7 @@ class CheckedMount:
         names = ", ".join(sorted(tilt.witnesses, key=lambda name: -tilt.witnesses[name]))
         return (
             f"mount: {angles_text(given[1], given[0])} given, {names} give {angles_text(found[1], found[0])}, "
-            f"to {math.degrees(sigma.max()):.1f}: used from now on, measure it again"
+            "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1]))
         )
 
     def _with(self, error_rad: Array) -> Mount:

@@ -1,0 +1,68 @@
+"""A mount whose pitch is given wrong, through the real Pipeline on the demo: found, told once, and used."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.attitude.checked_mount import MountRule
+from edgemap.runtime.attitude.inertial import AttitudeRule
+from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.calibration.level import seen_text
+from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.config import Config
+from edgemap.runtime.slam_setup import SlamOptions, build_slam
+from edgemap.runtime.store import bundle_folder
+
+TRUE_DEG, FRAMES = 11.5, 130
+BLIND_TO_EDGES = MountRule(fewest=10**6, judged_s=math.inf, first_every_s=math.inf, every_s=math.inf)
+
+
+def drive(off_deg, rule=None, frames=FRAMES, **options):
+    """Faults that name the mount, and what was observed last, of the demo with its pitch given wrong by so much."""
+    config = Config(attitude=AttitudeRule(check=rule or MountRule()))
+    with open_camera("demo") as camera:
+        mount = replace(camera.mount, pitch_rad=camera.mount.pitch_rad + math.radians(off_deg))
+        floor = FloorCamera(camera.intrinsics, mount)
+        slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano")), floor, SlamOptions(**options), config)
+        faults, result = [], None
+        while (frame := camera.read()) is not None and frame.index < frames:
+            result = slam.step(frame)
+            faults += [fault for fault in result.observed.faults if "pitch" in fault]
+    assert result
+    return faults, result.observed, mount
+
+
+@pytest.mark.parametrize("off_deg", [2.0, -2.0])
+def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(off_deg):
+    faults, observed, mount = drive(off_deg, wheels=False)
+    (fault,) = faults
+    found = re.match(
+        rf"mount: pitch {TRUE_DEG + off_deg:.1f} and roll 0.0 deg given, .* give pitch ([\d.]+) and", fault
+    )
+    assert found, fault
+    assert float(found[1]) == pytest.approx(TRUE_DEG, abs=0.8)
+    assert math.degrees(observed.camera.attitude.pitch_rad) == pytest.approx(TRUE_DEG, abs=0.6)
+    seen = observed.mount_seen
+    assert abs(math.degrees(seen.mount.pitch_rad) - TRUE_DEG) < 2.5 * math.degrees(seen.sigma_rad[1])
+    assert re.fullmatch(
+        rf"mount: pitch {TRUE_DEG + off_deg:.1f} deg given, 1[12]\.\d \+- 0\.\d deg seen; roll .*",
+        seen_text(mount, seen),
+    )
+
+
+def test_motion_and_turns_alone_tell_it_where_a_room_shows_no_edges():
+    faults, observed, _ = drive(2.0, BLIND_TO_EDGES, wheels=False)
+    assert len(faults) == 1
+    assert "the direction of motion" in faults[0]
+    assert math.degrees(observed.camera.attitude.pitch_rad) == pytest.approx(TRUE_DEG, abs=0.8)
+
+
+def test_the_right_mount_holds_to_the_last_digit():
+    faults, observed, mount = drive(0.0, wheels=False)
+    assert not faults
+    assert observed.mount_seen.used == mount
+    assert np.degrees(observed.mount_seen.sigma_rad).max() < 0.6
