@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edgemap.geometry.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

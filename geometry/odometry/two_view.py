@@ -1,14 +1,10 @@
 """In which direction a lens moved, from points tracked over two views: epipolar geometry by maximum likelihood."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import SeenDirection
 from edgemap.geometry.camera.inertial import small_rotation
-
-Array = NDArray[np.float64]
 
 TUKEY = 3.0  # standard deviations, beyond which a point has no weight, at last
 ANNEALING = (4.0, 2.0, 1.0, 1.0, 1.0)

@@ -1,7 +1,5 @@
 """One judge of a mount's angles: a room's edges, motion parallel to the floor, turns, gravity and depth tell them."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
@@ -10,8 +8,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 from cv2.typing import MatLike
-from numpy.typing import NDArray
 
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.attitude import Attitude, MountSeen, RoomHeading, SeenRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
@@ -22,8 +20,6 @@ from edgemap.runtime.attitude.protocol import AttitudeSource
 from edgemap.runtime.calibration.level import angles_text, pitch_roll
 from edgemap.runtime.calibration.segments import line_ends, segments_between
 from edgemap.runtime.frame import Frame
-
-Array = NDArray[np.float64]
 
 COARSE_PX = (40, 30)  # of the pictures that are compared
 GRAVITY_EVERY = 8  # frames, between two looks whether its scatter allows it to count
