@@ -1,5 +1,7 @@
 """A mount whose pitch is given wrong, through the real Pipeline on the demo: found, told once, and used."""
 
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
 import math
 import re
 from dataclasses import replace
