@@ -162,6 +162,7 @@ class PlanarOdometry:
         self._mask = self._floor_mask(self._level)
         self._window: MatLike | None = None  # against the edges of the phase correlation
         self._attitude: Attitude | None = None
+        self._mount = camera.mount  # that attitudes are about
         self._carried = Carried(rule.carried)
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
         self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
@@ -290,10 +291,14 @@ class PlanarOdometry:
             self._noise = replace(self._level_noise, tilt_rad=sigma)
             self._mask = self._floor_mask(self._camera)
         ahead = attitude is not None and attitude.predicted and attitude.source != "mount"
-        if ahead or self._predicted:  # this camera is the last one as its rotation corrected it: what is left is wrong
+        mount, share = self._mount, self._rule.levelling
+        if attitude is not None and attitude.mount is not None and attitude.mount.used != mount:
+            self._mount, share = attitude.mount.used, 1.0  # the landmarks were placed by a mount that is wrong
+        # This camera is the last one as its rotation, or its mount, was corrected: what is left is wrong.
+        if ahead or self._predicted or self._mount != mount:
             _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
             view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
-            self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, self._rule.levelling)
+            self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, share)
             self._camera_before = self._camera
         self._predicted = ahead
         rotation = None if attitude is None or self._skipped else attitude.rotation
