@@ -33,9 +33,9 @@ class MountRule:
     pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are found
     one after the other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two
     estimates by edges, once the mount is confirmed or after `first_s`, and before or where the camera is carried.
-    window_s: of estimates that are judged together, judged_s and fewest: their minimum. steady_rad: maximum median
-    scatter of the estimates of a mounted camera (0.3 degrees in rendered homes); a carried one is not judged. moved:
-    mean grey levels between two pictures that count as two views.
+    window_s: of estimates that are judged together; fewest and steady_s: their minimum for a wrong mount, judged_s for
+    a carried camera. steady_rad: maximum median scatter of the estimates of a mounted camera (0.3 degrees in rendered
+    homes); a carried one is not judged. moved: mean grey levels between two pictures that count as two views.
     turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's
     samples before their mean counts, and their largest standard deviation. floors: depth pictures whose height counts;
     height_share, height_scatter: by which the height is wrong, and their largest scatter.
@@ -52,7 +52,8 @@ class MountRule:
     first_every_s: float = 0.35
     first_s: float = 10.0
     window_s: float = 20.0
-    judged_s: float = 3.0
+    steady_s: float = 3.0
+    judged_s: float = 5.0
     fewest: int = 8
     steady_rad: float = math.radians(1.2)
     moved: float = 3.0
@@ -100,7 +101,7 @@ class CheckedMount:
         self._turned, self._turned_s, self._now_s = np.eye(3), -math.inf, -math.inf  # rotation since a stamp
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._heights: list[float] = []  # by depth, as shares of the mount's
-        self._steady = self._carried = self._on_wheels = False
+        self._steady = self._confirmed = self._carried = self._on_wheels = False
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
         self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
@@ -155,7 +156,7 @@ class CheckedMount:
     def _due(self, stamp_s: float) -> bool:
         """Whether it is time for the next picture."""
         self._first_s = min(self._first_s, stamp_s)
-        settled = not self._carried and (self._steady or stamp_s - self._first_s >= self._rule.first_s)
+        settled = not self._carried and (self._confirmed or stamp_s - self._first_s >= self._rule.first_s)
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
 
     def _begin(self, frame: Frame) -> None:
@@ -187,10 +188,12 @@ class CheckedMount:
         estimates = np.array(self._estimates)
         if self._indoors:
             self._tilt = self._tilt.by_up(EDGES, error_rad, rule.tilt.edges)
-        if len(estimates) < rule.fewest or estimates[-1, 0] - estimates[0, 0] < rule.judged_s:
+        span_s = estimates[-1, 0] - estimates[0, 0]
+        if len(estimates) < rule.fewest or span_s < rule.steady_s:
             return
         self._steady = bool(median_and_scatter(estimates[:, 1:])[1].max() < rule.steady_rad)
-        self._carried = not self._steady
+        if span_s >= rule.judged_s:
+            self._carried, self._confirmed = not self._steady, self._steady
 
     def _travel(self, rotation: SeenRotation | None) -> None:
         """Motion and turns of a robot on wheels."""
