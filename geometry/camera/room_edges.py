@@ -44,7 +44,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     """
     if len(lengths) < FEWEST:
         return None
-    directions = _directions(normals, lengths, _most_upright(normals, lengths, expected, reach_rad))
+    directions = _directions(normals, lengths, most_upright(normals, lengths, expected, reach_rad))
     each, explained = np.arange(len(lengths)), 0.0
     upright = level = lengths > 0.0
     weight = np.minimum(lengths / REFERENCE_RAD, 2.0) / SIGMA_RAD**2
@@ -70,7 +70,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
     return RoomAxes(directions[0], level_rad if seen_rad > LEVEL_LENGTH_RAD else None, sigma_rad)
 
 
-def _most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:
+def most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:
     """Of directions about the expected one, that in whose planes most edges lie, by length."""
     steps = math.ceil(reach_rad / STEP_RAD)
     offsets = np.arange(-steps, steps + 1) * STEP_RAD

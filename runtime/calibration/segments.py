@@ -23,12 +23,11 @@ class Segments:
     """Edges of one picture.
 
     normals: (N, 3), unit normals of the planes through lens and edge, optical frame: an edge along direction d in space
-    has normal . d = 0. lengths: (N,) rad, as seen. upright: (N,) cosine between edge and the picture's columns.
+    has normal . d = 0. lengths: (N,) rad, as seen.
     """
 
     normals: Array
     lengths: Array
-    upright: Array
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -50,15 +49,13 @@ def line_ends(grey: MatLike, scale: float = LSD_SCALE) -> Array:
 
 def segments_between(ends: Array, lens: Intrinsics) -> Segments:
     """Lines of a picture by their ends (N, 2, 2) px, short ones left out."""
-    sides = ends[:, 1] - ends[:, 0]
-    px = np.linalg.norm(sides, axis=1)
+    px = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     keep = np.argsort(-px)[:MAXIMUM_SEGMENTS]
     keep = keep[px[keep] > SHORTEST_SHARE * lens.width]
     ends = ends[keep]
     first, last = (_unit(lens.rays(ends[:, i])) for i in (0, 1))
     planes = np.cross(first, last)
-    lengths = np.arcsin(np.clip(np.linalg.norm(planes, axis=1), 0.0, 1.0))
-    return Segments(_unit(planes), lengths, np.abs(sides[keep, 1]) / px[keep])
+    return Segments(_unit(planes), np.arcsin(np.clip(np.linalg.norm(planes, axis=1), 0.0, 1.0)))
 
 
 def _unit(vectors: Array) -> Array:

@@ -47,9 +47,7 @@ def test_the_demo_drive():
 
 def random_segments(random, count):
     normals = random.normal(size=(count, 3))
-    return Segments(
-        normals / np.linalg.norm(normals, axis=1, keepdims=True), np.full(count, 0.2), random.uniform(0, 1, count)
-    )
+    return Segments(normals / np.linalg.norm(normals, axis=1, keepdims=True), np.full(count, 0.2))
 
 
 def test_edges_that_do_not_agree_are_refused():
