@@ -267,7 +267,7 @@ def _summary(done: int, latest: _Latest, mount: Mount, stopped: bool, evaluation
     from edgemap.runtime.calibration.level import seen_text
 
     end = "stopped" if stopped else "done"
-    travelled_m = latest.result.update.travelled_m if latest.result else 0.0
+    travelled_m = latest.result.travelled_m if latest.result else 0.0
     headline = f"{end} after {done} frames, {travelled_m:.1f} m travelled"
     seen = latest.result.observed.mount_seen if latest.result else None
     told = [seen_text(mount, seen)] if seen else []

@@ -33,7 +33,8 @@ START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person k
 class MapUpdate:
     """What one frame changed in the back end.
 
-    object_ids: one per sighting. merged: ids of the complete run that are no more, to the id that they became part of.
+    sightings: the boxes that stand on the floor, in the map. object_ids: one per sighting. merged: ids of the complete
+    run that are no more, to the id that they became part of. pose_covariance: (3, 3) of x, y, yaw: m, m, rad.
     trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
     this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of the
     frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,

@@ -47,7 +47,7 @@ def pose_answer(result: StepResult) -> dict[str, Any]:
         "sigma_m": sigma_m,
         "sigma_yaw_rad": sigma_rad,
         "covariance": result.pose_covariance.tolist(),
-        "travelled_m": result.update.travelled_m,
+        "travelled_m": result.travelled_m,
     }
 
 

@@ -99,7 +99,7 @@ class LivePage:
             self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
             x_base_m, y_base_m = placed.sighting.position_base_m
             self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
-        self.newest = Moment(result, objects, result.update.annotations, now_s)
+        self.newest = Moment(result, objects, result.annotations, now_s)
         fault = "; ".join(result.observed.faults)
         if fault != self._last_fault:
             self._last_fault = fault

@@ -46,7 +46,7 @@ class FleetSink:
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Tell what is due."""
-        stamp_s, annotations = result.frame.stamp_s, result.update.annotations
+        stamp_s, annotations = result.frame.stamp_s, result.annotations
         if not 0.0 <= stamp_s - self._map_s < MAP_EVERY_S:
             self._map_s = stamp_s
             due = not 0.0 <= stamp_s - self._sent_s < UNCHANGED_EVERY_S

@@ -62,7 +62,7 @@ class History:
         self.last_s, self._last_bound_m = result.frame.stamp_s, bound_m(result.pose_covariance)
         if self.frames == 0:
             self.start_s = self.last_s
-        self._journal, self.path_m = result.trajectory, result.update.travelled_m
+        self._journal, self.path_m = result.trajectory, result.travelled_m
         if self.frames % self._every == 0:
             self._bounds.append((self.last_s, self._last_bound_m))
             if len(self._bounds) >= 2 * MAX_POSES:

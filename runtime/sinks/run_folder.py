@@ -95,7 +95,7 @@ class RunFolder:
                 write_atomically(self.folder / "mount.jpg", cv2.imencode(".jpg", picture)[1].tobytes())
         self._frames += 1
         self._stamp_s = stamp_s = result.frame.stamp_s
-        self._objects, self._merged, self._annotations = objects, result.merged, result.update.annotations
+        self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
         self._journal = result.trajectory
         if result.correction is not None:
             self._note_correction(result.correction)

@@ -22,7 +22,7 @@ def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):
     with edgemap_api.open(camera=f"{pictures}", bundle=painted_bundle, odometry="planar") as session:
         results = list(session)
     assert [item.id for item in session.map] == ["chair-1"]
-    assert results[-1].update.trajectory is session.slam.mapper.trajectory
+    assert results[-1].trajectory is session.slam.mapper.trajectory
     session.save(tmp_path / "map.json")
     assert json.loads((tmp_path / "map.json").read_text())["objects"][0]["id"] == "chair-1"
 

@@ -39,4 +39,4 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
         )
         by_odometry = {"pose_odom_base": OFF @ pose, "odom_covariance": 2.0 * COVARIANCE}
         update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {}, **by_odometry)
-        yield StepResult(frame, observed, update)
+        yield StepResult.of(frame, observed, update)

@@ -43,7 +43,7 @@ class Steps:
         stages_ms = {"preprocess": 1.0, "backbone": 10.0}
         observed = FrameObservations(index, frame.stamp_s, detections, sightings, motion, stages_ms)
         self.index += 1
-        return StepResult(frame, observed, self.mapper.step(observed)), self.mapper.objects()
+        return StepResult.of(frame, observed, self.mapper.step(observed)), self.mapper.objects()
 
     def into(self, sink: Sink, count: int = 1) -> None:
         """Write so many steps."""

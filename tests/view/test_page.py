@@ -83,10 +83,8 @@ def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_pa
     result, objects = steps.next()
     turn = SE2(10.0, 0.0, math.pi / 2)
     result.trajectory.transform(turn)
-    update = replace(
-        result.update, relocated=turn, pose_map_base=SE2(10.0, 0.15, math.pi / 2), sightings=[], object_ids=[]
-    )
-    page.write(replace(result, update=update), objects)
+    moved = replace(result, relocated=turn, pose_map_base=SE2(10.0, 0.15, math.pi / 2), sightings=[], object_ids=[])
+    page.write(moved, objects)
     trail, _ = page.trail.since(0, 99)
     np.testing.assert_allclose(trail, [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)
     sightings, _ = page.sightings.since(0, 99)

@@ -90,7 +90,7 @@ def step(journal, index, labels=("chair",), lap_ms=2.0, x_m=0.0, travelled_m=0.0
         stages_ms={"backbone": lap_ms, "map": 1.0},
         detections=detections,
         trajectory=journal,
-        update=SimpleNamespace(travelled_m=travelled_m),
+        travelled_m=travelled_m,
     )
 
 
