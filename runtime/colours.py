@@ -67,6 +67,12 @@ def label_mark(label: str) -> Mark:
     return MARKS[USUAL.index(label) if label in USUAL else crc32(label.encode()) % len(MARKS)]
 
 
+def label_rgb(label: str) -> tuple[float, float, float]:
+    """The colour of a label's mark, each part 0..1."""
+    red, green, blue = (value / 255.0 for value in bytes.fromhex(label_colour(label)[1:]))
+    return red, green, blue
+
+
 def label_colour(label: str) -> str:
     """The colour of a label's mark as `#rrggbb`."""
     return label_mark(label).colour

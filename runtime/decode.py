@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.visibility import iou
 from edgemap.runtime.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.preprocess import Placement
@@ -52,10 +53,10 @@ class Decoder:
         return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
 
 
-def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], iou: float) -> NDArray[np.int64]:
+def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], nms_iou: float) -> NDArray[np.int64]:
     """Class-wise non-maximum suppression: indices of the boxes (N, 4) xyxy that stay, best score first."""
     corner_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1)
-    kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), scores.tolist(), classes.tolist(), 0.0, iou)
+    kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), scores.tolist(), classes.tolist(), 0.0, nms_iou)
     kept = np.asarray(kept, dtype=np.int64).reshape(-1)
     return kept[np.argsort(-scores[kept], kind="stable")]
 
@@ -63,23 +64,13 @@ def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], iou: float
 def _elected(kept: NDArray[np.int64], boxes: Array, scores: Array, classes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which of the kept rows stay, where boxes of different labels overlap by more than SAME_PLACE: those whose label
     has the larger sum of scores among all boxes (N, 4) there."""
-    votes = np.array(
-        [scores[(overlaps(boxes[row], boxes) > SAME_PLACE) & (classes == classes[row])].sum() for row in kept]
-    )
+    votes = np.array([scores[(iou(boxes[row], boxes) > SAME_PLACE) & (classes == classes[row])].sum() for row in kept])
     stays = np.ones(len(kept), dtype=bool)
     for at in np.argsort(-votes, kind="stable"):
         if stays[at]:
-            rivals = (overlaps(boxes[kept[at]], boxes[kept]) > SAME_PLACE) & (classes[kept] != classes[kept[at]])
+            rivals = (iou(boxes[kept[at]], boxes[kept]) > SAME_PLACE) & (classes[kept] != classes[kept[at]])
             stays &= ~rivals
     return stays
-
-
-def overlaps(box: Array, others: Array) -> Array:
-    """IoU of one box xyxy with each of others (N, 4), shape (N,)."""
-    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    common = np.maximum(sides, 0.0).prod(axis=1)
-    union = (box[2:] - box[:2]).prod() + (others[:, 2:] - others[:, :2]).prod(axis=1) - common
-    return common / np.maximum(union, 1e-9)
 
 
 def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:

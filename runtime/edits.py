@@ -16,7 +16,7 @@ from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Annotations, Edit, E
 from edgemap.geometry.objects.map_object import MapObject
 from edgemap.runtime.errors import DiskError
 from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.reading import HIDDEN, Coordinate, Strict, decode_json, read_text
+from edgemap.runtime.reading import HIDDEN, Coordinate, Strict, decode_json, error_line, read_text
 from edgemap.runtime.sinks.line_file import LineFile
 
 MAXIMUM_WAITING = 100
@@ -91,7 +91,7 @@ class Edits:
                 try:
                     listener(mapper.objects(), mapper.annotations())
                 except Exception as error:  # as with sinks: whoever listens, the run goes on
-                    failed.append(f"edited map: {type(error).__name__}: {' '.join(str(error).split())}")
+                    failed.append(f"edited map: {error_line(error)}")
         for future, answer in answers:  # last, so that whoever waited finds the edited map
             future.set_result(answer)
         return failed

@@ -37,6 +37,11 @@ def pip() -> str:
     return f"{python} -m pip"
 
 
+def need_mcap() -> None:
+    """Raise MissingExtraError where mcap or its ROS 2 part cannot be imported."""
+    need("record", "a recording", ("mcap", "mcap_ros2"))
+
+
 def need(extra: str, purpose: str, modules: tuple[str, ...]) -> None:
     """Raise MissingExtraError where a module of an extra cannot be imported. purpose: what asks for it."""
     missing = [name for name in modules if find_spec(name) is None]

@@ -32,10 +32,7 @@ class NoLoopClosure:
     closes_loops = False
 
     def observe(
-        self,
-        pose_map_base: SE2,  # noqa: ARG002
-        pose_covariance: Array,  # noqa: ARG002
-        observed: FrameObservations,
+        self, _pose_map_base: SE2, _covariance: Array, observed: FrameObservations
     ) -> tuple[LoopCorrection | None, list[int]]:
         """Nothing is corrected, and no landmark is known."""
         return None, [-1] * len(observed.sightings)

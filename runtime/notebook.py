@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.objects.edits import Zone
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pose_journal import PoseJournal
 
@@ -29,7 +29,6 @@ class MapObjects(list[MapObject]):
 def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) -> str:
     """The map as the report draws it, and one row per object. The drawing is a picture of its own, so that its styles
     stay out of the page."""
-    from edgemap.runtime.report.history import bound_m
     from edgemap.runtime.report.markup import el, joined
 
     poses: list[SE2] = []
@@ -42,7 +41,7 @@ def map_html(objects: list[MapObject], trajectory: PoseJournal | None = None) ->
     rows_of = [
         el("tr", [el("td", text) for text in (
             item.id, f"{item.position_m[0]:.2f} m", f"{item.position_m[1]:.2f} m",
-            f"{bound_m(item.covariance_m2):.2f} m", f"{item.count}×", f"{item.confidence:.2f}")])
+            f"{ellipse_95(item.covariance_m2)[0]:.2f} m", f"{item.count}×", f"{item.confidence:.2f}")])
         for item in objects
     ]  # fmt: skip
     return joined(

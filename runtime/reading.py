@@ -43,6 +43,12 @@ def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
     return words if len(words) <= length else words[: length - 1] + "…"
 
 
+def error_line(error: Exception) -> str:
+    """An unknown error as part of a message: its kind and its text."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
 def printable(text: object) -> str:
     """A message for a terminal, one line: line breaks, control characters and halves of characters, as file names may
     hold, as escapes (`\\n`), and without the middle of what is too long."""

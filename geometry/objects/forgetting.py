@@ -67,15 +67,7 @@ class _Visit:
 class NoForgetting:
     """For maps that keep whatever they have seen."""
 
-    def observe(
-        self,
-        floor_map: ObjectMap,  # noqa: ARG002
-        detections: Detections,  # noqa: ARG002
-        pose_map_base: SE2,  # noqa: ARG002
-        object_ids: Sequence[str],  # noqa: ARG002
-        camera: FloorCamera | None = None,  # noqa: ARG002
-        kept: Collection[str] = (),  # noqa: ARG002
-    ) -> list[str]:
+    def observe(self, *_: object) -> list[str]:
         """Nothing leaves the map."""
         return []
 

@@ -140,6 +140,14 @@ class SightingSums:
         )  # fmt: skip
 
 
+def ellipse_95(covariance_m2: Array) -> tuple[float, float, float]:
+    """Half axes of the ellipse that holds 95 % of a position, m, the longer one first, and the yaw of that, rad."""
+    (xx, xy), (_, yy) = covariance_m2[:2, :2].tolist()
+    mean, apart = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+    long_m, short_m = (math.sqrt(CHI2_95 * max(value, 0.0)) for value in (mean + apart, mean - apart))
+    return long_m, short_m, 0.5 * math.atan2(2.0 * xy, xx - yy)
+
+
 def id_order(identity: str) -> tuple[str, int]:
     """Sort key of ids such as `chair-12`: by label, then by number; a foreign id counts as a label with number 0."""
     label, _, number = identity.rpartition("-")

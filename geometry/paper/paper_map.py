@@ -62,11 +62,7 @@ class PaperMap:
         """The id itself: objects of two labels are never one."""
         return identity
 
-    def moved(
-        self,
-        correction: TrajectoryCorrection,  # noqa: ARG002
-        landmarks: LandmarkCorrection | None = None,  # noqa: ARG002
-    ) -> None:
+    def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:  # noqa: ARG002
         """Raises MapError: sightings stay where they were placed."""
         raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")
 

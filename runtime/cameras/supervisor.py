@@ -8,6 +8,7 @@ from edgemap.runtime.cameras.delivery import DeliveryCheck
 from edgemap.runtime.cameras.device import Device, Driver, Picture
 from edgemap.runtime.cameras.fault import CameraFault, CameraLostError, CameraState, FaultKind
 from edgemap.runtime.cameras.recovery import RecoveryClock, RecoveryRule
+from edgemap.runtime.reading import error_line
 
 POLL_S = 0.2  # longest wait of one poll that has no device to wait for
 RETRY_S = 0.05  # between two grabs, the first of which failed
@@ -89,7 +90,7 @@ class Supervisor:
             try:
                 device.close()
             except Exception as error:  # a device that is gone may fail to close; it is gone all the same
-                self._fault(FaultKind.FAILED, f"does not close: {_line(error)}")
+                self._fault(FaultKind.FAILED, f"does not close: {error_line(error)}")
 
     def _changed(self, present: bool) -> None:
         self._removed = not present
@@ -100,7 +101,7 @@ class Supervisor:
     def _failed(self, error: Exception, took_s: float) -> None:
         self._failures += 1
         if self._failures == 1:
-            self._fault(FaultKind.FAILED, f"stopped delivering ({_line(error)})")
+            self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
         # One that was waited for (a network stream's time limit) has had the time that retries would take.
         if self._failures > self._recovery.rule.retries or took_s >= self._recovery.stall_limit_s:
             self._give_up_device()
@@ -154,7 +155,7 @@ class Supervisor:
                 self._resets += 1
             self._device = self._driver.open()
         except Exception as error:  # as in `poll`
-            self._fault(FaultKind.CLOSED, f"does not open ({_line(error)})")
+            self._fault(FaultKind.CLOSED, f"does not open ({error_line(error)})")
             self._due_s = self._clock_s() + self._recovery.back_off_s()
             return
         self._removed = False
@@ -165,8 +166,3 @@ class Supervisor:
         if self.state is CameraState.RUNNING:
             self.state, self._away_s = CameraState.DEGRADED, self._recovery.heard_s
         self._report(CameraFault(kind, f"camera {self._driver.name}: {text}"))
-
-
-def _line(error: Exception) -> str:
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -1,4 +1,4 @@
-"""Pictures with camera-to-world poses: `image/` or the folder itself, `poses.txt` with a 4x4 per line, `K.txt`."""
+"""Pictures with camera-to-world poses in `poses.txt`: KIND `c2w`, a 4x4 a line, and KITTI odometry, a 3x4 a line."""
 
 from pathlib import Path
 
@@ -15,26 +15,40 @@ from edgemap.runtime.reading import read_text
 K_BYTES = 4096
 
 
+def read_kitti(folder: Path) -> Drive:
+    """Read a KITTI sequence. The world is the first camera's: its y points down, so up is `-y` unless said otherwise.
+
+    `times.txt`, one stamp in seconds per line, is used where present. Raises CameraError.
+    """
+    return _read("kitti", folder, ("image", "image_2", "images"), 12, "-y", ("times.txt",))
+
+
 def read_c2w(folder: Path) -> Drive:
     """Read pictures with 4x4 camera-to-world lines, optical camera axes, metres; the world is z-up unless said.
 
     `K.txt`, 3x3 in px, is used where no camera.yaml is. `stamps.txt` or `times.txt` in seconds where present.
     Raises CameraError.
     """
-    pictures_folder = first_folder(folder, ("image", "images"))
+    return _read("c2w", folder, ("image", "images"), 16, "z", ("stamps.txt", "times.txt"), "K.txt")
+
+
+def _read(
+    kind: str, folder: Path, names: tuple[str, ...], columns: int, world_up: str, times: tuple[str, ...], k: str = ""
+) -> Drive:
+    """Pictures in the first folder of these names, or in the folder itself."""
+    pictures_folder = first_folder(folder, names)
     images = list_pictures(pictures_folder)
-    k_path = folder / "K.txt"
-    lens = _read_k(k_path, images[0]) if k_path.is_file() and not (folder / "camera.yaml").is_file() else None
-    setup = read_setup(folder, world_up="z", intrinsics=lens)
+    known = k and (folder / k).is_file() and not (folder / "camera.yaml").is_file()
+    setup = read_setup(folder, world_up, _read_k(folder / k, images[0]) if known else None)
     path = folder / "poses.txt"
-    poses = read_matrices(path, 16)
+    poses = read_matrices(path, columns)
     check_count(path, len(poses), len(images), pictures_folder)
-    stamps = stamps_for(folder, ("stamps.txt", "times.txt"), len(images), pictures_folder, setup.rate_hz)
+    stamps = stamps_for(folder, times, len(images), pictures_folder, setup.rate_hz)
     recorded = poses, setup.world_up, setup.mount
-    truth, full = trajectory(path, stamps, planarise_camera(*recorded)), upright_camera(*recorded)
     return Drive(
-        "c2w", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, truth, full_poses=full,
-        attitudes=camera_attitudes(stamps, poses, setup.world_up), notes=setup.notes,
+        kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz,
+        trajectory(path, stamps, planarise_camera(*recorded)), full_poses=upright_camera(*recorded),
+        attitudes=camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None, notes=setup.notes,
     )  # fmt: skip
 
 

@@ -1,19 +1,19 @@
 """`KIND:DIR` to a `Drive`: one reader per layout."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from edgemap.runtime.drives.c2w import read_c2w
-from edgemap.runtime.drives.drive import Drive
+from edgemap.runtime.drives.c2w import read_c2w, read_kitti
+from edgemap.runtime.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.drives.euroc import read_euroc
 from edgemap.runtime.drives.imu_csv import read_imu_csv
-from edgemap.runtime.drives.kitti import read_kitti
 from edgemap.runtime.drives.locobot import read_locobot
 from edgemap.runtime.drives.own import read_own
-from edgemap.runtime.drives.truth_json import read_objects
+from edgemap.runtime.drives.truth_json import ObjectRecord, read_objects
 from edgemap.runtime.drives.tum import read_tum_drive
 from edgemap.runtime.drives.yolo import read_yolo
 from edgemap.runtime.errors import CameraError
@@ -42,8 +42,15 @@ def open_drive(spec: str) -> Drive:
         raise CameraError(f"data {spec!r} is not KIND:DIR with KIND one of {', '.join(READERS)}")
     drive = READERS[kind](user_path(folder))
     objects, imu = drive.folder / "objects.json", drive.folder / "imu.csv"
-    if not drive.objects and objects.is_file():
-        drive = replace(drive, objects=tuple(msgspec.structs.asdict(record) for record in read_objects(objects)))
+    if objects.is_file():
+        drive = replace(drive, objects=tuple(_known(record, drive.boxes) for record in read_objects(objects)))
     if drive.imu is None and imu.is_file():
         drive = replace(drive, imu=read_imu_csv(imu))
     return drive
+
+
+def _known(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
+    """With the pictures that show it counted, where the file does not say how many and the boxes do."""
+    if record.visible_frames is None and boxes:
+        record.visible_frames = sum(str(record.id) in frame.seen_ids() for frame in boxes)
+    return msgspec.structs.asdict(record)

@@ -10,21 +10,17 @@ imu.csv                    optional; stamp_s,gx,gy,gz,ax,ay,az: rad/s and m/s^2,
 depth/…                    optional; 16-bit pictures, millimetres along the optical axis
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import msgspec
 import numpy as np
 
 from edgemap.runtime.drives.camera_yaml import read_camera_yaml
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
-from edgemap.runtime.drives.imu_csv import read_imu_csv
 from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ
 from edgemap.runtime.drives.pictures import list_pictures
 from edgemap.runtime.drives.planarise import base_attitudes, planarise_base
 from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_stamps, read_tum_3d, trajectory
-from edgemap.runtime.drives.truth_json import ObjectRecord, read_boxes, read_objects
+from edgemap.runtime.drives.truth_json import read_boxes
 from edgemap.runtime.errors import CameraError
 
 VIDEO_NAME = "video.mp4"
@@ -58,8 +54,7 @@ def read_own(folder: Path) -> Drive:
     if (folder / "boxes.json").is_file():
         boxes = read_boxes(folder / "boxes.json")
         check_count(folder / "boxes.json", len(boxes), len(stamps), source)
-    records = read_objects(folder / "objects.json") if (folder / "objects.json").is_file() else ()
-    wheel, imu = folder / "wheel.csv", folder / "imu.csv"
+    wheel = folder / "wheel.csv"
     depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
     if depth:
         check_count(folder / "depth", len(depth), len(stamps), source)
@@ -73,12 +68,10 @@ def read_own(folder: Path) -> Drive:
         camera.rate_hz or _rate(stamps),
         truth,
         boxes=boxes,
-        objects=tuple(_with_visibility(record, boxes) for record in records),
         wheel=wheel if wheel.is_file() else None,
         video=video,
         depth=depth,
         attitudes=attitudes,
-        imu=read_imu_csv(imu) if imu.is_file() else None,
     )
 
 
@@ -92,10 +85,3 @@ def _pictures(folder: Path) -> tuple[tuple[Path, ...], Path | None]:
 
 def _rate(stamps: np.ndarray) -> float:
     return float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else DEFAULT_RATE_HZ
-
-
-def _with_visibility(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
-    entry = msgspec.structs.asdict(record)
-    if record.visible_frames is None and boxes:
-        entry["visible_frames"] = sum(str(record.id) in frame.seen_ids() for frame in boxes)
-    return entry

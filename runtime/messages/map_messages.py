@@ -1,18 +1,16 @@
 """The objects on the map as ROS 2 messages: for programs (Detection3DArray) and for eyes (MarkerArray)."""
 
-import math
-
 import numpy as np
 
-from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+from edgemap.geometry.objects.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.colours import label_colour
+from edgemap.runtime.colours import label_rgb
 from edgemap.runtime.mapfiles.grid import live_grid
 from edgemap.runtime.messages.build import IDS, FrameIds, header
 from edgemap.runtime.messages.definitions import Message
 
 CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
-TALLEST_M, FLAT_M, LETTER_M = 2.5, 0.01, 0.15
+TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
 
 
 def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
@@ -44,9 +42,9 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
     """
     found: list[Message] = [{"header": header(stamp_ns, ids.map), "action": DELETE_ALL}]
     for number, item in enumerate(objects):
-        red, green, blue = _colour(item.label)
+        red, green, blue = label_rgb(item.label)
         tint = {"r": red, "g": green, "b": blue}
-        length_m, width_m, yaw_rad = _ellipse(item)
+        long_m, short_m, yaw_rad = ellipse_95(item.covariance_m2)
         rotated = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw_rad / 2.0)), "w": float(np.cos(yaw_rad / 2.0))}
         common = {"header": header(stamp_ns, ids.map), "id": number}
         box = {"pose": {"position": _place(item, _height_m(item) / 2.0)}, "scale": _box(item)}
@@ -56,7 +54,7 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
         found.append(common | name | {"ns": "names", "type": TEXT, "text": item.id, "color": white})
         ellipse = {
             "pose": {"position": _place(item, FLAT_M / 2.0), "orientation": rotated},
-            "scale": {"x": length_m, "y": width_m, "z": FLAT_M},
+            "scale": {"x": max(2.0 * long_m, THIN_M), "y": max(2.0 * short_m, THIN_M), "z": FLAT_M},
         }
         found.append(common | ellipse | {"ns": "ellipses", "type": CYLINDER, "color": tint | {"a": 0.8}})
     return {"markers": found}
@@ -86,17 +84,3 @@ def _height_m(item: MapObject) -> float:
 def _box(item: MapObject) -> dict[str, float]:
     side_m = max(float(item.width_m), FLAT_M)  # its depth is not seen: as deep as wide
     return {"x": side_m, "y": side_m, "z": _height_m(item)}
-
-
-def _ellipse(item: MapObject) -> tuple[float, float, float]:
-    """Axes (whole, m) of the 95 % ellipse, longer one first, and the longer one's yaw."""
-    (xx, xy), (_, yy) = item.covariance_m2.tolist()
-    mean, apart = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
-    long_m, short_m = (2.0 * math.sqrt(CHI2_95 * max(value, 1e-8)) for value in (mean + apart, mean - apart))
-    return long_m, short_m, 0.5 * math.atan2(2.0 * xy, xx - yy)
-
-
-def _colour(label: str) -> tuple[float, float, float]:
-    """The colour of a label's mark, as on the page and in figures."""
-    red, green, blue = (value / 255.0 for value in bytes.fromhex(label_colour(label)[1:]))
-    return red, green, blue

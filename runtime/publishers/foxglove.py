@@ -3,7 +3,7 @@
 import threading
 
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.colours import label_colour
+from edgemap.runtime.colours import label_rgb
 from edgemap.runtime.errors import PublishError
 from edgemap.runtime.extras import need
 from edgemap.runtime.messages import topics
@@ -96,7 +96,7 @@ def image_annotations(stamp_ns: int, result: StepResult):  # noqa: ANN201  (a ty
     points, texts = [], []
     for index, (box, score, label) in enumerate(zip(found.boxes.tolist(), found.scores, found.labels, strict=True)):
         x0, y0, x1, y1 = box
-        red, green, blue = (value / 255.0 for value in bytes.fromhex(label_colour(label)[1:]))
+        red, green, blue = label_rgb(label)
         colour = messages.Color(r=red, g=green, b=blue, a=1.0)
         points.append(
             messages.PointsAnnotation(

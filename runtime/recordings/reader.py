@@ -8,6 +8,7 @@ from typing import Any
 from zlib import crc32
 
 from edgemap.runtime.errors import CameraError
+from edgemap.runtime.extras import need_mcap
 from edgemap.runtime.messages.cdr import decoder
 from edgemap.runtime.messages.definitions import FIELDS
 from edgemap.runtime.reading import one_line
@@ -20,7 +21,6 @@ from edgemap.runtime.recordings.chunks import (
     records,
     unpacked,
 )
-from edgemap.runtime.recordings.extra import need_mcap
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
 
 OWN_FILES = (WHEEL_FILE, TRUTH_FILE)

@@ -5,9 +5,9 @@ from typing import Any
 
 from edgemap.runtime.appending import append
 from edgemap.runtime.errors import DiskError, RecordingError
+from edgemap.runtime.extras import need_mcap
 from edgemap.runtime.messages.cdr import encoder
 from edgemap.runtime.messages.definitions import Message, definition
-from edgemap.runtime.recordings.extra import need_mcap
 
 CHUNK_BYTES = 1 << 19  # what a killed process loses at most; half a MiB is a few pictures
 

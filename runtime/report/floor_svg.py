@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+from edgemap.geometry.objects.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.colours import label_colour
 from edgemap.runtime.report.labels import place_labels
@@ -84,7 +84,7 @@ def _sheet(
     points = [np.zeros((1, 2)), *(np.array(zone.corners_m) for zone in zones)]
     points += [np.array([[pose.x_m, pose.y_m] for pose in poses]) for poses in (trajectory, true_trajectory) if poses]
     for item in objects:
-        reach = max(radius_m(item), min(_axes(item.covariance_m2)[0], LONGEST_AXIS_M))
+        reach = max(radius_m(item), min(ellipse_95(item.covariance_m2)[0], LONGEST_AXIS_M))
         points.append(item.position_m + reach * np.array([[1, 1], [-1, -1]]))
     for evaluation_row in evaluation_rows:
         points.append(
@@ -102,19 +102,11 @@ def _sheet(
     return Sheet(float(top), float(left), float(px_per_m), float(wide_m * px_per_m), float(deep_m * px_per_m))
 
 
-def _axes(covariance_m2: Points) -> tuple[float, float, float]:
-    """Half axes of the 95 % ellipse in metres, the longer first, and the longer one's angle in the drawing, degrees."""
-    values, vectors = np.linalg.eigh(covariance_m2)
-    short, long = np.sqrt(CHI2_95 * np.maximum(values, 0.0))
-    angle = math.degrees(math.atan2(-vectors[0, 1], -vectors[1, 1]))  # right is -y, down is -x
-    return float(long), float(short), angle
-
-
 def _object(sheet: Sheet, item: MapObject) -> Markup:
     x, y = sheet.at(item.position_m)
-    long, short, angle = _axes(item.covariance_m2)
+    long, short, yaw_rad = ellipse_95(item.covariance_m2)
     colour, scale = label_colour(item.label), sheet.px_per_m
-    rotated = f"translate({x:.1f} {y:.1f}) rotate({angle:.1f})"
+    rotated = f"translate({x:.1f} {y:.1f}) rotate({-90.0 - math.degrees(yaw_rad):.1f})"
     title = (
         f"{item.id}: x {item.position_m[0]:.2f} m, y {item.position_m[1]:.2f} m, seen {item.count} times, "
         f"confidence {item.confidence:.2f}"

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from edgemap.geometry.objects.map_object import CHI2_95
+from edgemap.geometry.objects.map_object import ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.slam import StepResult
@@ -59,7 +57,7 @@ class History:
 
     def add(self, result: StepResult) -> None:
         """Take in one step."""
-        self.last_s, self._last_bound_m = result.frame.stamp_s, bound_m(result.pose_covariance)
+        self.last_s, self._last_bound_m = result.frame.stamp_s, ellipse_95(result.pose_covariance)[0]
         if self.frames == 0:
             self.start_s = self.last_s
         self._journal, self.path_m = result.trajectory, result.travelled_m
@@ -93,10 +91,3 @@ class History:
         bounds = bounds if bounds[-1] == last else [*bounds, last]
         poses = self._journal.at([stamp_s for stamp_s, _ in bounds])
         return [PoseSample(stamp_s, SE2(*pose), bound) for (stamp_s, bound), pose in zip(bounds, poses, strict=True)]
-
-
-def bound_m(covariance: np.ndarray) -> float:
-    """The longer half axis of the position's 95 % ellipse."""
-    (a, b), (_, c) = covariance[0, :2], covariance[1, :2]
-    largest = (a + c) / 2.0 + np.hypot((a - c) / 2.0, b)
-    return float(np.sqrt(CHI2_95 * max(largest, 0.0)))

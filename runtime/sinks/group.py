@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.reading import error_line
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import StepResult
 
@@ -69,8 +70,7 @@ class SinkGroup:
 
 def _line(error: Exception) -> str:
     """What a fault says of it; the traceback of an unknown failure goes to the log."""
-    text = " ".join(str(error).split())
     if isinstance(error, EdgemapError):
-        return text
+        return " ".join(str(error).split())
     _log.error("a sink failed", exc_info=error)
-    return f"{type(error).__name__}: {text}"
+    return error_line(error)

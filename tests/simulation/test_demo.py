@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from edgemap.runtime import demo
-from edgemap.runtime.drives.own import read_own
+from edgemap.runtime.drives import open_drive
 
 FOLDER = Path(demo.__file__).parent
 
@@ -16,7 +16,7 @@ FOLDER = Path(demo.__file__).parent
 def drive():
     if not (FOLDER / "video.mp4").exists():
         pytest.skip("the demo has not been made: make demo")
-    return read_own(FOLDER)
+    return open_drive(f"drive:{FOLDER}")
 
 
 def test_every_picture_has_a_pose_and_boxes(drive):
