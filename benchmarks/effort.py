@@ -24,10 +24,9 @@ from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.budgeted import BudgetedCamera
 from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.compute import one_blas_thread
-from edgemap.runtime.default_bundle import default_bundle
 from edgemap.runtime.drives import open_drive
-from edgemap.runtime.slam_setup import SlamOptions, build_slam
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.session import SlamOptions, build_slam
+from edgemap.runtime.store import bundle_folder, default_bundle
 
 
 def drive_with(spec: str, bundle: Bundle, effort: Effort, wheels: bool) -> dict[str, Any]:

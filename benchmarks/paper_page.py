@@ -16,7 +16,7 @@ from edgemap.benchmarks.paper_figures import (
     TABLE_5,
     TABLE_5_COLUMNS,
 )
-from edgemap.runtime.processor import processor_name
+from edgemap.runtime.compute import processor_name
 
 NONE = "–"
 

@@ -24,8 +24,7 @@ from edgemap.evaluation.detection import ScoredPicture
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.bundle import Bundle, load_bundle
 from edgemap.runtime.cameras.open import DEMO
-from edgemap.runtime.decode import Decoder
-from edgemap.runtime.detector import Detector
+from edgemap.runtime.decode import Decoder, Detector
 from edgemap.runtime.drives import READERS, open_drive
 from edgemap.runtime.drives.labelled import LabelledPictures
 from edgemap.runtime.errors import OdometryError

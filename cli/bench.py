@@ -69,10 +69,10 @@ def command(
     from edgemap.runtime.bundle import Bundle, load_bundle
     from edgemap.runtime.cameras import Camera
     from edgemap.runtime.cameras.reading import next_frame
+    from edgemap.runtime.compute import processor_name
     from edgemap.runtime.errors import CameraError
-    from edgemap.runtime.processor import processor_name
+    from edgemap.runtime.session import build_slam
     from edgemap.runtime.slam import SemanticSlam
-    from edgemap.runtime.slam_setup import build_slam
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
@@ -129,7 +129,7 @@ def command(
     if against:
         from edgemap.benchmarks.compare import Contest, compare
         from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
-        from edgemap.runtime.detector import Detector
+        from edgemap.runtime.decode import Detector
 
         spec = files.manifest.detector
         opener = openvino_network if against == "openvino" else opencv_network

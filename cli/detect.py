@@ -62,8 +62,7 @@ def command(
     """
     from edgemap.cli.errors import OptionError
     from edgemap.geometry.observations.sighting import sightings_of
-    from edgemap.runtime.decode import Decoder
-    from edgemap.runtime.detector import Detector
+    from edgemap.runtime.decode import Decoder, Detector
     from edgemap.runtime.drives.pictures import list_pictures, read_picture
 
     if not images:

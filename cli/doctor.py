@@ -169,8 +169,7 @@ def _cameras() -> Iterator[Finding]:
 def _bundle(name: str | None, camera: str) -> Finding:
     from edgemap.cli.export import variant_line
     from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.default_bundle import default_bundle
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.store import bundle_folder, default_bundle
 
     choice = ""
     if name is None:

@@ -48,8 +48,7 @@ def command(
 
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.detection import ScoredPicture, average_precision, operating_point
-    from edgemap.runtime.decode import Decoder
-    from edgemap.runtime.detector import Detector
+    from edgemap.runtime.decode import Decoder, Detector
     from edgemap.runtime.drives.labelled import labelled_pictures
 
     at_least(1, frames=frames)

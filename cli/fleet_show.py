@@ -24,8 +24,8 @@ def command(
 ) -> None:
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
     from edgemap.cli.fleet_serve import lines
+    from edgemap.runtime.disk import write_atomically
     from edgemap.runtime.fleet.question import place_document
-    from edgemap.runtime.map_file import write_atomically
     from edgemap.runtime.reading import printable
 
     name, where = place_and_address(place, "PLACE")

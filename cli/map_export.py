@@ -45,7 +45,8 @@ def command(
     trajectory.tum, the robot's path is free floor in nav2, and a line in geojson, png and svg; what was neither driven
     over nor holds an object is unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
-    from edgemap.runtime.map_file import load_annotated_map, write_atomically
+    from edgemap.runtime.disk import write_atomically
+    from edgemap.runtime.map_file import load_annotated_map
     from edgemap.runtime.mapfiles.trajectory import trajectory_of
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):

@@ -154,7 +154,7 @@ def _draw(
     is_run = (folder / "sightings.jsonl").is_file()
     trajectory = _trajectory(folder) if is_run else None
     if find_spec("matplotlib") is None and (out is None or out.suffix.lower() == ".svg"):
-        from edgemap.runtime.map_file import write_atomically
+        from edgemap.runtime.disk import write_atomically
         from edgemap.runtime.notebook import map_svg
 
         drawing = out or stem.with_suffix(".svg")

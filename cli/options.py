@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from edgemap.runtime.cameras.recovery import RecoveryRule
     from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.compute import Pace
-    from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.engine_choice import EngineChoice
-    from edgemap.runtime.precision import Precision
+    from edgemap.runtime.network import Decisions, Precision
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 MAXIMUM_THREADS = 64
@@ -200,9 +199,8 @@ def find_bundle(
     if threads is not None and threads > MAXIMUM_THREADS:
         raise OptionError(f"--threads {threads}: at most {MAXIMUM_THREADS}")
     from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.default_bundle import default_bundle
     from edgemap.runtime.reading import print_message
-    from edgemap.runtime.store import bundle_folder, passed_over
+    from edgemap.runtime.store import bundle_folder, default_bundle, passed_over
 
     if name is None:
         name, reason = default_bundle(*specs)

@@ -22,7 +22,7 @@ from edgemap.cli.ros2 import DepthTopicName
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.decisions import Decisions
+    from edgemap.runtime.network import Decisions
     from edgemap.runtime.sinks.recording import RecordingSink
     from edgemap.runtime.trajectory import Trajectory
 

@@ -152,16 +152,16 @@ def command(
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.config import Config, config_document, load_config
-    from edgemap.runtime.decisions import Decisions
     from edgemap.runtime.edits import Edits, load_edits, read_edits
     from edgemap.runtime.errors import RunFolderError
     from edgemap.runtime.loop import run, stop_on_signals
+    from edgemap.runtime.network import Decisions
     from edgemap.runtime.report.crops import BestCrops
     from edgemap.runtime.report.sink import ReportFile
     from edgemap.runtime.service import ServiceNotifier
+    from edgemap.runtime.session import SlamOptions, build_slam
     from edgemap.runtime.sinks.progress import Progress
     from edgemap.runtime.sinks.run_folder import RunFolder
-    from edgemap.runtime.slam_setup import SlamOptions, build_slam
 
     at_least(1, frames=frames)
     check_name(recording)

@@ -11,11 +11,11 @@ from edgemap.evaluation.detection import ScoredPicture, average_precision
 from edgemap.export.calibration import Calibration
 from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
 from edgemap.runtime.bundle import Bundle
+from edgemap.runtime.compute import processor_name
 from edgemap.runtime.decode import Decoder
 from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.precision import time_ratio
+from edgemap.runtime.engine_choice import time_ratio
 from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.processor import processor_name
 
 TIMED = 30  # runs of each
 

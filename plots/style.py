@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.colours import SHAPES, label_colour, label_mark
+from edgemap.runtime.disk import write_atomically
 from edgemap.runtime.errors import DiskError
-from edgemap.runtime.map_file import write_atomically
 from edgemap.runtime.report.labels import TEXT_PX, place_labels
 
 mpl.use("Agg")

@@ -10,9 +10,17 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from edgemap.runtime.compute import Pace, one_blas_thread, settle
-from edgemap.runtime.cut_backbone import with_padding
-from edgemap.runtime.engine_choice import FEATURES, PICTURE, EngineChoice, agrees, stored_engine
+from edgemap.runtime.compute import Pace, multiplies_int8, one_blas_thread, settle
+from edgemap.runtime.engine_choice import (
+    FEATURES,
+    PICTURE,
+    WORTH_IT,
+    EngineChoice,
+    agrees,
+    report_allows_int8,
+    stored_engine,
+    time_ratio,
+)
 from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError, MissingExtraError, OdometryError
 from edgemap.runtime.manifest import (
@@ -25,11 +33,9 @@ from edgemap.runtime.manifest import (
     read_manifest,
     verified_file,
 )
-from edgemap.runtime.network import Compute, Engine, Network, Shapes
+from edgemap.runtime.network import Compute, Engine, Network, Numbers, Precision, Shapes, with_padding
 from edgemap.runtime.onnx_file import MODEL_BYTES, onnx_facts
-from edgemap.runtime.precision import WORTH_IT, Numbers, Precision, report_allows_int8, time_ratio
 from edgemap.runtime.preprocess import Preprocessor, rows_of
-from edgemap.runtime.processor import multiplies_int8
 from edgemap.runtime.reading import one_line
 
 

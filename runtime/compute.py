@@ -1,11 +1,13 @@
-"""Threads and spinning of a network, settled by measurement: a robot's other programs need the cores as well.
+"""What this machine computes with, and how many threads: settled by measurement, as other programs need the cores too.
 
 Threads change no result: onnxruntime's outputs are the same to the bit (a test holds that).
 """
 
 import os
+import platform
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Literal
 
 from edgemap.runtime.network import Compute, Engine, Network
@@ -17,6 +19,7 @@ Pace = Literal["camera", "files"]  # a frame now and then, or as fast as they ar
 ONE_THREAD_MS = 15.0
 WORTH_IT: dict[Pace, float] = {"camera": 0.8, "files": 0.92}  # time on all threads over that on one, at most
 WARM_UP, ROUNDS = 2, 4
+CPUINFO = Path("/proc/cpuinfo")
 
 
 def settle(
@@ -67,3 +70,33 @@ def one_blas_thread() -> None:
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1, "blas")
+
+
+def multiplies_int8(cpuinfo: Path = CPUINFO) -> bool:
+    """Whether products of 8-bit numbers are added up exactly: on x86 with VNNI only, elsewhere always.
+
+    Without it pairs of products are added in 16 bits, which overflow.
+    """
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return True
+    return bool({"avx512_vnni", "avx_vnni"} & _flags(cpuinfo))
+
+
+def computes_bf16(cpuinfo: Path = CPUINFO) -> bool:
+    """Whether an x86 processor multiplies numbers of 16 bits with float32's exponent."""
+    return bool({"avx512_bf16", "amx_bf16"} & _flags(cpuinfo))
+
+
+def _flags(cpuinfo: Path) -> set[str]:
+    if not cpuinfo.is_file():
+        return set()
+    return set(next((line for line in cpuinfo.read_text().splitlines() if line.startswith("flags")), "").split())
+
+
+def processor_name() -> str:
+    """The processor's name as the system reports it, else its architecture."""
+    if CPUINFO.is_file():
+        for line in CPUINFO.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()

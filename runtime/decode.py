@@ -1,4 +1,4 @@
-"""Raw heads become boxes: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
+"""Boxes in pictures: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
 
 import math
 
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.visibility import iou
+from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.manifest import DetectorSpec, HeadSpec
 from edgemap.runtime.network import Tensors
-from edgemap.runtime.preprocess import Placement
+from edgemap.runtime.preprocess import Placement, Preprocessor
 
 NMS_IOU = 0.45
 SAME_PLACE = 0.8  # IoU of boxes that are one object under two names
@@ -138,3 +139,22 @@ def _sigmoid(x: Array) -> Array:
 def _logit(probability: float) -> float:
     p = min(max(probability, 1e-9), 1.0 - 1e-9)
     return math.log(p / (1.0 - p))
+
+
+class Detector:
+    """A bundle's detector without odometry or map, for pictures of any size, or of the one that it was fitted to."""
+
+    def __init__(self, bundle: Bundle, decode: Decoder | None = None) -> None:
+        self._backbone = bundle.backbone
+        self._input_name = bundle.manifest.detector.input.name
+        self._preprocess = Preprocessor(bundle.detector.input)
+        self._decode = decode or Decoder(bundle.detector)
+
+    def __call__(self, image: NDArray[np.uint8]) -> Detections:
+        """Detections in a BGR uint8 picture (H, W, 3), best first."""
+        return self._decode(*self.raw(image))
+
+    def raw(self, image: NDArray[np.uint8]) -> tuple[Tensors, Placement]:
+        """The backbone's outputs, for any decoder."""
+        tensor, placement = self._preprocess(image)
+        return self._backbone.run({self._input_name: tensor}), placement

@@ -14,10 +14,10 @@ from msgspec import Meta
 
 from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Annotations, Edit, EditError, EditKind
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.disk import LineFile
 from edgemap.runtime.errors import DiskError
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.reading import HIDDEN, Coordinate, Strict, decode_json, error_line, read_text
-from edgemap.runtime.sinks.line_file import LineFile
 
 MAXIMUM_WAITING = 100
 FILE_BYTES = 16 << 20

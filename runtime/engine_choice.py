@@ -1,15 +1,18 @@
-"""Which engine runs a backbone fastest on this processor: tried once for each bundle, remembered in the cache."""
+"""Which engine, and which numbers, run a backbone fastest on this processor: by the bundle's report and by trial."""
 
 import json
+import time
 from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Literal, cast, get_args
 
-from edgemap.runtime.compute import minimum_ms
+import numpy as np
+
+from edgemap.runtime.compute import computes_bf16, minimum_ms, processor_name
 from edgemap.runtime.errors import BundleError
+from edgemap.runtime.manifest import Manifest
 from edgemap.runtime.network import Engine, Network
-from edgemap.runtime.processor import computes_bf16, processor_name
 from edgemap.runtime.store import cache_folder
 
 EngineChoice = Engine | Literal["auto"]
@@ -18,6 +21,10 @@ FASTER = 0.9  # time of another engine over that of onnxruntime, at most, to be 
 INT8_TOLERANCE = 0.1  # YOLOv3-tiny's is 0.04, at the same AP50
 PICTURE, FEATURES = 255.0, 0.3  # largest random input of a backbone, and of an odometry head, whose motions are small
 TOLERANCE: dict[Engine, float] = {"onnxruntime": 0.0, "openvino": 1e-3, "openvino-bf16": 0.15}  # of `Network.error`
+MAXIMUM_LOSS = 0.01  # of AP50
+WORTH_IT = 0.9  # time of int8 over that of float32, at most
+ROUNDS, WARM_UP = 9, 2  # of both, in turn
+REST_S = 0.02  # before each run, so that the other network's spinning threads do not slow it
 
 
 def stored_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
@@ -78,3 +85,29 @@ def _versions() -> str:
         except PackageNotFoundError:
             continue
     return ", ".join(found)
+
+
+def report_allows_int8(manifest: Manifest) -> bool:
+    """Whether the bundle has an int8 variant whose measured loss of AP50 is small; one not measured is not trusted."""
+    variant = manifest.variants.get("int8")
+    ap50 = variant.measured.get("ap50") if variant else None
+    return ap50 is not None and round(ap50["float32"] - ap50["int8"], 6) <= MAXIMUM_LOSS
+
+
+def time_ratio(
+    one: Callable[[], object],
+    other: Callable[[], object],
+    clock: Callable[[], float] = time.perf_counter,
+    rest_s: float = REST_S,
+    rounds: int = ROUNDS,
+) -> float:
+    """Median time of `one` over that of `other`, run in turn on this processor."""
+    repeats: list[list[float]] = [[], []]
+    for order in range(WARM_UP + rounds):
+        for call, times in zip((one, other), repeats, strict=True):
+            time.sleep(rest_s)
+            before = clock()
+            call()
+            if order >= WARM_UP:
+                times.append(clock() - before)
+    return float(np.median(repeats[0]) / np.median(repeats[1]))

@@ -1,9 +1,6 @@
 """`map.json`: the map on disk, written atomically and read with every value checked."""
 
-import errno
 import json
-import os
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +18,7 @@ from edgemap.geometry.objects.edits import (
     Zone,
 )
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.errors import DiskError
+from edgemap.runtime.disk import write_atomically
 from edgemap.runtime.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
 
 FORMAT = "edgemap.map/1"
@@ -73,57 +70,6 @@ def zone_record(zone: Zone) -> dict:
         "name": zone.name,
         "corners_m": [[round(float(x), 4), round(float(y), 4)] for x, y in zone.corners_m],
     }
-
-
-def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes]]) -> None:
-    """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
-
-    text: or what gives it block by block, each time that it is called. Where the file system can, the new file has no
-    name until it is complete: a process that is killed leaves none behind. Raises DiskError where the folder does not
-    take it.
-    """
-    whole = text.encode() if isinstance(text, str) else text
-
-    def blocks() -> Iterable[bytes]:
-        return whole() if callable(whole) else (whole,)
-
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), blocks())
-            try:
-                temporary.unlink(missing_ok=True)
-                # src_dir_fd, unused with an absolute path, is what makes Python follow the link (AT_SYMLINK_FOLLOW).
-                os.link(f"/proc/self/fd/{handle}", temporary, src_dir_fd=handle, follow_symlinks=True)
-            finally:
-                os.close(handle)
-        except (AttributeError, IsADirectoryError, OSError) as error:
-            if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
-                raise
-            temporary.unlink(missing_ok=True)
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-            os.close(_write(os.open(temporary, flags, 0o644), blocks()))
-        try:
-            temporary.replace(path)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _write(handle: int, blocks: Iterable[bytes]) -> int:
-    """Write all of them and wait for the disk; the handle stays open, but where that fails."""
-    try:
-        for block in blocks:
-            left = memoryview(block)
-            while left:
-                left = left[os.write(handle, left) :]
-        os.fsync(handle)
-    except BaseException:
-        os.close(handle)
-        raise
-    return handle
 
 
 def map_text(objects: list[MapObject], annotations: Annotations = NO_ANNOTATIONS) -> str:

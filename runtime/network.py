@@ -1,9 +1,9 @@
-"""One network of a bundle, whichever engine runs it."""
+"""One network of a bundle, whichever engine runs it, and what was decided of that."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 Tensors = dict[str, NDArray[np.float32]]
 Shapes = dict[str, tuple[int, ...]]
-
-
 Engine = Literal["onnxruntime", "openvino", "openvino-bf16"]
+Numbers = Literal["float32", "int8"]
+Precision = Numbers | Literal["auto"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,3 +53,34 @@ class Network:
         tensors = {name: random.uniform(0, largest, shape).astype(np.float32) for name, shape in self.inputs.items()}
         expected, found = reference.run(tensors), self.run(tensors)
         return max(float(np.sqrt(np.mean((found[k] - v) ** 2)) / (v.std() + 1e-6)) for k, v in expected.items())
+
+
+@dataclass(frozen=True, slots=True)
+class Decisions:
+    """What trials decided for a run: an input of the step, recorded with it and taken from there at replay. engine,
+    precision: of the backbone."""
+
+    engine: Engine = "onnxruntime"
+    precision: Numbers = "float32"
+
+
+def with_padding(cut: Network, padding: Tensors, above: float = 0.0) -> Network:
+    """The cut network whose outputs named in `padding`, features (1, C, H, W) of all rows, are filled up with those.
+
+    above: share of all rows that is left out above.
+    So an odometry head reads what it was trained on. Two pictures' features exist at a time: those of the frame before
+    the last one are written over.
+    """
+    names = list(cut.outputs)
+    places = [(names.index(name), [whole.copy(), whole.copy()]) for name, whole in padding.items()]
+
+    def infer(tensors: Tensors) -> Sequence[NDArray[np.float32]]:
+        outputs = list(cut.infer(tensors))
+        for at, buffers in places:
+            buffers.reverse()
+            first = round(above * buffers[0].shape[2])
+            buffers[0][:, :, first : first + outputs[at].shape[2]] = outputs[at]
+            outputs[at] = buffers[0]
+        return outputs
+
+    return replace(cut, outputs=cut.outputs | {name: whole.shape for name, whole in padding.items()}, infer=infer)

@@ -1,13 +1,16 @@
-"""OpenCV and FFmpeg kept off the terminal: what fails is said in our own line."""
+"""Libraries that read files which anybody may have made: kept off the terminal, and within bounded memory."""
 
 import os
+import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import cv2
 
 LOG_SILENT = 0  # OpenCV's LOG_LEVEL_SILENT
+STATM = Path("/proc/self/statm")  # its first number: pages of address space
 
 
 @contextmanager
@@ -21,3 +24,20 @@ def quietly() -> Iterator[None]:
         yield
     finally:
         logging.setLogLevel(level)
+
+
+@contextmanager
+def bounded_memory(more_bytes: int) -> Iterator[None]:
+    """Let the process take at most so much address space beyond what it has; allocations over that fail as on a machine
+    without memory. Holds for all threads; for one user at a time. No bound where the system reports no size."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        limit = int(STATM.read_text().split(maxsplit=1)[0]) * resource.getpagesize() + more_bytes
+    except OSError:
+        limit = soft
+    known = [value for value in (soft, hard, limit) if value != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(known, default=resource.RLIM_INFINITY), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

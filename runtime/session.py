@@ -1,25 +1,28 @@
-"""A camera, its front end and its back end as one object to iterate over: what `edgemap.open` gives."""
+"""Front end and back end for a camera, by one builder, and all three as one object to iterate over."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.bundle import load_bundle
+from edgemap.runtime.attitude.open import open_attitude
+from edgemap.runtime.bundle import Bundle, load_bundle
 from edgemap.runtime.cameras import Camera, open_camera
 from edgemap.runtime.config import Config, load_config
-from edgemap.runtime.default_bundle import default_bundle
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.loop import steps
 from edgemap.runtime.map_file import save_map
+from edgemap.runtime.mapper import new_mapper
 from edgemap.runtime.notebook import MapObjects
+from edgemap.runtime.odometry import open_odometry
+from edgemap.runtime.pipeline import Pipeline
 from edgemap.runtime.sinks.protocol import Sink
 from edgemap.runtime.slam import SemanticSlam, StepResult
-from edgemap.runtime.slam_setup import SlamOptions, build_slam
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.store import bundle_folder, default_bundle
 
 
 class Session:
@@ -100,3 +103,46 @@ def open_session(
     except BaseException:
         source.close()
         raise
+
+
+@dataclass(frozen=True, slots=True)
+class SlamOptions:
+    """What a run chooses, beside what is tuned. The defaults are those of `edgemap run`.
+
+    odometry: a SPEC. wheels, imu: whether those that the source brings are used. clustering: default or paper. forgets:
+    whether objects that are gone leave the map. mapped, confidence: the bundle's own where None.
+    """
+
+    odometry: str = "hybrid"
+    wheels: bool = True
+    imu: bool = True
+    clustering: str = "default"
+    loop_closure: bool = True
+    forgets: bool = False
+    allow_untrained: bool = False
+    mapped: Collection[str] | None = None
+    confidence: float | None = None
+
+
+def build_slam(
+    camera: Camera, bundle: Bundle, floor: FloorCamera, options: SlamOptions | None = None, config: Config | None = None
+) -> SemanticSlam:
+    """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
+    options, config = options or SlamOptions(), config or Config()
+    odometry = open_odometry(
+        options.odometry, bundle, camera, floor, options.allow_untrained, options.wheels, config.odometry
+    )
+    pipeline = Pipeline(
+        bundle,
+        floor,
+        odometry,
+        rule=replace(config.floor, mapped=options.mapped),
+        attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude),
+        confidence=options.confidence,
+        health=config.health,
+        rest=config.rest,
+        height=config.height,
+    )
+    forgets = floor if options.forgets else None
+    mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)
+    return SemanticSlam(pipeline, mapper)

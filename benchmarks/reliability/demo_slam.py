@@ -15,8 +15,8 @@ from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.network import Tensors
+from edgemap.runtime.session import SlamOptions, build_slam
 from edgemap.runtime.slam import SemanticSlam
-from edgemap.runtime.slam_setup import SlamOptions, build_slam
 from edgemap.runtime.store import bundle_folder
 
 

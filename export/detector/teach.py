@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.decode import Decoder
-from edgemap.runtime.detector import Detector
+from edgemap.runtime.decode import Decoder, Detector
 from edgemap.runtime.drives.drive import LabelledBoxes
 from edgemap.runtime.drives.pictures import list_pictures, read_picture
 from edgemap.runtime.drives.yolo import DOUBT_SCORE, predicted_boxes

@@ -7,8 +7,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.track import AttitudeTrack
 from edgemap.runtime.cameras.fault import CameraState
-from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.network import Decisions
 from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 

@@ -15,8 +15,7 @@ from edgemap.runtime.drives.depth import readable_depth
 from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.memory import bounded_memory
-from edgemap.runtime.quiet import quietly
+from edgemap.runtime.quiet import bounded_memory, quietly
 
 # A header's frame count is an estimate in some containers; a file that lacks more than this was cut off.
 MISSING_FRAMES, MISSING_SHARE = 3, 0.05

@@ -14,6 +14,7 @@ import msgspec
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.place import Alignments, MergedRobot, PlaceMap, RobotMap, merge_place
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.disk import write_atomically
 from edgemap.runtime.errors import DiskError
 from edgemap.runtime.fleet.network import (
     MESSAGE_BYTES,
@@ -26,7 +27,7 @@ from edgemap.runtime.fleet.network import (
     rounded,
     unpacked_map,
 )
-from edgemap.runtime.map_file import load_annotated_map, map_document, read_map, save_map, write_atomically
+from edgemap.runtime.map_file import load_annotated_map, map_document, read_map, save_map
 from edgemap.runtime.reading import Coordinate, decode_json
 
 MAXIMUM_ROBOTS, MAXIMUM_OBJECTS = 100, 1000  # of a place, and of one robot's map

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from edgemap.runtime.map_file import write_atomically
+from edgemap.runtime.disk import write_atomically
 from edgemap.runtime.mapfiles.grid import FREE, OCCUPIED, UNKNOWN, Grid
 
 # What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.

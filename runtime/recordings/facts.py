@@ -16,9 +16,9 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.drives.camera_yaml import LensRecord
 from edgemap.runtime.errors import CameraError, OdometryError
+from edgemap.runtime.network import Decisions
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import Coordinate, Stamp, Strict, decode_json, one_line
 from edgemap.runtime.trajectory import Trajectory

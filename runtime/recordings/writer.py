@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from edgemap.runtime.appending import append
+from edgemap.runtime.disk import append
 from edgemap.runtime.errors import DiskError, RecordingError
 from edgemap.runtime.extras import need_mcap
 from edgemap.runtime.messages.cdr import encoder

@@ -9,7 +9,8 @@ import cv2
 from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.map_file import load_annotated_map, write_atomically
+from edgemap.runtime.disk import write_atomically
+from edgemap.runtime.map_file import load_annotated_map
 from edgemap.runtime.report.crops import BestCrops
 from edgemap.runtime.report.history import History
 from edgemap.runtime.report.page import Findings, report_page

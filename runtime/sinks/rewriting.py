@@ -10,8 +10,8 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.geometry.slam.keyframes import composed
+from edgemap.runtime.disk import write_atomically
 from edgemap.runtime.errors import DiskError
-from edgemap.runtime.map_file import write_atomically
 from edgemap.runtime.pose_journal import PoseJournal
 from edgemap.runtime.trajectory import tum_line
 

@@ -17,12 +17,12 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.disk import LineFile, write_atomically
 from edgemap.runtime.errors import DiskError, RunFolderError
 from edgemap.runtime.loop_closing import LoopCorrection
-from edgemap.runtime.map_file import save_map, write_atomically
+from edgemap.runtime.map_file import save_map
 from edgemap.runtime.overlay import draw_floor_grid
 from edgemap.runtime.pose_journal import PoseJournal
-from edgemap.runtime.sinks.line_file import LineFile
 from edgemap.runtime.sinks.rewriting import rewrite
 from edgemap.runtime.slam import StepResult
 from edgemap.runtime.timing import percentiles

@@ -23,7 +23,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.detector import Detector
+from edgemap.runtime.decode import Detector
 from edgemap.simulation.apartment import furniture, textures
 from edgemap.simulation.apartment.furniture import Model
 from edgemap.simulation.render.light import BakeSettings, bake

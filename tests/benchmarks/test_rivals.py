@@ -6,8 +6,7 @@ import pytest
 from edgemap.benchmarks.rivals import picture_to_boxes
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.decode import Decoder
-from edgemap.runtime.detector import Detector
+from edgemap.runtime.decode import Decoder, Detector
 from edgemap.runtime.store import bundle_folder
 
 

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cut_backbone import with_padding
-from edgemap.runtime.decode import Decoder
-from edgemap.runtime.detector import Detector
+from edgemap.runtime.decode import Decoder, Detector
 from edgemap.runtime.manifest import InputSpec
-from edgemap.runtime.network import Network
+from edgemap.runtime.network import Network, with_padding
 from edgemap.runtime.preprocess import EDGE_PX, Preprocessor, place, rows_of
 from edgemap.runtime.store import bundle_folder
 

@@ -7,10 +7,9 @@ import pytest
 from support.recordings import noise, record
 
 from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.default_bundle import LENS, RENDERED, default_bundle
 from edgemap.runtime.manifest import read_manifest
 from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.store import bundle_folder, passed_over
+from edgemap.runtime.store import LENS, RENDERED, bundle_folder, default_bundle, passed_over
 
 
 @pytest.mark.parametrize("spec", ["demo", "sim:8000", "drive:home"])

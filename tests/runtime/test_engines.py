@@ -11,14 +11,13 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime import engine_choice
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.decisions import Decisions
+from edgemap.runtime.compute import computes_bf16
 from edgemap.runtime.engine_choice import best_engine, stored_engine
 from edgemap.runtime.engines import open_network
 from edgemap.runtime.errors import BundleError
-from edgemap.runtime.network import Compute, Network
+from edgemap.runtime.network import Compute, Decisions, Network
 from edgemap.runtime.odometry.learned import LearnedOdometry
 from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.processor import computes_bf16
 from edgemap.runtime.store import bundle_folder
 
 NANO = bundle_folder("edgemap-nano")

@@ -24,7 +24,7 @@ from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.height_check import HeightCheck
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.slam_setup import SlamOptions, build_slam
+from edgemap.runtime.session import SlamOptions, build_slam
 from edgemap.runtime.store import bundle_folder
 
 LENS = Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)

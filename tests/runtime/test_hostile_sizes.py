@@ -16,7 +16,6 @@ from support.recordings import FACTS, noise, record
 
 from edgemap.runtime import onnx_file
 from edgemap.runtime.cameras.recording import RecordingCamera
-from edgemap.runtime.default_bundle import LENS, default_bundle
 from edgemap.runtime.drives.pictures import list_pictures
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.messages.definitions import definition
@@ -25,6 +24,7 @@ from edgemap.runtime.recordings import chunks, foreign
 from edgemap.runtime.recordings.facts import Facts
 from edgemap.runtime.recordings.pictures import raw_picture
 from edgemap.runtime.recordings.reader import McapReading
+from edgemap.runtime.store import LENS, default_bundle
 
 IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
@@ -292,7 +292,7 @@ def test_a_huge_picture_in_the_middle_of_a_video_costs_bounded_memory(tmp_path):
 
 BOUND = """
 import resource
-from edgemap.runtime.memory import bounded_memory
+from edgemap.runtime.quiet import bounded_memory
 
 before = resource.getrlimit(resource.RLIMIT_AS)
 try:

@@ -13,12 +13,12 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.disk import LineFile, write_atomically
 from edgemap.runtime.errors import DiskError, RunFolderError
-from edgemap.runtime.map_file import load_map, write_atomically
+from edgemap.runtime.map_file import load_map
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.protocol import Motion
 from edgemap.runtime.sinks.group import SinkGroup
-from edgemap.runtime.sinks.line_file import LineFile
 from edgemap.runtime.sinks.run_folder import RunFolder
 
 FLOOR = FloorCamera(Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5), Mount.from_degrees(0.6, 11.5))
@@ -159,7 +159,7 @@ def test_an_atomic_write_leaves_nothing_behind(small_disk):
 
 
 def test_lines_are_dropped_from_the_oldest_on(tmp_path, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.sinks.line_file.MAX_WAITING", 3)
+    monkeypatch.setattr("edgemap.runtime.disk.MAX_WAITING", 3)
     lines = LineFile(tmp_path / "gone" / "lines")
     for i in range(5):
         lines.append(f"{i}\n")

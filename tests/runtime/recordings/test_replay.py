@@ -20,10 +20,10 @@ from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
-from edgemap.runtime.decisions import Decisions
 from edgemap.runtime.errors import CameraError, RecordingError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import to_ns, to_s
+from edgemap.runtime.network import Decisions
 from edgemap.runtime.recordings import recorder as recorder_module
 from edgemap.runtime.recordings.depth import encoded_depth
 from edgemap.runtime.recordings.facts import Facts, facts_record, read_facts
