@@ -11,8 +11,7 @@ import numpy as np
 
 from edgemap.benchmarks.bench import OpenDrive, measure
 from edgemap.runtime.cameras.around import CameraAround
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.cameras.reading import next_frame
+from edgemap.runtime.cameras.protocol import Camera, next_frame
 from edgemap.runtime.drives.pictures import decode_picture
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame

@@ -11,8 +11,7 @@ from typing import Any
 
 import psutil
 
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.cameras.reading import next_frame
+from edgemap.runtime.cameras.protocol import Camera, next_frame
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.slam import SemanticSlam

@@ -21,7 +21,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.budget import LADDER, Effort
 from edgemap.runtime.bundle import Bundle, load_bundle
 from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.budgeted import BudgetedCamera
+from edgemap.runtime.cameras.around import BudgetedCamera
 from edgemap.runtime.cameras.open import DEMO
 from edgemap.runtime.compute import one_blas_thread
 from edgemap.runtime.drives import open_drive

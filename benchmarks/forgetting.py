@@ -96,7 +96,7 @@ def _map_of(
 ) -> tuple[list[MapObject], dict[str, int], dict[str, int]]:
     """The map after a drive with true poses; clear looks until each object left, and of each object."""
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.cameras.drive_camera import drive_camera
+    from edgemap.runtime.cameras.pictures import drive_camera
     from edgemap.runtime.drives import open_drive
     from edgemap.runtime.mapper import Mapper
     from edgemap.runtime.odometry import open_odometry

@@ -17,7 +17,7 @@ from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.runtime.attitude.open import open_attitude
 from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.cameras.pictures import drive_camera
 from edgemap.runtime.config import Config
 from edgemap.runtime.drives import Drive
 from edgemap.runtime.errors import CameraError

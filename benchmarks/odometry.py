@@ -22,7 +22,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.open import open_attitude
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.cameras.pictures import drive_camera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.config import Config
 from edgemap.runtime.drives import READERS, open_drive

@@ -6,8 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.cameras.reading import next_frame
+from edgemap.runtime.cameras.protocol import Camera, next_frame
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 

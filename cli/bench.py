@@ -68,7 +68,7 @@ def command(
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.bundle import Bundle, load_bundle
     from edgemap.runtime.cameras import Camera
-    from edgemap.runtime.cameras.reading import next_frame
+    from edgemap.runtime.cameras.protocol import next_frame
     from edgemap.runtime.compute import processor_name
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.session import build_slam

@@ -9,7 +9,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
-    from edgemap.runtime.cameras.budgeted import BudgetedCamera
+    from edgemap.runtime.cameras.around import BudgetedCamera
     from edgemap.runtime.cameras.protocol import Camera
 
 CpuShare = Annotated[
@@ -43,7 +43,7 @@ def read_share(text: str | None) -> float | None:
 def budgeted(camera: Camera, share: float | None, temperature: float | None, config: Path | None) -> BudgetedCamera:
     """The camera under a budget, or under what a run.json says that one decided. Raises OptionError, ConfigError."""
     from edgemap.runtime.budget import Budget, hottest_c
-    from edgemap.runtime.cameras.budgeted import BudgetedCamera
+    from edgemap.runtime.cameras.around import BudgetedCamera
     from edgemap.runtime.config import load_efforts
 
     if temperature is not None and hottest_c() is None:

@@ -212,7 +212,7 @@ def _camera(
     from edgemap.cli.options import lens_and_mount, open_described
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.fault import CameraFault
-    from edgemap.runtime.cameras.reading import next_frame
+    from edgemap.runtime.cameras.protocol import next_frame
 
     faults: list[CameraFault] = []
     try:

@@ -47,8 +47,7 @@ class OpenPage(NoPage):
 
     def camera(self, source: Camera, stop: Event) -> Camera:
         """The camera that the run reads from."""
-        from edgemap.runtime.cameras.budgeted import BudgetedCamera
-        from edgemap.runtime.cameras.paced import PacedCamera
+        from edgemap.runtime.cameras.around import BudgetedCamera, PacedCamera
         from edgemap.view.pause import PausableCamera
 
         if isinstance(source, BudgetedCamera):

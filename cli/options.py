@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.bundle import Bundle
-    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.cameras.protocol import Camera, SensorTopics
     from edgemap.runtime.cameras.recovery import RecoveryRule
-    from edgemap.runtime.cameras.sensor_topics import SensorTopics
     from edgemap.runtime.compute import Pace
     from edgemap.runtime.engine_choice import EngineChoice
     from edgemap.runtime.network import Decisions, Precision

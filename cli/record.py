@@ -55,8 +55,7 @@ def command(
     RealSense recording or another MCAP file as --camera is converted.
     """
     from edgemap.geometry.errors import EdgemapError
-    from edgemap.runtime.cameras.reading import next_frame
-    from edgemap.runtime.cameras.sensor_topics import SensorTopics
+    from edgemap.runtime.cameras.protocol import SensorTopics, next_frame
     from edgemap.runtime.errors import RecordingError
     from edgemap.runtime.loop import stop_on_signals
     from edgemap.runtime.reading import print_message

@@ -150,7 +150,7 @@ def command(
     from edgemap.cli.truth import judge_of
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.runtime.cameras.sensor_topics import SensorTopics
+    from edgemap.runtime.cameras.protocol import SensorTopics
     from edgemap.runtime.config import Config, config_document, load_config
     from edgemap.runtime.edits import Edits, load_edits, read_edits
     from edgemap.runtime.errors import RunFolderError

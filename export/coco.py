@@ -1,6 +1,6 @@
 """COCO's 80 classes as a bundle lists them: which of them can stand on a map of the floor."""
 
-from edgemap.runtime.drives.coco import COCO_NAMES
+from edgemap.runtime.drives.yolo import COCO_NAMES
 from edgemap.runtime.manifest import ClassEntry
 
 # They walk away.

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.imu_csv import write_imu_csv
+from edgemap.runtime.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.errors import CameraError
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import ImuErrors, measured

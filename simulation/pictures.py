@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.drives.coco import COCO_NAMES
-from edgemap.runtime.drives.yolo import write_yolo_labels
+from edgemap.runtime.drives.yolo import COCO_NAMES, write_yolo_labels
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.drives.imu_csv import write_imu_csv
 from edgemap.runtime.drives.locobot import write_locobot
 from edgemap.runtime.drives.pictures import read_picture
+from edgemap.runtime.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.drives.write import write_drive
 from edgemap.runtime.trajectory import Trajectory
 from edgemap.simulation.apartment.credits import credits_text

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.cameras.device import Device, Driver, Picture
+from edgemap.runtime.cameras.protocol import Device, Driver, Picture
 from edgemap.runtime.cameras.realsense import RealSenseDevice, RealSenseDriver
 from edgemap.runtime.cameras.webcam import CaptureDevice
 

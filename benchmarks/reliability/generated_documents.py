@@ -24,14 +24,13 @@ from edgemap.benchmarks.reliability.drawing import ValueSource
 from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime import edits, manifest, map_file, sightings_file
-from edgemap.runtime.cameras.drive_camera import drive_camera
 from edgemap.runtime.cameras.fault import CameraFault
+from edgemap.runtime.cameras.pictures import drive_camera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.config import Config, config_arguments, config_document, load_config, load_efforts
 from edgemap.runtime.drives import camera_yaml, euroc, open_drive, pose_files, truth_json, yolo
-from edgemap.runtime.drives.coco import COCO_NAMES
-from edgemap.runtime.drives.imu_csv import IMU, read_imu_csv
-from edgemap.runtime.drives.wheel_csv import WHEEL, read_wheel_csv
+from edgemap.runtime.drives.sensor_csv import IMU, WHEEL, read_imu_csv, read_wheel_csv
+from edgemap.runtime.drives.yolo import COCO_NAMES
 from edgemap.runtime.reading import printable
 from edgemap.runtime.recordings import facts
 from edgemap.runtime.trajectory import TUM, read_tum
@@ -634,7 +633,7 @@ def _use_text(option: str, text: str) -> None:
     read_board = import_module("edgemap.cli.calibrate_options").read_board
     question = import_module("edgemap.cli.map_show")._Question
     from edgemap.runtime.cameras.open import open_camera
-    from edgemap.runtime.cameras.stream import StreamDriver
+    from edgemap.runtime.cameras.webcam import StreamDriver
     from edgemap.runtime.download import is_url
     from edgemap.runtime.odometry import wheel_trajectory
     from edgemap.runtime.store import bundle_folder

@@ -118,12 +118,10 @@ def cases(scratch: Path) -> list[ReaderCase]:
 
 def _tables_and_json() -> list[ReaderCase]:
     from edgemap.export.darknet import Darknet
-    from edgemap.runtime.drives.coco import COCO_NAMES
-    from edgemap.runtime.drives.imu_csv import read_imu_csv
     from edgemap.runtime.drives.pose_files import read_matrices, read_stamps, read_tum_3d
+    from edgemap.runtime.drives.sensor_csv import read_imu_csv, read_wheel_csv
     from edgemap.runtime.drives.truth_json import read_boxes, read_objects
-    from edgemap.runtime.drives.wheel_csv import read_wheel_csv
-    from edgemap.runtime.drives.yolo import label_table
+    from edgemap.runtime.drives.yolo import COCO_NAMES, label_table
     from edgemap.runtime.errors import CameraError
     from edgemap.runtime.map_file import load_map
     from edgemap.runtime.recordings.facts import read_trajectory_file

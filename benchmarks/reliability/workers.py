@@ -43,14 +43,14 @@ FIRST_PARSE = (
 MODULES = (
     "runtime.reading", "runtime.number_rows", "runtime.plain_yaml", "runtime.map_file", "runtime.manifest",
     "runtime.bundle", "runtime.trajectory", "runtime.drives.camera_yaml", "runtime.drives.pose_files",
-    "runtime.drives.wheel_csv", "runtime.drives.truth_json", "runtime.drives.pictures", "runtime.recordings.reader",
+    "runtime.drives.sensor_csv", "runtime.drives.truth_json", "runtime.drives.pictures", "runtime.recordings.reader",
     "runtime.recordings.chunks", "runtime.recordings.facts", "runtime.recordings.wheel", "runtime.recordings.pictures",
     "runtime.recordings.foreign", "runtime.cameras.recording", "export.darknet_cfg", "export.darknet",
     "export.darknet_layers", "export.darknet_weights", "export.torch_files", "export.detector.checkpoint",
     "export.odometry.checkpoint", "export.adopt", "runtime.config", "runtime.edits", "runtime.sightings_file",
     "runtime.download", "runtime.store", "runtime.cameras.video", "runtime.drives.euroc", "runtime.drives.tum",
     "runtime.drives.own", "runtime.drives.open", "runtime.drives.c2w", "runtime.drives.yolo",
-    "runtime.drives.planarise",
+    "runtime.drives.pose_files",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras.drive_camera import drive_camera
+from edgemap.runtime.cameras.pictures import drive_camera
 from edgemap.runtime.drives import Drive, open_drive
 from edgemap.runtime.engines.onnxruntime_cpu import PROVIDERS, session_options
 from edgemap.runtime.network import Compute

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.cameras.reading import next_frame
+from edgemap.runtime.cameras.protocol import Camera, next_frame
 from edgemap.runtime.errors import CalibrationError
 from edgemap.runtime.frame import Frame
 

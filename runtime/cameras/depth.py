@@ -6,10 +6,9 @@ from typing import Any
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.runtime.cameras.realsense import RealSenseDriver, import_realsense, is_recording, lens_of
-from edgemap.runtime.cameras.realsense_depth import aligned_pictures, start_aligned
-from edgemap.runtime.cameras.realsense_playback import POLL_MS, SILENT_POLLS, stop
-from edgemap.runtime.drives.depth import Depth, read_depth
+from edgemap.runtime.cameras.realsense_frames import POLL_MS, SILENT_POLLS, aligned_pictures, start_aligned, stop
 from edgemap.runtime.drives.open import READERS, open_drive
+from edgemap.runtime.drives.pictures import Depth, read_depth
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import user_path
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.cameras.around import CameraAround
+from edgemap.runtime.cameras.delivery import clock_jumps
 from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.cameras.stamps import clock_jumps
 from edgemap.runtime.frame import Frame
 
 KEPT = 20_000  # samples of each kind that wait for a reader

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.device import Driver, Picture
 from edgemap.runtime.cameras.fault import CameraFault, CameraLostError, CameraState, FrameTimeout
+from edgemap.runtime.cameras.protocol import Driver, Picture
 from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.cameras.supervisor import Supervisor
 from edgemap.runtime.frame import Frame

@@ -5,11 +5,9 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.cameras.device import Driver
 from edgemap.runtime.cameras.plugins import load_kind, plugin_kinds
-from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.cameras.protocol import Camera, Driver, SensorTopics
 from edgemap.runtime.cameras.recovery import RecoveryRule
-from edgemap.runtime.cameras.sensor_topics import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import user_path
 
@@ -53,7 +51,7 @@ def open_camera(
             camera.close()
             raise
     if realtime and not camera.live:
-        from edgemap.runtime.cameras.paced import PacedCamera
+        from edgemap.runtime.cameras.around import PacedCamera
 
         return PacedCamera(camera)
     return camera
@@ -80,7 +78,7 @@ def _open(
         device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
         return _open_live(WebcamDriver(device, spec, intrinsics), intrinsics, mount, recovery)
     if kind in STREAMS:
-        from edgemap.runtime.cameras.stream import StreamDriver
+        from edgemap.runtime.cameras.webcam import StreamDriver
 
         return _open_live(StreamDriver(spec), intrinsics, mount, recovery)
     if kind == "ros2":
@@ -114,7 +112,7 @@ def _open(
 
 
 def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, depth: bool = True) -> Camera:
-    from edgemap.runtime.cameras.drive_camera import drive_camera
+    from edgemap.runtime.cameras.pictures import drive_camera
     from edgemap.runtime.drives.open import open_drive
 
     drive = open_drive(spec)

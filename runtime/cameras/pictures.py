@@ -1,4 +1,4 @@
-"""A list of pictures as a camera: every one, in order."""
+"""A list of pictures, or a recorded drive, as a camera: every one, in order."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +10,10 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
-from edgemap.runtime.drives.depth import readable_depth
-from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ, read_setup
-from edgemap.runtime.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.cameras.video import VideoCamera
+from edgemap.runtime.drives.camera_yaml import DEFAULT_RATE_HZ, read_setup
+from edgemap.runtime.drives.drive import Drive
+from edgemap.runtime.drives.pictures import list_pictures, read_picture, readable_depth
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 
@@ -82,3 +83,21 @@ def open_folder(folder: Path, name: str, intrinsics: Intrinsics | None, mount: M
     setup = read_setup(folder, world_up="z")
     stamps = np.arange(len(pictures)) / setup.rate_hz
     return PicturesCamera(name, pictures, stamps, intrinsics or setup.intrinsics, mount or setup.mount, setup.rate_hz)
+
+
+def drive_camera(
+    drive: Drive, name: str, intrinsics: Intrinsics | None = None, mount: Mount | None = None
+) -> PicturesCamera | VideoCamera:
+    """The drive's frames at the drive's stamps; given intrinsics or mount go before its own.
+
+    A mount that was given does not move the truth: that was taken to the turn axis by the drive's own lever arm.
+    """
+    intrinsics, mount = intrinsics or drive.intrinsics, mount or drive.mount
+    if drive.video is not None:
+        camera = VideoCamera(name, drive.video, intrinsics, mount, [float(stamp) for stamp in drive.stamps_s])
+    else:
+        camera = PicturesCamera(name, drive.images, drive.stamps_s, intrinsics, mount)
+    camera.rate_hz = drive.rate_hz
+    camera.truth, camera.attitudes = drive.truth, drive.attitudes
+    camera.wheel, camera.imu, camera.depth = drive.wheel, drive.imu, drive.depth
+    return camera

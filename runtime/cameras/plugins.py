@@ -7,8 +7,7 @@ from typing import Protocol
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.cameras.device import Driver
-from edgemap.runtime.cameras.protocol import Camera
+from edgemap.runtime.cameras.protocol import Camera, Driver
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import one_line
 

@@ -1,12 +1,17 @@
-"""What every camera is to the pipeline: a source of frames that knows its lens, and perhaps its mount."""
+"""What every camera is to the pipeline, a source of frames that knows its lens; and what a live source brings."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.attitude.track import AttitudeTrack
-from edgemap.runtime.cameras.fault import CameraState
+from edgemap.runtime.cameras.fault import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Decisions
 from edgemap.runtime.trajectory import PoseTrack, Trajectory
@@ -62,3 +67,75 @@ class Camera(Protocol):
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *exception: object) -> None: ...
+
+
+class Picture(NamedTuple):
+    """stamp_s: of the device. image: BGR, (H, W, 3). depth: (H, W) metres of its pixels, 0 where unknown; None where
+    there is none."""
+
+    stamp_s: float
+    image: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None = None
+
+
+class Device(Protocol):
+    """An open camera. size: (width, height) in px. rate_hz: nominal, None where it does not say."""
+
+    size: tuple[int, int]
+    intrinsics: Intrinsics | None
+    rate_hz: float | None
+
+    def grab(self) -> tuple[float, NDArray[np.uint8]] | Picture | None:
+        """The next (stamp in s, BGR picture), or `Picture`, or None for "nothing yet", within a second or so.
+
+        May raise anything: the supervisor takes it for a fault.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the hardware."""
+        ...
+
+
+class Driver(Protocol):
+    """Opens one camera, again and again. name: the SPEC."""
+
+    name: str
+
+    def open(self) -> Device:
+        """Open the camera. Raises CameraError, or whatever its library raises, where that fails."""
+        ...
+
+    def reset(self) -> bool:
+        """Reset the hardware, closed before; False where it has no such thing."""
+        ...
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTopics:
+    """ROS 2 topics beside a camera: of the recording where that is one, else live. wheels: nav_msgs/Odometry. imu:
+    sensor_msgs/Imu. depth: of the pictures' pixels, sensor_msgs/Image, or CompressedImage as compressedDepth. optical:
+    the camera's frame in tf, where its messages do not name it."""
+
+    wheels: str | None = None
+    imu: str | None = None
+    depth: str | None = None
+    optical: str = "camera_optical_frame"
+
+
+def next_frame(
+    camera: Camera, report: Callable[[CameraFault], None], stopped: Callable[[], bool] = lambda: False
+) -> Frame | None:
+    """The next frame; None at the end, or when `stopped` says so while there is none. Reports each fault before it."""
+    while not stopped():
+        try:
+            return camera.read()
+        except CameraFault as fault:
+            report(fault)
+        except FrameTimeout:
+            continue
+    return None

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
-from edgemap.runtime.cameras.device import Picture
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.cameras.realsense_depth import Aligned
+from edgemap.runtime.cameras.protocol import Picture
+from edgemap.runtime.cameras.realsense_frames import POLL_MS, Aligned, started, stop, to_bgr
 from edgemap.runtime.cameras.realsense_motion import start_motion
-from edgemap.runtime.cameras.realsense_picture import to_bgr
-from edgemap.runtime.cameras.realsense_playback import POLL_MS, started, stop
 from edgemap.runtime.errors import CameraError, MissingExtraError
 from edgemap.runtime.extras import pip
 

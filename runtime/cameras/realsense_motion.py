@@ -11,7 +11,7 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.cameras.realsense_playback import await_begin, caught_up
+from edgemap.runtime.cameras.realsense_frames import await_begin, caught_up
 
 PLAYBACK_LIMIT_S = 120.0  # for reading all samples of a recording
 

@@ -11,10 +11,16 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.cameras.realsense import import_realsense, lens_of, picture_size
-from edgemap.runtime.cameras.realsense_depth import depth_beside
+from edgemap.runtime.cameras.realsense_frames import (
+    POLL_MS,
+    SILENT_POLLS,
+    as_fast_as_read,
+    depth_beside,
+    started,
+    stop,
+    to_bgr,
+)
 from edgemap.runtime.cameras.realsense_motion import recorded_motion
-from edgemap.runtime.cameras.realsense_picture import to_bgr
-from edgemap.runtime.cameras.realsense_playback import POLL_MS, SILENT_POLLS, as_fast_as_read, started, stop
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.reading import one_line

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
-from edgemap.runtime.cameras.sensor_topics import SensorTopics
+from edgemap.runtime.cameras.protocol import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.stamps import ns_of, to_s

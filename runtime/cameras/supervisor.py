@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable
 
 from edgemap.runtime.cameras.delivery import DeliveryCheck
-from edgemap.runtime.cameras.device import Device, Driver, Picture
 from edgemap.runtime.cameras.fault import CameraFault, CameraLostError, CameraState, FaultKind
+from edgemap.runtime.cameras.protocol import Device, Driver, Picture
 from edgemap.runtime.cameras.recovery import RecoveryClock, RecoveryRule
 from edgemap.runtime.reading import error_line
 

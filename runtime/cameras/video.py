@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.drives.depth import readable_depth
-from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
+from edgemap.runtime.drives.pictures import PIXEL_LIMIT, readable_depth
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.quiet import bounded_memory, quietly

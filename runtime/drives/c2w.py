@@ -4,11 +4,17 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.drives.camera_yaml import read_setup, stamps_for
 from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.layout import read_setup, stamps_for
 from edgemap.runtime.drives.pictures import first_folder, list_pictures, read_picture
-from edgemap.runtime.drives.planarise import camera_attitudes, planarise_camera, upright_camera
-from edgemap.runtime.drives.pose_files import check_count, read_matrices, trajectory
+from edgemap.runtime.drives.pose_files import (
+    camera_attitudes,
+    check_count,
+    planarise_camera,
+    read_matrices,
+    trajectory,
+    upright_camera,
+)
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import read_text
 

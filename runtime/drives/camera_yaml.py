@@ -1,4 +1,4 @@
-"""A data folder's `camera.yaml`: the lens, the mount, the frame rate, and which way the recorded poses call up."""
+"""A data folder's `camera.yaml`: lens, mount, frame rate and which way the poses call up; and where stamps come from."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,17 +6,24 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 import yaml
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.drives.pose_files import check_count, read_stamps
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.plain_yaml import read_yaml
 from edgemap.runtime.reading import Coordinate, Name, Side, Strict, convert
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
+Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
+Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
+DEFAULT_RATE_HZ = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +37,6 @@ class CameraFile:
     rate_hz: float | None = None
     world_up: str | None = None
     calibration: dict[str, Any] = field(default_factory=dict)
-
-
-Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
-Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
-Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
 
 
 class DistortionRecord(Strict):
@@ -127,3 +129,39 @@ def write_camera_yaml(
     if calibration:
         tree["calibration"] = calibration
     path.write_text(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The camera of a data folder: what `camera.yaml` says, or nothing and the layout's customs."""
+
+    intrinsics: Intrinsics | None
+    mount: Mount | None
+    rate_hz: float
+    world_up: str
+    notes: dict[str, Any]
+
+
+def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
+    """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are what holds where it says nothing."""
+    path = folder / "camera.yaml"
+    if not path.is_file():
+        return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up, _assumed_rate())
+    file = read_camera_yaml(path)
+    notes = {} if file.rate_hz else _assumed_rate()
+    return Setup(file.intrinsics, file.mount, file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up, notes)
+
+
+def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path, rate_hz: float) -> NDArray[np.float64]:
+    """Stamps in seconds, one per picture: from the first of the named files that is there, else index / rate."""
+    for name in names:
+        path = folder / name
+        if path.is_file():
+            stamps = read_stamps(path)
+            check_count(path, len(stamps), pictures, where)
+            return stamps
+    return np.arange(pictures) / rate_hz
+
+
+def _assumed_rate() -> dict[str, Any]:
+    return {"rate": f"no fps given: {DEFAULT_RATE_HZ:g} Hz assumed"}

@@ -18,12 +18,11 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.drives.camera_yaml import read_setup
 from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.imu_csv import RATES
-from edgemap.runtime.drives.layout import read_setup
 from edgemap.runtime.drives.pictures import list_pictures
-from edgemap.runtime.drives.planarise import camera_attitudes, planarise_camera
-from edgemap.runtime.drives.pose_files import check_increasing, poses_of, trajectory
+from edgemap.runtime.drives.pose_files import camera_attitudes, check_increasing, planarise_camera, poses_of, trajectory
+from edgemap.runtime.drives.sensor_csv import RATES
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.number_rows import Column, NumberTable, columns
 from edgemap.runtime.plain_yaml import read_yaml

@@ -15,13 +15,11 @@ from pathlib import Path
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.drives.camera_yaml import write_camera_yaml
+from edgemap.runtime.drives.camera_yaml import read_setup, write_camera_yaml
 from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.layout import read_setup
 from edgemap.runtime.drives.pictures import list_pictures
-from edgemap.runtime.drives.planarise import planarise_base
-from edgemap.runtime.drives.pose_files import check_count, read_tum_3d, trajectory
-from edgemap.runtime.drives.wheel_csv import read_wheel_csv, write_wheel_csv
+from edgemap.runtime.drives.pose_files import check_count, planarise_base, read_tum_3d, trajectory
+from edgemap.runtime.drives.sensor_csv import read_wheel_csv, write_wheel_csv
 from edgemap.runtime.trajectory import Trajectory, tum_line
 
 

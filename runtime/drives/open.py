@@ -10,9 +10,9 @@ import msgspec
 from edgemap.runtime.drives.c2w import read_c2w, read_kitti
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
 from edgemap.runtime.drives.euroc import read_euroc
-from edgemap.runtime.drives.imu_csv import read_imu_csv
 from edgemap.runtime.drives.locobot import read_locobot
 from edgemap.runtime.drives.own import read_own
+from edgemap.runtime.drives.sensor_csv import read_imu_csv
 from edgemap.runtime.drives.truth_json import ObjectRecord, read_objects
 from edgemap.runtime.drives.tum import read_tum_drive
 from edgemap.runtime.drives.yolo import read_yolo

@@ -14,12 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from edgemap.runtime.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.drives.camera_yaml import DEFAULT_RATE_HZ, read_camera_yaml
 from edgemap.runtime.drives.drive import Drive, LabelledBoxes
-from edgemap.runtime.drives.layout import DEFAULT_RATE_HZ
 from edgemap.runtime.drives.pictures import list_pictures
-from edgemap.runtime.drives.planarise import base_attitudes, planarise_base
-from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_stamps, read_tum_3d, trajectory
+from edgemap.runtime.drives.pose_files import (
+    base_attitudes,
+    check_count,
+    check_increasing,
+    planarise_base,
+    read_stamps,
+    read_tum_3d,
+    trajectory,
+)
 from edgemap.runtime.drives.truth_json import read_boxes
 from edgemap.runtime.errors import CameraError
 

@@ -8,11 +8,17 @@ import numpy as np
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.attitude.track import AttitudeTrack
+from edgemap.runtime.drives.camera_yaml import Setup, read_setup
 from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.layout import Setup, read_setup
 from edgemap.runtime.drives.pictures import first_folder, list_pictures
-from edgemap.runtime.drives.planarise import camera_attitudes, planarise_camera
-from edgemap.runtime.drives.pose_files import check_count, check_increasing, read_tum_3d, trajectory
+from edgemap.runtime.drives.pose_files import (
+    camera_attitudes,
+    check_count,
+    check_increasing,
+    planarise_camera,
+    read_tum_3d,
+    trajectory,
+)
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.number_rows import STAMP
 from edgemap.runtime.reading import one_line, read_text

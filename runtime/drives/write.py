@@ -13,7 +13,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.camera_yaml import write_camera_yaml
-from edgemap.runtime.drives.wheel_csv import write_wheel_csv
+from edgemap.runtime.drives.sensor_csv import write_wheel_csv
 from edgemap.runtime.trajectory import Trajectory, tum_line
 
 

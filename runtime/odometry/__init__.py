@@ -6,7 +6,7 @@ from pathlib import Path
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.runtime.bundle import Bundle
 from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.drives.wheel_csv import read_wheel_csv
+from edgemap.runtime.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.odometry.coasting import CoastingRule
 from edgemap.runtime.odometry.gyro import GyroOdometry

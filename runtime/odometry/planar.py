@@ -38,7 +38,7 @@ from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives.depth import Depth
+from edgemap.runtime.drives.pictures import Depth
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
 from edgemap.runtime.odometry.coasting import Coasting, CoastingRule

@@ -13,9 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.drives.depth import Depth
-from edgemap.runtime.drives.picture_size import PIXEL_LIMIT
-from edgemap.runtime.drives.pictures import decoded
+from edgemap.runtime.drives.pictures import PIXEL_LIMIT, Depth, decoded
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.messages.stamps import ns_of
 from edgemap.runtime.reading import one_line

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, SIDE_LIMIT
-from edgemap.runtime.drives.pictures import decode_picture
+from edgemap.runtime.drives.pictures import PIXEL_LIMIT, SIDE_LIMIT, decode_picture
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.reading import one_line
 

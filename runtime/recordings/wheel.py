@@ -3,7 +3,7 @@
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives.wheel_csv import check_speed
+from edgemap.runtime.drives.sensor_csv import check_speed
 from edgemap.runtime.errors import CameraError, OdometryError
 from edgemap.runtime.messages.poses import planar_pose
 from edgemap.runtime.messages.stamps import ns_of, to_s

@@ -6,8 +6,8 @@ from typing import Any
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.cameras.device import Picture
 from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.cameras.protocol import Picture
 from edgemap.runtime.cameras.recovery import RecoveryRule
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.messages.stamps import ns_of, to_s

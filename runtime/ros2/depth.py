@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import Any
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.drives.depth import Depth
+from edgemap.runtime.drives.pictures import Depth
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.messages.stamps import ns_of, to_s
 from edgemap.runtime.messages.topics import INFO, KINDS

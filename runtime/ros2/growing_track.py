@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives.wheel_csv import FASTEST_M_S
+from edgemap.runtime.drives.sensor_csv import FASTEST_M_S
 from edgemap.runtime.errors import OdometryError
 
 KEPT = 500

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.around import CameraAround
 from edgemap.runtime.cameras.imu_buffer import ImuBuffer
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.cameras.sensor_topics import SensorTopics
+from edgemap.runtime.cameras.protocol import Camera, SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.messages.poses import planar_pose

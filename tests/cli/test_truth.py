@@ -4,8 +4,8 @@ import numpy as np
 
 from edgemap.cli.truth import judge_of, object_lines
 from edgemap.geometry.objects.map_object import MapObject
+from edgemap.runtime.cameras.around import PacedCamera
 from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.paced import PacedCamera
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 

@@ -22,8 +22,8 @@ from edgemap.runtime.attitude.pictures import PicturesAttitude
 from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.imu_csv import read_imu_csv, write_imu_csv
-from edgemap.runtime.drives.planarise import base_attitudes
+from edgemap.runtime.drives.pose_files import base_attitudes
+from edgemap.runtime.drives.sensor_csv import read_imu_csv, write_imu_csv
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.odometry.protocol import Motion, no_motion

@@ -14,8 +14,8 @@ from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.budget import LADDER, Budget, Effort, hottest_c
 from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.cameras.around import BudgetedCamera
 from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.budgeted import BudgetedCamera
 from edgemap.runtime.cameras.fault import CameraFault, FaultKind
 from edgemap.runtime.config import ConfigError, load_efforts
 from edgemap.runtime.frame import Frame

@@ -17,10 +17,9 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.cameras.recording import RecordingCamera
 from edgemap.runtime.drives.camera_yaml import read_camera_yaml
-from edgemap.runtime.drives.picture_size import PIXEL_LIMIT, picture_size
-from edgemap.runtime.drives.pictures import read_picture
+from edgemap.runtime.drives.pictures import PIXEL_LIMIT, picture_size, read_picture
+from edgemap.runtime.drives.sensor_csv import read_wheel_csv
 from edgemap.runtime.drives.truth_json import read_boxes, read_objects
-from edgemap.runtime.drives.wheel_csv import read_wheel_csv
 from edgemap.runtime.errors import BundleError, CameraError, OdometryError
 from edgemap.runtime.manifest import read_manifest
 from edgemap.runtime.map_file import load_map

@@ -11,9 +11,9 @@ from support.steps import Steps
 
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
+from edgemap.runtime.cameras.around import PacedCamera
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import FrameTimeout
-from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.map_file import load_map, save_map
 from edgemap.view.page import LivePage

@@ -24,7 +24,7 @@ END = b"\xff\xd9"  # of a JPEG; its data never holds these two bytes
 
 
 class RpicamDevice:
-    """A running `rpicam-vid`. Implements `edgemap.runtime.cameras.device.Device`."""
+    """A running `rpicam-vid`. Implements `edgemap.runtime.cameras.protocol.Device`."""
 
     def __init__(self, number: str, size: tuple[int, int]) -> None:
         self.size, self.rate_hz, self.intrinsics = size, float(RATE_HZ), None
@@ -61,7 +61,7 @@ class RpicamDevice:
 
 
 class RpicamDriver:
-    """Opens one camera, again and again. Implements `edgemap.runtime.cameras.device.Driver`."""
+    """Opens one camera, again and again. Implements `edgemap.runtime.cameras.protocol.Driver`."""
 
     def __init__(self, number: str, intrinsics: Intrinsics | None) -> None:
         self.name, self._number = f"rpicam:{number}", number

@@ -14,9 +14,9 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import Camera, open_camera
+from edgemap.runtime.cameras.around import PacedCamera
 from edgemap.runtime.cameras.base import CameraBase
 from edgemap.runtime.cameras.fault import FrameTimeout
-from edgemap.runtime.cameras.paced import PacedCamera
 from edgemap.runtime.drives import write_drive
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.trajectory import Trajectory
@@ -236,7 +236,7 @@ def test_opening_a_folder_imports_no_realsense(tmp_path):
 
 
 def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path):
-    from edgemap.runtime.cameras.reading import next_frame
+    from edgemap.runtime.cameras.protocol import next_frame
 
     write_pictures(tmp_path / "p", 5)
     (tmp_path / "p" / "0.png").write_bytes(b"broken")

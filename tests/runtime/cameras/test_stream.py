@@ -12,13 +12,13 @@ from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.fault import CameraState
 from edgemap.runtime.cameras.live import LiveCamera
 from edgemap.runtime.cameras.recovery import RecoveryRule
-from edgemap.runtime.cameras.stream import StreamDriver
+from edgemap.runtime.cameras.webcam import StreamDriver
 from edgemap.runtime.errors import CameraError
 
 
 @pytest.mark.parametrize("serve", [MjpegServer, lambda: RtspServer(gradients())], ids=["http", "rtsp"])
 def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.cameras.stream.READ_LIMIT_MS", 500)  # RTSP's four attempts take it in full
+    monkeypatch.setattr("edgemap.runtime.cameras.webcam.READ_LIMIT_MS", 500)  # RTSP's four attempts take it in full
     # This process may be kept waiting by others, so only a driver that says so is a fault.
     patient = RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0)
     with serve() as server, LiveCamera(StreamDriver(server.url), rule=patient) as camera:

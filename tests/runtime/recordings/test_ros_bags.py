@@ -20,7 +20,7 @@ from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.fault import CameraFault
-from edgemap.runtime.cameras.sensor_topics import SensorTopics
+from edgemap.runtime.cameras.protocol import SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.recordings.wheel import read_wheel
 

@@ -32,8 +32,7 @@ from edgemap.runtime.frame import Frame
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
 from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.reading import next_frame
-from edgemap.runtime.cameras.sensor_topics import SensorTopics
+from edgemap.runtime.cameras.protocol import SensorTopics, next_frame
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.odometry.recorded import RecordedOdometry
 from edgemap.runtime.recordings.facts import Facts

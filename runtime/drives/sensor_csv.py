@@ -1,4 +1,4 @@
-"""Wheel odometry as a CSV: `stamp_s,x_m,y_m,yaw_rad`, the wheels' own integrated pose of the base."""
+"""Wheels and IMU of a drive as CSV: `stamp_s,x_m,y_m,yaw_rad`, and `stamp_s,gx,gy,gz,ax,ay,az` in the optical frame."""
 
 import csv
 from collections.abc import Iterable, Sequence
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.drives.pose_files import check_increasing
 from edgemap.runtime.errors import CameraError
@@ -16,6 +17,8 @@ WHEEL = NumberTable((STAMP, *columns("x_m y_m yaw_rad")), ",", header=True)
 COLUMNS = tuple(column.name for column in WHEEL.columns)
 FASTEST_M_S = 60.0  # a car of KITTI's; a pose that jumps was set again, or is damaged
 SHORTEST_JUMP_M = 10.0  # smaller ones are left to what weighs the sources against each other
+RATES = (*columns("gx gy gz", -100.0, 100.0), *columns("ax ay az", -1000.0, 1000.0))
+IMU = NumberTable((STAMP, *RATES), ",", header=True)
 
 
 def read_wheel_csv(path: Path) -> tuple[NDArray[np.float64], tuple[SE2, ...]]:
@@ -49,3 +52,18 @@ def write_wheel_csv(path: Path, rows: Iterable[Sequence[float]]) -> None:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         writer.writerows([f"{value:.6f}" for value in row] for row in rows)
+
+
+def read_imu_csv(path: Path) -> ImuSamples:
+    """Read `imu.csv`. Raises CameraError with the line number for a row that is not seven finite numbers in range."""
+    _, rows = IMU.read(path, CameraError)
+    check_increasing(path, rows[:, 0])
+    return ImuSamples(rows[:, 0], rows[:, 1:4], rows[:, 4:7])
+
+
+def write_imu_csv(path: Path, samples: ImuSamples) -> None:
+    """Write samples that `read_imu_csv` reads back; stamps in microseconds, values to seven digits."""
+    with path.open("w") as file:
+        file.write(",".join(column.name for column in IMU.columns) + "\n")
+        for stamp_s, rate, force in zip(samples.stamps_s, samples.gyro_rad_s, samples.accel_m_s2, strict=True):
+            file.write(f"{stamp_s:.6f}," + ",".join(f"{value:.7g}" for value in (*rate, *force)) + "\n")
