@@ -69,9 +69,9 @@ def drive(
 
 def ros2_odometry(wanted: list[str]) -> Iterator[tuple[int, float]]:
     """Odometry as another ROS 2 program reads it, decoded; every other topic that is wanted is read too."""
-    from edgemap.runtime.ros2.names import in_namespace
     from edgemap.runtime.ros2.node import Reliability, shared_node
     from edgemap.runtime.ros2.sink import GLOBAL
+    from edgemap.runtime.ros2.types import in_namespace
 
     node = shared_node()
     readers = {}

@@ -25,7 +25,7 @@ def command(
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
     from edgemap.cli.fleet_serve import lines
     from edgemap.runtime.disk import write_atomically
-    from edgemap.runtime.fleet.question import place_document
+    from edgemap.runtime.fleet.network import place_document
     from edgemap.runtime.reading import printable
 
     name, where = place_and_address(place, "PLACE")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.edits import Edits
     from edgemap.runtime.report.crops import BestCrops
-    from edgemap.runtime.sinks.protocol import Sink
+    from edgemap.runtime.sinks.group import Sink
     from edgemap.view.page import LivePage
 
 LOOK_EVERY_S = 0.1

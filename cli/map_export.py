@@ -47,7 +47,7 @@ def command(
     """
     from edgemap.runtime.disk import write_atomically
     from edgemap.runtime.map_file import load_annotated_map
-    from edgemap.runtime.mapfiles.trajectory import trajectory_of
+    from edgemap.runtime.trajectory import trajectory_of
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
@@ -67,7 +67,7 @@ def command(
         plot_map(path, objects, trajectory=trajectory, zones=annotations.zones)
     else:
         from edgemap.runtime.mapfiles.geojson import geojson_text
-        from edgemap.runtime.mapfiles.nav2_vector import vector_text
+        from edgemap.runtime.mapfiles.nav2 import vector_text
         from edgemap.runtime.mapfiles.table import csv_text
 
         if format == "geojson":

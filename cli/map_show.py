@@ -169,8 +169,8 @@ def _draw(
 def _trajectory(folder: Path) -> Trajectory | None:
     """The run's trajectory; None where it is missing or empty, and where it is damaged, with a message."""
     from edgemap.runtime.errors import OdometryError
-    from edgemap.runtime.mapfiles.trajectory import trajectory_of
     from edgemap.runtime.reading import print_message
+    from edgemap.runtime.trajectory import trajectory_of
 
     try:
         return trajectory_of(folder)

@@ -10,7 +10,7 @@ from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.sinks.protocol import Sink
+    from edgemap.runtime.sinks.group import Sink
 
 Foxglove = Annotated[
     str | None,

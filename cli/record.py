@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.cameras.protocol import Camera
     from edgemap.runtime.network import Decisions
-    from edgemap.runtime.sinks.recording import RecordingSink
+    from edgemap.runtime.recordings.recorder import RecordingSink
     from edgemap.runtime.trajectory import Trajectory
 
 Lossless = Annotated[bool, arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
@@ -120,8 +120,7 @@ def recording_sinks(
 ) -> list[RecordingSink]:
     """What `edgemap run --record` adds: the run's lens, mount and decisions, and its wheels, else the source's."""
     from edgemap.runtime.recordings.facts import Facts
-    from edgemap.runtime.recordings.recorder import Recorder
-    from edgemap.runtime.sinks.recording import RecordingSink
+    from edgemap.runtime.recordings.recorder import Recorder, RecordingSink
 
     if path is None:
         return []

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
     from edgemap.geometry.objects.map_object import MapObject
     from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.sinks.protocol import Sink
+    from edgemap.runtime.sinks.group import Sink
     from edgemap.runtime.slam import StepResult
 
 

@@ -8,7 +8,7 @@ import onnx
 import onnxruntime as ort
 from onnx import ModelProto
 
-from edgemap.runtime.engines.onnxruntime_cpu import PROVIDERS, ROWS, session_options
+from edgemap.runtime.engines import PROVIDERS, ROWS, session_options
 from edgemap.runtime.manifest import DetectorSpec
 from edgemap.runtime.network import Compute
 

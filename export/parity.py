@@ -18,7 +18,7 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import CellGrid, flow_cells
 from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
+from edgemap.runtime.engines import open_onnxruntime
 from edgemap.runtime.manifest import InputSpec, OdometryHead, Parity
 from edgemap.runtime.network import Compute, Network, Tensors
 

@@ -10,8 +10,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.cameras.fault import CameraFault, CameraState, FrameTimeout
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.edits import Edits
-from edgemap.runtime.sinks.group import SinkGroup
-from edgemap.runtime.sinks.protocol import Sink
+from edgemap.runtime.sinks.group import Sink, SinkGroup
 from edgemap.runtime.slam import SemanticSlam, StepResult
 
 

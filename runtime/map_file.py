@@ -1,6 +1,7 @@
 """`map.json`: the map on disk, written atomically and read with every value checked."""
 
 import json
+import uuid
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,7 @@ MAP_BYTES = 32 << 20
 ROUNDING_M2 = 1e-9  # of the file's covariances
 GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
 Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
+DEFAULT_MAP_ID = "map"
 
 
 def map_document(objects: list[MapObject], annotations: Annotations = NO_ANNOTATIONS) -> dict:
@@ -170,3 +172,11 @@ def _object_of(record: _ObjectRecord, views: list[tuple[float, float]], where: s
         record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
         record.labels, record.name, record.confirmed,
     )  # fmt: skip
+
+
+def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:
+    """Name-based UUID (RFC 9562, version 5) of an object of a map, as text.
+
+    It depends on both ids only: a map that grows keeps the UUIDs of its objects, on every machine.
+    """
+    return str(uuid.uuid5(uuid.uuid5(uuid.NAMESPACE_URL, f"{FORMAT}:{map_id}"), object_id))

@@ -20,7 +20,7 @@ from edgemap.runtime.mapper import new_mapper
 from edgemap.runtime.notebook import MapObjects
 from edgemap.runtime.odometry import open_odometry
 from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.sinks.protocol import Sink
+from edgemap.runtime.sinks.group import Sink
 from edgemap.runtime.slam import SemanticSlam, StepResult
 from edgemap.runtime.store import bundle_folder, default_bundle
 

@@ -105,3 +105,16 @@ def tum_line(stamp_s: float, pose: SE2) -> str:
     """One line of a TUM file, newline included."""
     half = pose.yaw_rad / 2.0
     return f"{stamp_s:.6f} {pose.x_m:.6f} {pose.y_m:.6f} 0 0 0 {math.sin(half):.9f} {math.cos(half):.9f}\n"
+
+
+def trajectory_of(path: Path) -> Trajectory | None:
+    """The complete lines of `trajectory.tum` in a map's folder; None where there is none, or not one pose in it.
+
+    Raises OdometryError where it is damaged.
+    """
+    path = (path if path.is_dir() else path.parent) / "trajectory.tum"
+    if not path.is_file():
+        return None
+    data = read_bytes(path, TABLE_BYTES, OdometryError)
+    whole = data[: data.rfind(b"\n") + 1]  # a power cut may leave a torn last line
+    return parse_tum(whole, str(path)) if whole.strip() else None

@@ -9,8 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.map_object import MapObject, radius_m
 from edgemap.geometry.objects.queries import inside_polygon
 from edgemap.runtime.map_file import object_record, zone_record
 from edgemap.runtime.slam import StepResult

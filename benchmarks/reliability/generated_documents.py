@@ -145,7 +145,7 @@ def _use_map(folder: Path, data: bytes) -> None:
     from edgemap.geometry.registration.alignment import align
     from edgemap.runtime.mapfiles.geojson import geojson_text
     from edgemap.runtime.mapfiles.grid import grid_of
-    from edgemap.runtime.mapfiles.nav2_vector import vector_text
+    from edgemap.runtime.mapfiles.nav2 import vector_text
     from edgemap.runtime.mapfiles.table import csv_text
 
     path = folder / "map.json"

@@ -21,11 +21,10 @@ from edgemap.benchmarks.reliability.workers import ReaderCase
 from edgemap.runtime.cameras.recording import RecordingCamera
 from edgemap.runtime.cameras.video import VideoCamera
 from edgemap.runtime.drives.pictures import decode_picture
-from edgemap.runtime.messages.cdr import encoder
-from edgemap.runtime.messages.definitions import FIELDS
+from edgemap.runtime.messages.definitions import FIELDS, encoder
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE
 from edgemap.runtime.recordings.pictures import ENCODINGS
-from edgemap.runtime.recordings.wheel import read_wheel
+from edgemap.runtime.recordings.sensors import read_wheel
 
 JPEG = cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
 

@@ -217,7 +217,7 @@ def _recordings() -> list[ReaderCase]:
     from edgemap.runtime.messages import build as messages
     from edgemap.runtime.messages.definitions import definition
     from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, Facts, facts_record
-    from edgemap.runtime.recordings.wheel import read_wheel
+    from edgemap.runtime.recordings.sensors import read_wheel
 
     lens, mount = Intrinsics(17, 12, 20.0, 20.0, 8.0, 6.0), Mount.from_degrees(0.6, 10.0)
     picture = cv2.imencode(".png", np.full((12, 17, 3), 90, np.uint8))[1].tobytes()

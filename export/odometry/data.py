@@ -28,7 +28,7 @@ from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras.pictures import drive_camera
 from edgemap.runtime.drives import Drive, open_drive
-from edgemap.runtime.engines.onnxruntime_cpu import PROVIDERS, session_options
+from edgemap.runtime.engines import PROVIDERS, session_options
 from edgemap.runtime.network import Compute
 from edgemap.runtime.preprocess import Preprocessor, cell_grid
 

@@ -21,7 +21,6 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.association import AssociationRule, Estimate
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
-from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, id_order
 from edgemap.geometry.objects.observation_pool import (
     SAVED_SIDE,
@@ -32,6 +31,7 @@ from edgemap.geometry.objects.observation_pool import (
     outermost,
 )
 from edgemap.geometry.objects.pool_index import PoolIndex
+from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 
 if TYPE_CHECKING:
@@ -152,3 +153,13 @@ def id_order(identity: str) -> tuple[str, int]:
     """Sort key of ids such as `chair-12`: by label, then by number; a foreign id counts as a label with number 0."""
     label, _, number = identity.rpartition("-")
     return (label, int(number)) if number.isdecimal() else (identity, 0)
+
+
+def radius_m(item: MapObject) -> float:
+    """Radius of the circle round an object's position that takes as much floor as its footprint does, m; at least 5 cm.
+
+    A circle, because the way an object faces is not known: a couch sticks out of it at both ends, and fills it nowhere
+    in front and behind.
+    """
+    width, depth = footprint_m(item.label, item.width_m)
+    return max(math.sqrt(width * depth / math.pi), 0.05)

@@ -13,8 +13,8 @@ from itertools import islice
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.objects.footprints import footprint_m
 from edgemap.geometry.objects.map_object import MapObject, SightingSums
+from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.keyframes import TrajectoryCorrection
 

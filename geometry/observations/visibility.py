@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.map_object import MapObject, radius_m
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
 

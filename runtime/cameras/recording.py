@@ -21,9 +21,9 @@ from edgemap.runtime.reading import user_path
 from edgemap.runtime.recordings.depth import ALIGNED, RecordedDepth, depth_of
 from edgemap.runtime.recordings.facts import RECORD, TRUTH_FILE, WHEEL_FILE, read_facts, read_trajectory_file
 from edgemap.runtime.recordings.foreign import info_topics, lens_of, mount_of, tf_of
-from edgemap.runtime.recordings.imu import imu_of, recorded_imu
 from edgemap.runtime.recordings.pictures import compressed_picture, raw_picture
 from edgemap.runtime.recordings.reader import McapReading
+from edgemap.runtime.recordings.sensors import imu_of, recorded_imu
 from edgemap.runtime.trajectory import PoseTrack, Trajectory
 
 PICTURE_KINDS = {"sensor_msgs/Image": raw_picture, "sensor_msgs/CompressedImage": compressed_picture}

@@ -1,4 +1,4 @@
-"""A data folder's `camera.yaml`: lens, mount, frame rate and which way the poses call up; and where stamps come from."""
+"""A data folder's `camera.yaml`: lens, mount, frame rate, which way is up in the poses; and where stamps come from."""
 
 import math
 from dataclasses import dataclass, field

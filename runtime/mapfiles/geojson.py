@@ -5,10 +5,8 @@ import math
 from collections.abc import Sequence
 
 from edgemap.geometry.objects.edits import Zone
-from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.map_file import map_document, zone_record
-from edgemap.runtime.mapfiles.identity import DEFAULT_MAP_ID, object_uuid
+from edgemap.geometry.objects.map_object import MapObject, radius_m
+from edgemap.runtime.map_file import DEFAULT_MAP_ID, map_document, object_uuid, zone_record
 from edgemap.runtime.trajectory import Trajectory
 
 FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"

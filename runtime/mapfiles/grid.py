@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.map_object import MapObject, radius_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.trajectory import Trajectory
 

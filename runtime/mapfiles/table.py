@@ -4,8 +4,7 @@ import csv
 import io
 from collections.abc import Sequence
 
-from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.objects.map_object import MapObject, radius_m
 from edgemap.runtime.map_file import map_document
 
 COLUMNS = (

@@ -1,9 +1,12 @@
-"""The ROS 2 message definitions: what is encoded by, and what a recording embeds, so that any reader decodes it.
+"""The ROS 2 message definitions, which a recording embeds, and the one place that encodes and decodes CDR by them.
 
 Fields as in common_interfaces and geometry2 (Humble to Jazzy) and vision_msgs 4; constants and comments left out.
 """
 
 import re
+import struct
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 Message = dict[str, Any]  # a message by field name; fields that are left out are zero
@@ -86,6 +89,7 @@ FIELDS = {
     ),
     "vision_msgs/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
 }
+DAMAGE = (struct.error, ValueError, LookupError, RuntimeError, OverflowError)  # what a decoder raises at damaged bytes
 
 
 def definition(kind: str) -> str:
@@ -102,3 +106,26 @@ def definition(kind: str) -> str:
     parts = [FIELDS[name] + "\n"]
     parts += [f"{SEPARATOR}\nMSG: {used}\n{FIELDS[used]}\n" for used in needed[1:]]
     return "".join(parts)
+
+
+@cache
+def encoder(kind: str) -> Callable[[Message], bytes]:
+    """Encodes messages of a kind (`sensor_msgs/msg/CameraInfo`) as little-endian CDR, encapsulation header first.
+
+    Fields that a message leaves out are zero; arrays of int8 are given as bytes. Needs the extra `record`.
+    """
+    from mcap_ros2._dynamic import serialize_dynamic
+
+    as_bytes = re.sub(r"\bint8\[\]", "uint8[]", definition(kind))  # the same in CDR
+    return serialize_dynamic(kind, as_bytes)[kind]
+
+
+@cache
+def decoder(kind: str) -> Callable[[bytes], Any]:
+    """Decodes CDR bytes of a kind to an object with the fields as attributes.
+
+    Raises `DAMAGE` at damaged bytes.
+    """
+    from mcap_ros2._dynamic import generate_dynamic
+
+    return generate_dynamic(kind, definition(kind))[kind]

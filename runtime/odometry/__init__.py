@@ -17,7 +17,7 @@ from edgemap.runtime.odometry.protocol import Motion, Odometry
 from edgemap.runtime.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
 from edgemap.runtime.odometry.resting import RestingOdometry
 from edgemap.runtime.odometry.scale_check import ScaleCheck, ScaleRule
-from edgemap.runtime.recordings.wheel import is_recording, read_wheel
+from edgemap.runtime.recordings.sensors import is_recording, read_wheel
 from edgemap.runtime.trajectory import Trajectory, read_tum
 
 __all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajectory"]

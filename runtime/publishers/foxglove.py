@@ -7,8 +7,7 @@ from edgemap.runtime.colours import label_rgb
 from edgemap.runtime.errors import PublishError
 from edgemap.runtime.extras import need
 from edgemap.runtime.messages import topics
-from edgemap.runtime.messages.cdr import encoder
-from edgemap.runtime.messages.definitions import definition
+from edgemap.runtime.messages.definitions import definition, encoder
 from edgemap.runtime.messages.stamps import to_ns
 from edgemap.runtime.messages.stream import MessageStream
 from edgemap.runtime.slam import StepResult

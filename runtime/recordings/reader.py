@@ -9,8 +9,7 @@ from zlib import crc32
 
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.extras import need_mcap
-from edgemap.runtime.messages.cdr import decoder
-from edgemap.runtime.messages.definitions import FIELDS
+from edgemap.runtime.messages.definitions import FIELDS, decoder
 from edgemap.runtime.reading import one_line
 from edgemap.runtime.recordings.chunks import (
     MAGIC,

@@ -6,8 +6,7 @@ from typing import Any
 from edgemap.runtime.disk import append
 from edgemap.runtime.errors import DiskError, RecordingError
 from edgemap.runtime.extras import need_mcap
-from edgemap.runtime.messages.cdr import encoder
-from edgemap.runtime.messages.definitions import Message, definition
+from edgemap.runtime.messages.definitions import Message, definition, encoder
 
 CHUNK_BYTES = 1 << 19  # what a killed process loses at most; half a MiB is a few pictures
 

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
-from edgemap.geometry.objects.footprints import radius_m
-from edgemap.geometry.objects.map_object import MapObject, ellipse_95
+from edgemap.geometry.objects.map_object import MapObject, ellipse_95, radius_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.colours import label_colour
 from edgemap.runtime.report.labels import place_labels

@@ -15,6 +15,7 @@ AHEAD_S = 0.2  # beyond the newest pose, at the latest speed
 SPEED_OVER_S = 0.02  # at least, two poses apart
 JUMP_M = 0.5  # shorter ones are none; longer ones are where they are faster than wheels
 SET_BACK_S = 1.0  # a pose that is older than the newest by less came late
+NEAR_S = 5.0
 
 
 class GrowingTrack:
@@ -78,3 +79,16 @@ class GrowingTrack:
         before = max(bisect_right(self._stamps, last - SPEED_OVER_S) - 1, 0)
         step = self._poses[before].inverse() @ self._poses[-1]
         return self._poses[-1] @ SE2(*((stamp_s - last) / (last - self._stamps[before]) * step.vector()))
+
+
+def ros_offset_s(stamp_s: float, wall_s: float, monotonic_s: float) -> float:
+    """Offset to add to a stream's stamps, from one frame that has just arrived.
+
+    Cameras stamp by the wall clock or by the monotonic one; what is near neither (a file, a device's own clock)
+    counts as taken now.
+    """
+    if abs(stamp_s - wall_s) < NEAR_S:
+        return 0.0
+    if abs(stamp_s - monotonic_s) < NEAR_S:
+        return wall_s - monotonic_s
+    return wall_s - stamp_s

@@ -10,12 +10,9 @@ from typing import Any
 
 from edgemap.runtime.errors import Ros2Error
 from edgemap.runtime.extras import need
-from edgemap.runtime.messages.cdr import DAMAGE, decoder, encoder
-from edgemap.runtime.messages.definitions import Message
+from edgemap.runtime.messages.definitions import DAMAGE, Message, decoder, encoder
 from edgemap.runtime.ros2.discovery import Discovery, discovery_from
-from edgemap.runtime.ros2.hashes import HASHES
-from edgemap.runtime.ros2.names import dds_topic, dds_type, ros_kind
-from edgemap.runtime.ros2.types import sample_type
+from edgemap.runtime.ros2.types import HASHES, dds_topic, dds_type, ros_kind, sample_type
 
 BLOCK_MS = 5  # a reliable writer whose readers do not keep up waits so long, then drops the message
 

@@ -9,10 +9,10 @@ from edgemap.runtime.messages import topics
 from edgemap.runtime.messages.build import FrameIds
 from edgemap.runtime.messages.stamps import to_ns
 from edgemap.runtime.messages.stream import MessageStream, Outgoing
-from edgemap.runtime.ros2.clock import ros_offset_s
-from edgemap.runtime.ros2.names import in_namespace
+from edgemap.runtime.ros2.growing_track import ros_offset_s
 from edgemap.runtime.ros2.node import Node, Publisher, Reliability
-from edgemap.runtime.ros2.robot_odom import RobotOdom
+from edgemap.runtime.ros2.tf import RobotOdom
+from edgemap.runtime.ros2.types import in_namespace
 from edgemap.runtime.slam import StepResult
 
 GLOBAL = (topics.TF, topics.TF_STATIC)  # one tree for all robots' programs: never below a namespace

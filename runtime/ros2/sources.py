@@ -14,13 +14,12 @@ from edgemap.runtime.cameras.imu_buffer import ImuBuffer
 from edgemap.runtime.cameras.protocol import Camera, SensorTopics
 from edgemap.runtime.errors import CameraError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.messages.poses import planar_pose
 from edgemap.runtime.messages.stamps import ns_of, to_s
+from edgemap.runtime.messages.tf_tree import planar_pose
 from edgemap.runtime.messages.topics import IMU, KINDS, WHEEL
-from edgemap.runtime.recordings.imu import push_message
+from edgemap.runtime.recordings.sensors import push_message
 from edgemap.runtime.ros2.camera import Ros2Camera
-from edgemap.runtime.ros2.clock import ros_offset_s
-from edgemap.runtime.ros2.growing_track import GrowingTrack
+from edgemap.runtime.ros2.growing_track import GrowingTrack, ros_offset_s
 from edgemap.runtime.ros2.node import Node, Subscription
 from edgemap.runtime.ros2.tf import TfListener
 from edgemap.runtime.trajectory import PoseTrack

@@ -16,7 +16,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.errors import RecordingError
 from edgemap.runtime.map_file import load_map
-from edgemap.runtime.recordings.wheel import read_wheel
+from edgemap.runtime.recordings.sensors import read_wheel
 
 FRAMES = 25
 WHEEL = Path(__file__).parents[2] / "runtime" / "demo" / "wheel.csv"

@@ -5,7 +5,7 @@ import pytest
 
 from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.compute import ONE_THREAD_MS, settle
-from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
+from edgemap.runtime.engines import open_onnxruntime
 from edgemap.runtime.network import Compute, Network
 from edgemap.runtime.store import bundle_folder
 

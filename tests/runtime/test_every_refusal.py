@@ -14,7 +14,7 @@ from edgemap.runtime.cameras.recording import RecordingCamera
 from edgemap.runtime.cameras.video import VideoCamera
 from edgemap.runtime.drives import open_drive
 from edgemap.runtime.drives.pose_files import read_stamps
-from edgemap.runtime.engines.onnxruntime_cpu import open_onnxruntime
+from edgemap.runtime.engines import open_onnxruntime
 from edgemap.runtime.errors import BundleError, CameraError
 from edgemap.runtime.network import Compute
 from edgemap.runtime.recordings import chunks

@@ -26,7 +26,7 @@ from edgemap.runtime.map_file import load_map
 from edgemap.runtime.number_rows import ROW_LIMIT
 from edgemap.runtime.reading import one_line, read_bytes
 from edgemap.runtime.recordings.facts import read_trajectory_file
-from edgemap.runtime.recordings.wheel import read_wheel
+from edgemap.runtime.recordings.sensors import read_wheel
 from edgemap.runtime.sightings_file import read_sightings
 from edgemap.runtime.store import install_folder
 from edgemap.runtime.trajectory import Trajectory, read_tum

@@ -9,9 +9,8 @@ from support.steps import Steps
 
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.errors import DiskError, OdometryError
-from edgemap.runtime.recordings.recorder import Recorder
+from edgemap.runtime.recordings.recorder import Recorder, RecordingSink
 from edgemap.runtime.sinks.group import SinkGroup
-from edgemap.runtime.sinks.recording import RecordingSink
 from edgemap.view.page import LivePage
 
 DISK_KIB = 2048

@@ -12,7 +12,7 @@ from edgemap.runtime.frame import Frame
 from edgemap.runtime.frame_observations import FrameObservations
 from edgemap.runtime.mapper import Mapper
 from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.sinks.protocol import Sink
+from edgemap.runtime.sinks.group import Sink
 from edgemap.runtime.slam import StepResult
 
 NAMES = ("chair", "couch", "person")

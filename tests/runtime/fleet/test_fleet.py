@@ -24,8 +24,7 @@ pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 import zenoh
 
 from edgemap.runtime.fleet.keeper import MAXIMUM_OBJECTS, PlaceKeeper
-from edgemap.runtime.fleet.network import MAP_BYTES, MESSAGE_BYTES, open_session, packed, unpacked
-from edgemap.runtime.fleet.question import place_document
+from edgemap.runtime.fleet.network import MAP_BYTES, MESSAGE_BYTES, open_session, packed, place_document, unpacked
 from edgemap.runtime.fleet.sink import MAP_EVERY_S, FleetSink
 
 PATIENCE_S = 30.0
@@ -244,7 +243,7 @@ def test_an_address_that_is_taken_or_silent_is_one_line(tmp_path, address, opene
     with pytest.raises(PublishError, match=rf"fleet, listening on {address}: ") as error:
         PlaceKeeper("home", tmp_path / "b", listen=address)
     assert "\n" not in str(error.value)
-    monkeypatch.setattr("edgemap.runtime.fleet.question.PATIENCE_S", 0.5)
+    monkeypatch.setattr("edgemap.runtime.fleet.network.PATIENCE_S", 0.5)
     with pytest.raises(PublishError, match=r"fleet, connecting to 127\.0\.0\.1:1: "):
         place_document("home", "127.0.0.1:1")
     with pytest.raises(PublishError, match="nobody keeps the map of garden at"):

@@ -11,8 +11,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.mapfiles.geojson import geojson_text
 from edgemap.runtime.mapfiles.table import csv_text
-from edgemap.runtime.mapfiles.trajectory import trajectory_of
-from edgemap.runtime.trajectory import Trajectory, tum_line
+from edgemap.runtime.trajectory import Trajectory, trajectory_of, tum_line
 
 ROOM = mapped([("chair", 1.0, -2.0), ("potted plant", 0.5, 3.0)])
 

@@ -10,8 +10,7 @@ from support.rooms import mapped
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.mapfiles.grid import FREE, MAXIMUM_LIVE_CELLS, OCCUPIED, UNKNOWN, GridRule, grid_of, live_grid
-from edgemap.runtime.mapfiles.nav2 import write_nav2
-from edgemap.runtime.mapfiles.nav2_vector import vector_text
+from edgemap.runtime.mapfiles.nav2 import vector_text, write_nav2
 from edgemap.runtime.trajectory import Trajectory
 
 # An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.

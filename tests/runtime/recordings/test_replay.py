@@ -28,7 +28,7 @@ from edgemap.runtime.recordings import recorder as recorder_module
 from edgemap.runtime.recordings.depth import encoded_depth
 from edgemap.runtime.recordings.facts import Facts, facts_record, read_facts
 from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.recordings.wheel import read_wheel
+from edgemap.runtime.recordings.sensors import read_wheel
 from edgemap.runtime.trajectory import Trajectory
 
 TESTS = Path(__file__).parents[2]

@@ -22,7 +22,7 @@ from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.fault import CameraFault
 from edgemap.runtime.cameras.protocol import SensorTopics
 from edgemap.runtime.errors import CameraError
-from edgemap.runtime.recordings.wheel import read_wheel
+from edgemap.runtime.recordings.sensors import read_wheel
 
 K = [58.0, 0.0, 31.0, 0.0, 59.0, 23.0, 0.0, 0.0, 1.0]
 T0 = 1_700_000_000_123_456_789

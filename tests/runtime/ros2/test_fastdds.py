@@ -26,7 +26,7 @@ from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.objects.footprints import radius_m
+from edgemap.geometry.objects.map_object import radius_m
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
 

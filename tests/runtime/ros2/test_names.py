@@ -9,10 +9,9 @@ from edgemap.cli.ros2 import frame_names
 from edgemap.runtime.errors import Ros2Error
 from edgemap.runtime.messages.definitions import definition
 from edgemap.runtime.messages.topics import KINDS
-from edgemap.runtime.ros2.clock import ros_offset_s
 from edgemap.runtime.ros2.discovery import Discovery, discovery_from
-from edgemap.runtime.ros2.hashes import HASHES
-from edgemap.runtime.ros2.names import dds_topic, dds_type, in_namespace, ros_kind
+from edgemap.runtime.ros2.growing_track import ros_offset_s
+from edgemap.runtime.ros2.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
 
 
 def test_topics_and_types_are_mangled_as_ros_2_does():
