@@ -1,7 +1,5 @@
 """Rigid motion in the plane, SE(2): REP-103 frames, x forward, y left, yaw counter-clockwise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -32,7 +30,7 @@ class SE2:
         object.__setattr__(self, "y_m", float(self.y_m))
         object.__setattr__(self, "yaw_rad", wrap_angle(float(self.yaw_rad)))
 
-    def __matmul__(self, other: SE2) -> SE2:
+    def __matmul__(self, other: "SE2") -> "SE2":
         """Compose: `pose_a_b @ pose_b_c` is `pose_a_c`."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return SE2(
@@ -41,7 +39,7 @@ class SE2:
             self.yaw_rad + other.yaw_rad,
         )
 
-    def inverse(self) -> SE2:
+    def inverse(self) -> "SE2":
         """`pose_b_a` of this `pose_a_b`."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return SE2(-c * self.x_m - s * self.y_m, s * self.x_m - c * self.y_m, -self.yaw_rad)
@@ -67,7 +65,7 @@ class SE2:
         """(x_m, y_m, yaw_rad), shape (3,)."""
         return np.array([self.x_m, self.y_m, self.yaw_rad])
 
-    def interpolate(self, other: SE2, share: float) -> SE2:
+    def interpolate(self, other: "SE2", share: float) -> "SE2":
         """The pose `share` of the way (0..1) to `other`, along a straight line and the shorter turn."""
         turn = wrap_angle(other.yaw_rad - self.yaw_rad)
         return SE2(

@@ -1,7 +1,5 @@
 """Loads a bundle: every file's sum, contract and graph are checked before a network runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -63,7 +61,7 @@ class Bundle:
         rows = self.backbone.inputs[whole.input.name][2]
         return msgspec.structs.replace(whole, input=msgspec.structs.replace(whole.input, height=rows))
 
-    def for_pictures(self, width: int, height: int, learned: bool = False) -> Bundle:
+    def for_pictures(self, width: int, height: int, learned: bool = False) -> "Bundle":
         """This bundle with a backbone that leaves off the rows of its input that pictures of this size do not reach.
 
         For 640x480 pictures in a square input that is a quarter of its work, a sixth where they lie in its middle.

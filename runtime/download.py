@@ -1,7 +1,5 @@
 """Downloads one file: resumable, with a progress bar, its sum checked before anyone opens it."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import re
@@ -129,7 +127,7 @@ class _Clock:
 
         return Watched(*arguments, **options)
 
-    def __enter__(self) -> _Clock:
+    def __enter__(self) -> "_Clock":
         threading.Thread(target=self._watch, daemon=True).start()
         return self
 

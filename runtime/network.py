@@ -1,7 +1,5 @@
 """One network of a bundle, whichever engine runs it, and what was decided of that."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -44,7 +42,7 @@ class Network:
         """Inputs to time it with."""
         return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
 
-    def error(self, reference: Network, largest: float = 255.0) -> float:
+    def error(self, reference: "Network", largest: float = 255.0) -> float:
         """How far the outputs are from another engine's: the worst output's RMS over its standard deviation.
 
         Both see the same random inputs from 0 to the largest: a picture's.

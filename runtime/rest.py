@@ -1,7 +1,5 @@
 """Detects a robot at rest, so that its frames can be skipped: by wheels and gyro, and by the picture."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,7 +56,7 @@ class _Reference:
     variance: float
 
     @classmethod
-    def of(cls, picture: Array, stamp_s: float) -> _Reference:
+    def of(cls, picture: Array, stamp_s: float) -> "_Reference":
         centred = picture - picture.mean()
         return cls(stamp_s, picture, centred, float((centred**2).mean()))
 

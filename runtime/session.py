@@ -1,7 +1,5 @@
 """Front end and back end for a camera, by one builder, and all three as one object to iterate over."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,7 +35,7 @@ class Session:
         self.camera, self.slam = camera, slam
         self._steps = steps(camera, slam, sinks, strict=strict)
 
-    def __iter__(self) -> Session:
+    def __iter__(self) -> "Session":
         return self
 
     def __next__(self) -> StepResult:
@@ -60,7 +58,7 @@ class Session:
         finally:
             self.camera.close()
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> "Session":
         return self
 
     def __exit__(

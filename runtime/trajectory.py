@@ -1,7 +1,5 @@
 """A drive's poses over time, and the TUM text format they are kept in."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +62,7 @@ class Trajectory:
         span = self.stamps_s[after] - self.stamps_s[after - 1]
         return self.poses[after - 1].interpolate(self.poses[after], (stamp_s - self.stamps_s[after - 1]) / span)
 
-    def from_start(self) -> Trajectory:
+    def from_start(self) -> "Trajectory":
         """The same way seen from its first pose, which becomes the identity."""
         origin = self.poses[0].inverse()
         return Trajectory(self.stamps_s, tuple(origin @ pose for pose in self.poses))

@@ -1,7 +1,5 @@
 """The floor seen by a mounted camera: horizon, ray-floor intersection, and how errors reach the floor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
@@ -52,7 +50,7 @@ class FloorCamera:
                 f"optical axis sees no floor within {FARTHEST_HEIGHTS:g} camera heights; the camera looks at the sky"
             )
 
-    def at(self, attitude: Attitude) -> FloorCamera:
+    def at(self, attitude: Attitude) -> "FloorCamera":
         """The camera of one frame: pitch, roll and, where it is known, height are the frame's, the rest the mount's."""
         mount = replace(
             self.mount,

@@ -1,7 +1,5 @@
 """The pinhole camera with lens distortion: pixels to rays and back, on numpy alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -138,7 +136,7 @@ class Intrinsics:
         pixels[ahead] = self.distortion.distort(ideal[ahead]) * [self.fx, self.fy] + [self.cx, self.cy]
         return pixels
 
-    def scaled(self, width: int, height: int) -> Intrinsics:
+    def scaled(self, width: int, height: int) -> "Intrinsics":
         """The same camera read at another image size (pixel centres, so the border keeps its angle)."""
         sx, sy = width / self.width, height / self.height
         return replace(

@@ -1,7 +1,5 @@
 """How the camera sits on the robot: height, pitch, roll and lever arm against the base (the turn axis)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -45,7 +43,7 @@ class Mount:
     @classmethod
     def from_degrees(
         cls, height_m: float, pitch_deg: float, roll_deg: float = 0.0, forward_m: float = 0.0, left_m: float = 0.0
-    ) -> Mount:
+    ) -> "Mount":
         """A mount with its angles in degrees, as people and camera.yaml write them."""
         return cls(height_m, math.radians(pitch_deg), math.radians(roll_deg), forward_m, left_m)
 

@@ -4,8 +4,6 @@ Edits never touch the measured map: they are laid over it when it is read, so th
 map with and without them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -50,7 +48,7 @@ class Annotations:
         """All that a saved map has measured: its objects, the deleted ones too, without what people have said."""
         return [replace(item, name="", confirmed=False) for item in (*saved, *self.deleted)]
 
-    def with_zones(self, zones: Sequence[Zone], alignment: Alignment) -> Annotations:
+    def with_zones(self, zones: Sequence[Zone], alignment: Alignment) -> "Annotations":
         """Another map's zones added, in this one's frame and with the next free ids."""
         last = max((id_order(zone.id)[1] for zone in self.zones), default=0)
         added = (
@@ -106,7 +104,7 @@ class MapEdits:
     _made: dict[str, tuple[tuple, MapObject, list[MapObject]]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> MapEdits:
+    def of(cls, saved: Iterable[MapObject], annotations: Annotations) -> "MapEdits":
         """The edits that a saved map holds."""
         edits = cls()
         for item in saved:

@@ -6,8 +6,6 @@ into. Objects that turn out to be one merge, and the older id stays; the larger 
 keeps its id. Everything moves with the pose that it was seen from.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
@@ -80,7 +78,7 @@ class FloorMap:
         self._listed: list[MapObject] | None = []
 
     @classmethod
-    def after(cls, saved: Sequence[MapObject], rule: AssociationRule | None = None) -> FloorMap:
+    def after(cls, saved: Sequence[MapObject], rule: AssociationRule | None = None) -> "FloorMap":
         """An empty map whose ids go on where an earlier map's end, so that none is given twice."""
         floor_map = cls(rule)
         for item in saved:
@@ -93,9 +91,9 @@ class FloorMap:
         cls,
         saved: Sequence[MapObject],
         rule: AssociationRule | None = None,
-        before: FloorMap | None = None,
+        before: "FloorMap | None" = None,
         merged: Mapping[str, str] | None = None,
-    ) -> FloorMap:
+    ) -> "FloorMap":
         """A map that holds an earlier one's objects, which stay as they are until they are seen again.
 
         before, merged: the map that this run has made so far and what its ids became, where it had to find its place.

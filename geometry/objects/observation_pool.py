@@ -3,8 +3,6 @@
 A pool is a sum, so it does not depend on the order of the sightings; how many there are follows the floor and not time.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -72,7 +70,7 @@ class ObservationPool:
         self.updated, self.anchor_s, self.due = 0, 0.0, 0
 
     @classmethod
-    def of_saved(cls, number: int, item: MapObject, systematic_m: float, correlated: float) -> ObservationPool:
+    def of_saved(cls, number: int, item: MapObject, systematic_m: float, correlated: float) -> "ObservationPool":
         """An object of an earlier map, ready for more sightings.
 
         A map does not say which part of its uncertainty its objects share: all of it but the systematic one counts as
@@ -88,7 +86,7 @@ class ObservationPool:
         known.views = {_square(x_m, y_m): (-math.inf, x_m, y_m) for x_m, y_m in item.seen_from_m}
         return known
 
-    def is_apart(self, other: ObservationPool) -> bool:
+    def is_apart(self, other: "ObservationPool") -> bool:
         """Whether the two are certainly two objects: seen in one frame, or separate in an earlier map."""
         return other in self.beside or (self.saved is not None and other.saved is not None)
 
@@ -127,7 +125,7 @@ class ObservationPool:
         self.vector += (xx * dx + xy * dy, xy * dx + yy * dy)
         self.variance_m2, self.first_m2 = mean_variance(pose_m2), pose_m2
 
-    def join(self, other: ObservationPool) -> None:
+    def join(self, other: "ObservationPool") -> None:
         """Take in another pool's sightings."""
         counts = self.sums.count, other.sums.count
         self.variance_m2 = float(np.average([self.variance_m2, other.variance_m2], weights=counts))

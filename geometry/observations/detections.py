@@ -1,7 +1,5 @@
 """What a detector saw in one picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +34,6 @@ class Detections:
         return [self.names[i] for i in self.class_ids]
 
     @classmethod
-    def none(cls, names: tuple[str, ...]) -> Detections:
+    def none(cls, names: tuple[str, ...]) -> "Detections":
         """No boxes."""
         return cls(np.zeros((0, 4)), np.zeros(0), np.zeros(0, dtype=np.int64), names)

@@ -1,7 +1,5 @@
 """From boxes to places on the floor: which objects stand on it, where, and how surely."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -51,7 +49,7 @@ class Sighting:
     stamp_s: float = 0.0
     weight: float = 1.0
 
-    def placed(self, pose_map_base: SE2, pose_covariance: Array, track: int = -1) -> PlacedSighting:
+    def placed(self, pose_map_base: SE2, pose_covariance: Array, track: int = -1) -> "PlacedSighting":
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
         rotation = pose_map_base.rotation()
         position = pose_map_base.apply(self.position_base_m)

@@ -1,7 +1,5 @@
 """Wheels roll and do not slide: what that says of a planar motion, and where the axle is learnt to lie."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -47,7 +45,7 @@ class Rolling:
         gradient = np.array([s, c, -along / 2.0 - self.axle_m], dtype=np.float64)
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
 
-    def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> Rolling:
+    def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":
         """With the axle after one motion whose lateral residual was measured without this constraint (Kalman)."""
         if self.axle_sigma_m == 0.0:
             return self

@@ -5,8 +5,6 @@ objects is refined by weighted least squares. It is refused where chance explain
 motion explains nearly as many objects.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
@@ -63,7 +61,7 @@ class Alignment:
     rms_m: float
 
     @classmethod
-    def exact(cls, pose_a_b: SE2) -> Alignment:
+    def exact(cls, pose_a_b: SE2) -> "Alignment":
         """A pose that is certain without any pairs."""
         return cls(pose_a_b, np.zeros((3, 3)), (), 0, 0, 0.0, 0.0)
 

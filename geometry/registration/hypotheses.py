@@ -1,7 +1,5 @@
 """Motions that could lay one map onto another, from every two objects whose labels and mutual distance agree."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
@@ -38,7 +36,7 @@ class Motions:
         x, y = np.moveaxis(points_b_m[None] - self.middle_b_m[:, None], -1, 0)
         return np.stack([c * x - s * y, s * x + c * y], axis=-1) + self.middle_a_m[:, None]
 
-    def rows(self, chosen: NDArray[np.integer] | slice) -> Motions:
+    def rows(self, chosen: NDArray[np.integer] | slice) -> "Motions":
         """Some of the motions."""
         return Motions(
             self.yaw_rad[chosen], self.middle_a_m[chosen], self.middle_b_m[chosen], self.place_m2[chosen],

@@ -1,7 +1,5 @@
 """The trajectory: poses every few steps with the odometry between them, and how the past moves in a correction."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
@@ -68,7 +66,7 @@ class TrajectoryCorrection:
         wrt_pose[:, 0, 2], wrt_pose[:, 1, 2] = -y, x
         return wrt_pose @ self.covariances[rows] @ wrt_pose.transpose(0, 2, 1)
 
-    def compose(self, later: TrajectoryCorrection) -> TrajectoryCorrection:
+    def compose(self, later: "TrajectoryCorrection") -> "TrajectoryCorrection":
         """This one and a later one as one."""
         stamps = np.union1d(self.stamps_s, later.stamps_s)
         moves, rows = later.moved_poses(stamps, self.moves[self._rows(stamps)]), later._rows(stamps)

@@ -1,7 +1,5 @@
 """What every odometry is to the pipeline: frames in, motion of the base with its covariance out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
@@ -67,7 +65,7 @@ class Motion:
         """What the next frame's attitude is told (`Frame.moved`): a gyro learns nothing from itself."""
         return None if self.blind or self.fault else self.without_gyro or (self.motion, self.covariance)
 
-    def checked(self, name: str) -> Motion:
+    def checked(self, name: str) -> "Motion":
         """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance
         that is not finite, farther than FARTHEST_M in one step, a covariance that is not symmetric and positive."""
         values, covariance = self.motion.vector(), self.covariance

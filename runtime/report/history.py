@@ -1,7 +1,5 @@
 """What a report keeps of a run, in bounded memory: the trajectory thinned out, times and detections by window."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
@@ -25,7 +23,7 @@ class TimeWindow:
     stages_ms: Counter[str] = field(default_factory=Counter)
     seen: Counter[str] = field(default_factory=Counter)
 
-    def join(self, other: TimeWindow) -> None:
+    def join(self, other: "TimeWindow") -> None:
         """Take in the window that follows."""
         self.end_s, self.frames = other.end_s, self.frames + other.frames
         self.worst_ms = max(self.worst_ms, other.worst_ms)
