@@ -16,39 +16,25 @@ if TYPE_CHECKING:
     from edgemap.runtime.slam import SemanticSlam, StepResult
     from edgemap.runtime.store import bundle_folder
 
-_HOME = {
-    "Bundle": "edgemap.runtime.bundle",
-    "Camera": "edgemap.runtime.cameras",
-    "LoopCloser": "edgemap.runtime.loop_closing",
-    "FloorCamera": "edgemap.geometry.camera.floor",
-    "FloorMap": "edgemap.geometry.objects.floor_map",
-    "Frame": "edgemap.runtime.frame",
-    "Mapper": "edgemap.runtime.mapper",
-    "Pipeline": "edgemap.runtime.pipeline",
-    "SemanticSlam": "edgemap.runtime.slam",
-    "StepResult": "edgemap.runtime.slam",
-    "bundle_folder": "edgemap.runtime.store",
-    "load_bundle": "edgemap.runtime.bundle",
-    "open_camera": "edgemap.runtime.cameras",
-    "open_odometry": "edgemap.runtime.odometry",
+_HOMES = {
+    "geometry.camera.floor": ("FloorCamera",),
+    "geometry.objects.floor_map": ("FloorMap",),
+    "runtime.bundle": ("Bundle", "load_bundle"),
+    "runtime.cameras": ("Camera", "open_camera"),
+    "runtime.frame": ("Frame",),
+    "runtime.loop_closing": ("LoopCloser",),
+    "runtime.mapper": ("Mapper",),
+    "runtime.odometry": ("open_odometry",),
+    "runtime.pipeline": ("Pipeline",),
+    "runtime.slam": ("SemanticSlam", "StepResult"),
+    "runtime.store": ("bundle_folder",),
 }
+_HOME = {name: f"edgemap.{module}" for module, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "Bundle",
-    "Camera",
-    "FloorCamera",
-    "FloorMap",
-    "Frame",
-    "LoopCloser",
-    "Mapper",
-    "Pipeline",
-    "SemanticSlam",
-    "StepResult",
-    "bundle_folder",
-    "load_bundle",
-    "open_camera",
-    "open_odometry",
-]
+    "Bundle", "Camera", "FloorCamera", "FloorMap", "Frame", "LoopCloser", "Mapper", "Pipeline", "SemanticSlam",
+    "StepResult", "bundle_folder", "load_bundle", "open_camera", "open_odometry",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -71,15 +71,12 @@ class ObjectMap(Protocol):
     def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:
         """Everything moves with the pose that it was seen from. What is a landmark that was seen before moves with
         that one, and those of one landmark are one object. Raises MapError if fixed."""
-        ...
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Scale an object's confidence by how probably it still stands there. Raises MapError if fixed."""
-        ...
 
     def drop(self, identity: str) -> None:
         """Remove an object; its id is not given again. Raises MapError if fixed."""
-        ...
 
 
 class SightingSums:

@@ -62,7 +62,6 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Let go of the device or file; may be called twice."""
-        ...
 
     def __enter__(self) -> Self: ...
 
@@ -94,7 +93,6 @@ class Device(Protocol):
 
     def close(self) -> None:
         """Let go of the hardware."""
-        ...
 
 
 class Driver(Protocol):
@@ -112,7 +110,6 @@ class Driver(Protocol):
 
     def watch(self, changed: Callable[[bool], None]) -> None:
         """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,7 +124,6 @@ class Odometry(Protocol):
 
     def reset(self, reason: str) -> None:
         """Forget the past: a gap in the frames, another place."""
-        ...
 
 
 @runtime_checkable
@@ -133,4 +132,3 @@ class StartsAhead(Protocol):
 
     def begin(self, frame: Frame, features: Tensors) -> None:
         """Start on a frame in another thread; `step` of that frame, which follows, takes the result."""
-        ...

@@ -32,11 +32,9 @@ class Sink(Protocol):
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Take in one step's result; `objects` is the map after the step. May raise anything."""
-        ...
 
     def fault(self, text: str) -> None:
         """Take note of something that went wrong, in one line. What it raises is ignored."""
-        ...
 
     def close(self) -> None:
         """Finish; whatever was gathered is safe afterwards. May be called twice.
@@ -44,7 +42,6 @@ class Sink(Protocol):
         Raises where something that was to be kept is lost; that ends the command with the error's exit code, after
         every other sink is closed. A publisher that only loses its listener raises nothing.
         """
-        ...
 
 
 @dataclass(slots=True)
