@@ -16,7 +16,7 @@ from edgemap.runtime.bundle import load_bundle
 from edgemap.runtime.calibration.level import seen_text
 from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.config import Config
-from edgemap.runtime.slam_setup import SlamOptions, build_slam
+from edgemap.runtime.session import SlamOptions, build_slam
 from edgemap.runtime.store import bundle_folder
 
 TRUE_DEG, FRAMES = 11.5, 130
