@@ -246,6 +246,8 @@ def locate(
     their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
     scale annealed. doubtful (N,): seen on what may move by itself, so they count once the others have found the view.
     rolling: the last picture's pose and how the robot rolled on from it, unless much floor in view shows that it slid.
+    Depths that err together move the lens sideways in a turn, at a covariance that knows nothing of it: the more the
+    landmarks alone contradict rolling, the more it counts, and the larger is the covariance.
     """
     projection = project(landmarks, camera, start)
     sure = np.ones(len(seen), dtype=bool) if doubtful is None or doubtful.all() else ~doubtful
@@ -260,6 +262,7 @@ def locate(
     prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, common**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
     lateral: Lateral | None = None
+    across_m, variance_m2, conflict = 0.0, 0.0, 1.0  # of the landmarks alone, and of those with rolling
     before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
@@ -277,22 +280,25 @@ def locate(
         gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
         if how is not None:
             lateral = how.lateral(before.inverse() @ view.pose)
-            across = lateral.by_motion / lateral.variance_m2
-            information[:3, :3] += np.outer(lateral.by_motion, across)
-            gradient[:3] -= across * lateral.residual_m
+            by, inverse = lateral.by_motion, np.linalg.inv(information)
+            across_m = lateral.residual_m + float(by @ inverse[:3] @ gradient)
+            variance_m2 = float(by @ inverse[:3, :3] @ by)
+            conflict = max(across_m**2 / (variance_m2 + lateral.variance_m2), 1.0)
+            information[:3, :3] += np.outer(by, by) * conflict / lateral.variance_m2
+            gradient[:3] -= by * conflict * lateral.residual_m / lateral.variance_m2
         step = np.asarray(np.linalg.solve(information, gradient), dtype=np.float64)
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     measured = None
     if lateral is not None and float(weights[landmarks.floor | landmarks.measured].sum()) > SHOWS_LATERAL:
-        measured = _without_rolling(lateral, inverse, excess)
+        measured = across_m, variance_m2 * excess
         turn_rad = wrap_angle(view.pose.yaw_rad - before.yaw_rad)
         doubt = LATERAL_GATE * (measured[1] + lateral.variance_m2) + (LATERAL_TURN_M * turn_rad) ** 2
         if measured[0] ** 2 > doubt:
             return replace(locate(landmarks, seen, camera, start, noise, doubtful), lateral=measured, slid=True)
-    covariance = np.asarray(inverse[:6, :6] * excess, dtype=np.float64)
+    covariance = covariance[:6, :6] * (excess * conflict)
     return Located(view, covariance, weights, residual, projection, log_scale, measured)
 
 
@@ -309,13 +315,6 @@ def _common_scale_sigma(landmarks: Landmarks, noise: Noise) -> float:
 SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
 LATERAL_GATE = 25.0  # squared, in standard deviations
 LATERAL_TURN_M = 0.3  # per radian of turn, which pictures confuse with it
-
-
-def _without_rolling(lateral: Lateral, inverse: Array, excess: float) -> tuple[float, float]:
-    """The lateral residual, m, and its variance as the landmarks alone have them, from those with the constraint."""
-    known = float(lateral.by_motion @ inverse[:3, :3] @ lateral.by_motion)
-    share = max(1.0 - known / lateral.variance_m2, 1e-6)
-    return lateral.residual_m / share, excess * known / share
 
 
 NEIGHBOUR_DEPTH = 0.3  # relative standard deviation of an inverse depth below which it is used for new landmarks

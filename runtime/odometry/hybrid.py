@@ -244,15 +244,15 @@ class HybridOdometry:
         found = replace(found, covariance=lasting * np.asarray(found.covariance))
         if self._conflicts == self._rule.lasting_conflict:
             faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
-        motion = SE2(*found.motion)
-        self._coasting.saw(motion, stamp_s)
+        rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
+        carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
+        found = self._coasting.held(found, stamp_s, carried)
         others = [item for item in alive if item.source != GYRO]
         seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
         without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
         members = self._answers(alive, [found])
-        rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
         return Motion(
-            motion, np.asarray(found.covariance), faults,
+            SE2(*found.motion), np.asarray(found.covariance), faults,
             members=members, without_gyro=without_gyro, rotation=rotation,
         )  # fmt: skip
 
