@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.odometry.rolling import Lateral, Rolling
+from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.se2 import SE2, wrap_angle
 
 Array = NDArray[np.float64]
@@ -261,8 +261,7 @@ def locate(
     common = _common_scale_sigma(landmarks, noise)
     prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, common**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
-    lateral: Lateral | None = None
-    across_m, variance_m2, conflict = 0.0, 0.0, 1.0  # of the landmarks alone, and of those with rolling
+    across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone, and of those with rolling
     before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
@@ -284,6 +283,7 @@ def locate(
             across_m = lateral.residual_m + float(by @ inverse[:3] @ gradient)
             variance_m2 = float(by @ inverse[:3, :3] @ by)
             conflict = max(across_m**2 / (variance_m2 + lateral.variance_m2), 1.0)
+            worst = max(worst, conflict)
             information[:3, :3] += np.outer(by, by) * conflict / lateral.variance_m2
             gradient[:3] -= by * conflict * lateral.residual_m / lateral.variance_m2
         step = np.asarray(np.linalg.solve(information, gradient), dtype=np.float64)
@@ -291,13 +291,17 @@ def locate(
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    measured = None
-    if lateral is not None and float(weights[landmarks.floor | landmarks.measured].sum()) > SHOWS_LATERAL:
+    shows, measured = landmarks.floor | landmarks.measured, None
+    if how is not None and worst > LATERAL_GATE:
+        slid = locate(landmarks, seen, camera, start, noise, doubtful)
+        lateral = how.lateral(before.inverse() @ slid.view.pose)
+        apart = lateral.residual_m, float(lateral.by_motion @ slid.covariance[:3, :3] @ lateral.by_motion)
+        turn_rad = wrap_angle(slid.view.pose.yaw_rad - before.yaw_rad)
+        doubt = LATERAL_GATE * (apart[1] + lateral.variance_m2) + (LATERAL_TURN_M * turn_rad) ** 2
+        if float(slid.weights[shows].sum()) > SHOWS_LATERAL and apart[0] ** 2 > doubt:
+            return replace(slid, lateral=apart, slid=True)
+    elif how is not None and float(weights[shows].sum()) > SHOWS_LATERAL:
         measured = across_m, variance_m2 * excess
-        turn_rad = wrap_angle(view.pose.yaw_rad - before.yaw_rad)
-        doubt = LATERAL_GATE * (measured[1] + lateral.variance_m2) + (LATERAL_TURN_M * turn_rad) ** 2
-        if measured[0] ** 2 > doubt:
-            return replace(locate(landmarks, seen, camera, start, noise, doubtful), lateral=measured, slid=True)
     covariance = covariance[:6, :6] * (excess * conflict)
     return Located(view, covariance, weights, residual, projection, log_scale, measured)
 

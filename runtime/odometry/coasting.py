@@ -1,18 +1,14 @@
 """Motion without any measurement: the last velocity for a moment, then rest, with a covariance to match."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from edgemap.geometry.odometry.covariance_intersection import MotionEstimate, fused
+from edgemap.geometry.arrays import Array
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.odometry.protocol import Motion
 
-Array = NDArray[np.float64]
-
-YAW_RATE_CHANGES = 10.0  # rad/s, from one step to the next: that it is bounded is not used
 SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0  # between two steps, for a velocity
 
 
@@ -43,30 +39,30 @@ class Coasting:
 
     def saw(self, motion: SE2, stamp_s: float) -> None:
         """A measured motion that ended at a stamp."""
+        self._variance = None
         dt_s = stamp_s - self._last_s
         if SHORTEST_DT_S < dt_s < LONGEST_DT_S:
             self._velocity, speed = motion.vector() / dt_s, self._rule.speed_sigma_m_s
             self._sigmas = np.array([speed, 0.5 * speed, self._rule.yaw_rate_sigma_rad_s]) + abs(self._velocity)
         self.begin(stamp_s)
 
-    def held(self, found: MotionEstimate, stamp_s: float, carried: float) -> MotionEstimate:
-        """A motion that ended at a stamp, measured, with what the last velocity tells of it: a robot's acceleration is
-        bounded, so a motion of unknown scale is (Kalman filter of the velocity).
+    def held(self, motion: Array, covariance: Array, stamp_s: float, carried: float) -> tuple[Array, Array]:
+        """A measured motion (3,) that ended at a stamp, and its covariance, (3, 3), as the last velocity holds them.
 
+        Acceleration is bounded, so a motion whose scale the camera does not know is (a Kalman filter of the velocity).
         carried: from 0, of a robot, to 1, as of `Carried.share`.
         """
-        dt_s = stamp_s - self._last_s
-        if SHORTEST_DT_S < dt_s < LONGEST_DT_S:
-            if self._variance is not None:
-                robot, most = self._rule.acceleration_m_s2
-                changes = robot * (most / robot) ** carried * dt_s
-                covariance = (self._variance + np.diag([changes, changes, YAW_RATE_CHANGES]) ** 2) * dt_s**2
-                expected = MotionEstimate(self._velocity * dt_s, covariance, found.source)
-                both = fused(found, expected)
-                found = replace(found, motion=both.motion, covariance=both.covariance)
-            self._variance = found.covariance / dt_s**2
-        self.saw(SE2(*found.motion), stamp_s)
-        return found
+        dt_s, variance = stamp_s - self._last_s, self._variance
+        if variance is not None and SHORTEST_DT_S < dt_s < LONGEST_DT_S:
+            robot, most = self._rule.acceleration_m_s2
+            change = robot * (most / robot) ** carried * dt_s
+            expected = np.zeros((3, 3))
+            expected[:2, :2] = np.linalg.inv((variance + change**2 * np.eye(2)) * dt_s**2)
+            covariance = np.asarray(np.linalg.inv(np.linalg.inv(covariance) + expected), dtype=np.float64)
+            motion = motion + covariance @ expected @ (self._velocity * dt_s - motion)
+        self.saw(SE2(*motion), stamp_s)
+        self._variance = covariance[:2, :2] / max(dt_s, SHORTEST_DT_S) ** 2
+        return motion, covariance
 
     def begin(self, stamp_s: float) -> None:
         """The pose at a stamp was measured."""
@@ -80,12 +76,12 @@ class Coasting:
         after_s = max(stamp_s - self._blind_from_s, before_s + SHORTEST_DT_S)
         self._last_s = self._blind_from_s + after_s
         carried_s = max(0.0, min(after_s, self._rule.carried_s) - min(before_s, self._rule.carried_s))
-        self._variance = np.diag(self._sigmas**2)
+        self._variance = np.diag(self._sigmas[:2] ** 2)
         covariance = np.diag(self._sigmas**2 * (after_s**2 - before_s**2))
         return Motion(SE2(*(self._velocity * carried_s)), covariance, fault, blind=True)
 
     def reset(self) -> None:
         """Forget the velocity."""
         self._velocity, self._sigmas = np.zeros(3), np.ones(3)
-        self._variance: Array | None = None  # (3, 3) of the velocity; None of one that was never measured
+        self._variance: Array | None = None  # (2, 2) of the velocity; None where it is not known
         self._last_s = self._blind_from_s = -math.inf

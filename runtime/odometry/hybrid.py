@@ -246,13 +246,17 @@ class HybridOdometry:
             faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
         rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
         carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
-        found = self._coasting.held(found, stamp_s, carried)
+        moved, covariance = found.motion, np.asarray(found.covariance)
+        if found.conflict:
+            self._coasting.saw(SE2(*moved), stamp_s)
+        else:
+            moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
         others = [item for item in alive if item.source != GYRO]
         seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
         without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
         members = self._answers(alive, [found])
         return Motion(
-            SE2(*found.motion), np.asarray(found.covariance), faults,
+            SE2(*moved), covariance, faults,
             members=members, without_gyro=without_gyro, rotation=rotation,
         )  # fmt: skip
 

@@ -24,6 +24,7 @@ from edgemap.geometry.odometry.landmarks import (
     rotated,
     with_neighbours_depth,
 )
+from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.se2 import SE2
 
 CAMERA = FloorCamera(Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5), Mount.from_degrees(0.5, 15.0, 0.0, 0.12, 0.05))
@@ -154,6 +155,22 @@ def test_floor_that_lies_below_what_the_scale_says_tells_that_it_is_too_large():
     below = farther & keep & ~after.floor
     assert below.sum() >= 8
     np.testing.assert_allclose(after.on_floor[below], known.inverse_m[below])
+
+
+def test_depths_that_err_together_do_not_move_a_robot_sideways_in_a_turn():
+    """A wall that was mapped at half of its distance: the lens, ahead of the axle, seems to swing by half."""
+    points = scene(3, floor=0, walls=90)
+    points[:, 0] = 1.2
+    lens = CAMERA.mount.position_base_m()
+    mapped = replace(landmarks_of(lens + 0.5 * (points - lens)), variance=np.full(90, 0.02**2))
+    mapped.inverse_m[:] = 2.0 / np.linalg.norm(points - lens, axis=1)
+    turned = Viewpoint(SE2(0.0, 0.0, -0.12))
+    seen = seen_from(points, turned)
+    free = locate(mapped, seen, CAMERA, Viewpoint(), NOISE)
+    held = locate(mapped, seen, CAMERA, Viewpoint(), NOISE, rolling=(SE2(), Rolling(0.001, 0.01, 0.0, 0.0)))
+    assert abs(free.view.pose.y_m) > 0.007
+    assert abs(held.view.pose.y_m) < 0.0035
+    assert np.trace(held.covariance[:2, :2]) > np.trace(free.covariance[:2, :2])
 
 
 def test_fewer_tracks_mean_a_larger_covariance():

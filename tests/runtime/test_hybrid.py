@@ -7,6 +7,7 @@ import pytest
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frame import Frame
+from edgemap.runtime.odometry.coasting import CoastingRule
 from edgemap.runtime.odometry.gyro import GyroOdometry
 from edgemap.runtime.odometry.hybrid import HybridOdometry, HybridRule, Member
 from edgemap.runtime.odometry.protocol import Motion, no_motion
@@ -179,13 +180,25 @@ def test_a_member_that_follows_people_counts_less_where_they_fill_the_picture():
     people, none, whole = np.array([[0.0, 0.0, 64.0, 96.0]]), np.zeros((0, 4)), np.zeros((160, 64, 3), np.uint8)
     step, blind = motion(0.1, 0.01), Motion(blind=True)
     corners, head = Scripted(step, blind, blind, step, blind), Scripted(*[step] * 5)
-    hybrid = HybridOdometry([Member(corners, "camera"), Member(head, "camera", movers_scale=100.0)])
+    members = [Member(corners, "camera"), Member(head, "camera", movers_scale=100.0)]
+    hybrid = HybridOdometry(members, coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
     covariances = [
         hybrid.step(Frame(index, index / 10, whole, movers=movers), {}).covariance[0, 0]
         for index, movers in enumerate((none, people, none, none, none))
     ]
     stated = LASTING * 0.01**2
     assert covariances[1:] == pytest.approx([100**0.6 * stated, 100**0.6 * stated, stated, stated])
+
+
+@pytest.mark.parametrize(("acceleration_m_s2", "most_m"), [(2.0, 0.12), (1e6, 0.81)])
+def test_a_step_of_unknown_length_is_held_to_what_a_robot_can_do(acceleration_m_s2, most_m):
+    """From 0.5 m/s to 4 m/s in 0.2 s, by corners that state 0.4 m."""
+    sure, collapsed = motion(0.1, 0.005), motion(0.8, 0.4)
+    rule = CoastingRule(acceleration_m_s2=(acceleration_m_s2, acceleration_m_s2))
+    hybrid = HybridOdometry([Member(Scripted(*[sure] * 4, collapsed), "camera")], coasting=rule)
+    found = [hybrid.step(at(0.2 * k), {}).motion.x_m for k in range(5)]
+    assert found[3] == pytest.approx(0.1)
+    assert most_m - 0.02 < found[4] < most_m
 
 
 def test_a_doubted_member_counts_less():

@@ -21,7 +21,8 @@ from edgemap.runtime.cameras import open_camera
 from edgemap.runtime.cameras.protocol import Camera
 from edgemap.runtime.errors import OdometryError
 from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry import open_odometry
+from edgemap.runtime.odometry import OdometryRules, open_odometry
+from edgemap.runtime.odometry.coasting import CoastingRule
 from edgemap.runtime.odometry.learned import LearnedOdometry, outside_envelope
 from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
 from edgemap.runtime.odometry.protocol import Motion
@@ -250,7 +251,8 @@ def test_the_hybrid_takes_planars_covariance_four_times():
     bundle = load_bundle(bundle_folder("edgemap-nano"))
     alone = replace(bundle, manifest=msgspec.structs.replace(bundle.manifest, odometry={}))
     camera = cast(Camera, SimpleNamespace(wheel=None, name="made"))
-    hybrid, planar = open_odometry("hybrid", alone, camera, CAMERA), PlanarOdometry(CAMERA)
+    rules = OdometryRules(coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
+    hybrid, planar = open_odometry("hybrid", alone, camera, CAMERA, rules=rules), PlanarOdometry(CAMERA)
     frames, _ = drive(MOTIONS["left arc"])
     for frame in frames:
         fused, own = hybrid.step(frame, {}), planar.step(frame, {})
