@@ -254,14 +254,14 @@ def locate(
     known_yaw = noise.yaw_rad < KNOWN_YAW_RAD
     view, log_scale = start if known_yaw else _rotated_to(projection, seen, start, sure), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
-    residual, information = seen, np.eye(7)
+    residual, inverse = seen, np.eye(7)
     off_floor = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
     common = _common_scale_sigma(landmarks, noise)
     prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, common**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
-    across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone, and of those with rolling
+    across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone; worst: ere they lose weight
     before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
@@ -277,20 +277,20 @@ def locate(
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
         yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
         gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
+        inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
         if how is not None:
             lateral = how.lateral(before.inverse() @ view.pose)
-            by, inverse = lateral.by_motion, np.linalg.inv(information)
-            across_m = lateral.residual_m + float(by @ inverse[:3] @ gradient)
-            variance_m2 = float(by @ inverse[:3, :3] @ by)
+            along = inverse[:, :3] @ lateral.by_motion
+            across_m = lateral.residual_m + float(along @ gradient)
+            variance_m2 = float(along[:3] @ lateral.by_motion)
             conflict = max(across_m**2 / (variance_m2 + lateral.variance_m2), 1.0)
             worst = max(worst, conflict)
-            information[:3, :3] += np.outer(by, by) * conflict / lateral.variance_m2
-            gradient[:3] -= by * conflict * lateral.residual_m / lateral.variance_m2
-        step = np.asarray(np.linalg.solve(information, gradient), dtype=np.float64)
+            gradient[:3] -= lateral.by_motion * conflict * lateral.residual_m / lateral.variance_m2
+            inverse -= np.outer(along, along) / (lateral.variance_m2 / conflict + variance_m2)  # Sherman and Morrison
+        step = inverse @ gradient
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     shows, measured = landmarks.floor | landmarks.measured, None
     if how is not None and worst > LATERAL_GATE:
         slid = locate(landmarks, seen, camera, start, noise, doubtful)
@@ -302,8 +302,7 @@ def locate(
             return replace(slid, lateral=apart, slid=True)
     elif how is not None and float(weights[shows].sum()) > SHOWS_LATERAL:
         measured = across_m, variance_m2 * excess
-    covariance = covariance[:6, :6] * (excess * conflict)
-    return Located(view, covariance, weights, residual, projection, log_scale, measured)
+    return Located(view, inverse[:6, :6] * (excess * conflict), weights, residual, projection, log_scale, measured)
 
 
 def _common_scale_sigma(landmarks: Landmarks, noise: Noise) -> float:
