@@ -12,10 +12,10 @@ class CarriedRule:
 
     share: of the newest picture in how much the tilt changes from one to the next, root mean square (rendered robots
     0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). level_rad: what nods more is carried. steady_m: path lengths
-    without nodding, after which a camera counts as one on wheels: where it nods by less than half of level_rad, and
-    else (robots 0.05 to 0.3 degrees; a walker begins with 0.4 to 0.5, for 1.5 m). rate_rad_s: of a camera on a robot,
-    and of one that is carried for certain (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two head
-    cameras 16 to 18). rate_s: over which the rate is judged. calm_s: for which a camera counts as calm at first.
+    without nodding, after which a camera counts as one on wheels: where it nods by less than a third of level_rad,
+    and else (level robots 0.05 to 0.2 degrees; a walker begins with 0.4 to 0.5, for 1.5 m). rate_rad_s: of a camera on
+    a robot, and of one that is carried for certain (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two
+    head cameras 16 to 18). rate_s: over which the rate is judged. calm_s: for which a camera counts as calm at first.
     """
 
     share: float = 0.1
@@ -72,7 +72,7 @@ class Carried:
     @property
     def on_wheels(self) -> bool:
         """Whether it has gone a way without nodding as one that is carried."""
-        needed_m = self.rule.steady_m[0 if self.nodding_rad < self.rule.level_rad / 2.0 else 1]
+        needed_m = self.rule.steady_m[0 if self.nodding_rad < self.rule.level_rad / 3.0 else 1]
         return self.steady_m > needed_m and not self.scattered
 
     @property

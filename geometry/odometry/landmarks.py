@@ -283,8 +283,8 @@ def locate(
             along = inverse[:, :3] @ lateral.by_motion
             across_m = lateral.residual_m + float(along @ gradient)
             variance_m2 = float(along[:3] @ lateral.by_motion)
-            conflict = max(across_m**2 / (variance_m2 + lateral.variance_m2), 1.0)
-            worst = max(worst, conflict)
+            contradiction = across_m**2 / (variance_m2 + lateral.variance_m2)
+            worst, conflict = max(worst, contradiction), max(contradiction / OVERRULED, 1.0)
             gradient[:3] -= lateral.by_motion * conflict * lateral.residual_m / lateral.variance_m2
             inverse -= np.outer(along, along) / (lateral.variance_m2 / conflict + variance_m2)  # Sherman and Morrison
         step = inverse @ gradient
@@ -316,6 +316,7 @@ def _common_scale_sigma(landmarks: Landmarks, noise: Noise) -> float:
 
 
 SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
+OVERRULED = 9.0  # squared, in standard deviations; landmarks that contradict rolling by more count less
 LATERAL_GATE = 25.0  # squared, in standard deviations
 LATERAL_TURN_M = 0.3  # per radian of turn, which pictures confuse with it
 

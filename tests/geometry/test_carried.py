@@ -15,7 +15,7 @@ def after(nods_deg, path_m=0.05, rate_hz=10.0):
     return carried
 
 
-@pytest.mark.parametrize(("nod_deg", "needed_m"), [(0.25, 0.5), (0.45, 2.0)])
+@pytest.mark.parametrize(("nod_deg", "needed_m"), [(0.15, 0.5), (0.45, 2.0)])
 def test_a_robot_that_nods_a_little_is_on_wheels_soon_and_one_that_nods_more_after_two_metres(nod_deg, needed_m):
     steps = round(needed_m / 0.05)
     assert not after([nod_deg] * (steps - 1)).on_wheels
