@@ -37,8 +37,9 @@ class InertialNoise:
 
     gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a radian.
     accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
-    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_accel: of the
-    robot at the start, m/s^2. speed, speed_s: velocity, m/s, and for how long it keeps its direction, s. rest_gyro,
+    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_speed: m/s, of a
+    camera that is not about its mount; a walk taken for rest at first would look like an acceleration. start_accel: of
+    the robot at the start, m/s^2. speed, speed_s: velocity, m/s, and for how long it keeps its direction, s. rest_gyro,
     rest_accel: at rest samples scatter less, rad/s and m/s^2. rest_bias: of the mean rate over a second of rest,
     rad/s. rest_window_s: over which rest is judged. rest_speed, rest_yaw: rest is denied where odometry measures
     more, m/s and rad/s. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned, turned_share:
@@ -53,7 +54,8 @@ class InertialNoise:
     offset: float = OFFSET_RAD
     bias_walk: float = 1e-5
     start_bias: float = 0.0175
-    start_tilt: float = math.radians(10.0)
+    start_tilt: float = math.radians(8.0)
+    start_speed: float = 1.5
     start_accel: float = 0.2
     speed: float = 0.5
     speed_s: float = 0.5
@@ -122,15 +124,15 @@ def inertial_start(
     """
     force = samples.accel_m_s2.mean(axis=0)
     mean_m_s2 = float(np.linalg.norm(force))
-    tilt = noise.start_tilt + 2.0 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     if up_optical is None:
-        up = force / max(mean_m_s2, 1e-9)
+        up, speed = force / max(mean_m_s2, 1e-9), noise.start_speed
+        tilt = noise.start_tilt + 0.5 * abs(mean_m_s2 / GRAVITY_M_S2 - 1.0)  # a camera that is pushed shows no gravity
     else:
-        up, tilt = up_optical, sigma_rad
+        up, speed, tilt = up_optical, noise.speed, sigma_rad
     side = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     offset = noise.offset * GRAVITY_M_S2
-    sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [noise.speed] * 3 + [offset] * 3
+    sigmas = [tilt] * 2 + [1e-6] + [noise.start_bias] * 3 + [speed] * 3 + [offset] * 3
     rotation = np.array([side, np.cross(up, side), up])
     zero, mixed, covariance = np.zeros(3), np.eye(STATES), np.diag(np.square(sigmas))
     if up_optical is None:  # the offset that the mean force holds is a tilt

@@ -10,7 +10,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, SeenDirection, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, SeenDirection, SeenRotation
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M
 from edgemap.geometry.camera.floor import FloorCamera
@@ -38,6 +38,7 @@ from edgemap.geometry.odometry.planar import planar_motion
 from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.se2 import SE2
+from edgemap.runtime.calibration.level import up_optical
 from edgemap.runtime.drives.pictures import Depth
 from edgemap.runtime.frame import Frame
 from edgemap.runtime.network import Tensors
@@ -86,7 +87,9 @@ class PlanarRule:
     The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
     two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
     and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
-    are held to it; yaw always is. gyro_levelling: `levelling`, as the gyro carries the tilt on.
+    are held to it; yaw always is. gyro_levelling: `levelling`, as the gyro carries the tilt on. Beyond gyro_upright_rad
+    the tilt is still being found: what the attitude learns of it rotates the landmarks and is no motion; gyro_floor is
+    the share of its standard deviation by which new floor landmarks err each for itself, so that they last.
     scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
     once.
     """
@@ -129,6 +132,7 @@ class PlanarRule:
     gyro_tilt: float = 3.0
     gyro_upright_rad: tuple[float, float] = (math.radians(1.0), math.radians(2.5))
     gyro_levelling: float = 0.03
+    gyro_floor: float = 0.5
     scale_kept_s: float = 3.0
 
 
@@ -270,6 +274,7 @@ class PlanarOdometry:
         self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
         self._rotation_known = self._rotation_held = self._upright = self._predicted = False
+        self._lost, self._levelled_rad = False, math.inf  # tilt being found, and what of it the landmarks have
         self._floor_s, self._scaled_s = self._seen_s, -math.inf
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
@@ -277,7 +282,8 @@ class PlanarOdometry:
         of_scale = self._landmarks.floor | self._landmarks.measured
         if float(found.weights[of_scale].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
-        return min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
+        lost = min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
+        return lost + (self._noise.tilt_rad**2 if self._lost else 0.0)
 
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
@@ -302,22 +308,45 @@ class PlanarOdometry:
             self._camera_before = self._camera
         self._predicted = ahead
         rotation = None if attitude is None or self._skipped else attitude.rotation
-        self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
         self._rotation_known = self._rotation_held = rotation is not None
+        known_rad, lost_rad = self._rule.gyro_upright_rad
+        if rotation is not None:
+            self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
+        self._lost = rotation is not None and not self._upright
+        if rotation is not None and self._lost:
+            self._retilt(rotation)
+        else:
+            self._levelled_rad = math.inf
+        self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
         if rotation is None:
             return
         yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
-        known_rad, lost_rad = self._rule.gyro_upright_rad
-        self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
         carried = self._carried.beyond_rad > 0.0
         self._rotation_held = carried and self._upright
         self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
         sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
         self._noise = replace(self._noise, yaw_rad=sigma if carried else math.inf)
+        if self._lost:
+            self._noise = replace(self._noise, floor_tilt_rad=self._rule.gyro_floor * self._noise.tilt_rad)
+            self._tilt, self._levelling = tilt, 0.0
         if not self._rotation_held:
             return
         self._noise = replace(self._noise, tilt_rad=min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad))
         self._tilt, self._levelling = tilt, self._rule.gyro_levelling
+
+    def _retilt(self, rotation: GyroRotation) -> None:
+        """The last picture's camera as it is known now; the landmarks follow as far as the tilt has become surer."""
+        mount, sigma_rad = self._camera.mount, self._noise.tilt_rad
+        up = rotation.rotation @ up_optical(mount.pitch_rad, mount.roll_rad)
+        known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
+        before = self._level.at(replace(known, height_m=self._camera_before.mount.height_m))
+        _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), before)
+        share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.gyro_levelling)
+        drift = self._rule.gyro_levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
+        self._levelled_rad = min(sigma_rad, math.sqrt(self._levelled_rad**2 + drift))
+        view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
+        self._landmarks, self._view = reduce_tilt(self._landmarks, before, view, share)
+        self._camera_before = before
 
     def _floor_mask(self, camera: FloorCamera) -> NDArray[np.uint8]:
         """255 where the floor is within reach, 0 elsewhere; judged on every few pixels."""

@@ -8,6 +8,8 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support import painted
 from support.textured_floor import CAMERA, MOTIONS, TEXTURE, drive, seen_by
 
@@ -120,6 +122,29 @@ def with_gyro(frames, poses, bias_rad, sigma_rad):
 
 
 CARRIED = PlanarRule(carried=CarriedRule(level_rad=-1e-6))  # takes any camera for one that is carried
+
+
+@settings(max_examples=5, deadline=None, derandomize=True)
+@given(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12))
+def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
+    """Up to 7 degrees wrong at first, right after the fourth picture, while the gyro measures no rotation."""
+    frames, poses = drive(MOTIONS["straight"])
+    told = []
+    for frame, wrong in zip(frames, [1.0, 1.0, 0.8, 0.3] + [0.0] * 17, strict=True):
+        sigma_rad = 0.06 + 0.12 * wrong
+        attitude = Attitude.of_mount(CAMERA.mount, sigma_rad)
+        tilted = (attitude.roll_rad + wrong * roll_rad, attitude.pitch_rad + wrong * pitch_rad)
+        known = replace(attitude, roll_rad=tilted[0], pitch_rad=tilted[1], source="imu")
+        told.append(replace(frame, attitude=replace(known, rotation=GyroRotation(np.eye(3), 0.0, 0.001))))
+    odometry = PlanarOdometry(CAMERA, CARRIED)
+    motions = [odometry.step(frame, {}) for frame in told]
+    assert not any(motion.fault for motion in motions)
+    late = SE2()
+    for motion in motions[6:]:
+        late = late @ motion.motion
+    error = late.inverse() @ poses[5].inverse() @ poses[-1]
+    assert math.hypot(error.x_m, error.y_m) < 0.2  # of 0.6 m: a scale of the first pictures lasts
+    assert abs(error.yaw_rad) < 0.03
 
 
 def test_planar_counts_lengths_in_a_unit_after_the_nearest_floor():
