@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import MountSeen
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, MapEdits, Zone
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
@@ -26,6 +28,7 @@ from edgemap.runtime.relocalisation import NoRelocalisation, Relocaliser
 from edgemap.runtime.timing import Stopwatch
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
+MISPLACING_RAD = math.radians(1.0)  # of a mount's angles: moves what is 3 m before a lens 0.3 m up by half a metre
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
 
@@ -81,6 +84,7 @@ class Mapper:
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
+        self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
         self._started = False
         self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
@@ -117,6 +121,7 @@ class Mapper:
         stage = self._watch.stage
         observed, self._blind = _after(self._blind, _sound(observed)), None
         self._advance(observed.motion)
+        self._heed_mount(observed.mount_seen)
         correction, landmarks = self._close_loops(observed)
         stage("closure")
         sightings = [
@@ -191,6 +196,17 @@ class Mapper:
             self.pose_odom_base = self.pose_odom_base @ motion.motion
             self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
         self._started = True
+
+    def _heed_mount(self, seen: MountSeen | None) -> None:
+        """Forget what was placed by a mount that has proved wrong: it stands elsewhere, and is seen again."""
+        if seen is None or not self.map.movable:
+            return
+        placed_by = self._placed_by or seen.used
+        turned = abs(seen.used.roll_rad - placed_by.roll_rad) + abs(seen.used.pitch_rad - placed_by.pitch_rad)
+        self._placed_by = placed_by
+        if turned > MISPLACING_RAD:
+            self.map.forget_run(self.edits.kept(self.map))
+            self._placed_by = seen.used
 
     def _close_loops(self, observed: FrameObservations) -> tuple[LoopCorrection | None, list[int]]:
         """Where landmarks observed again tell how far the pose has drifted, pose, trajectory and map move."""

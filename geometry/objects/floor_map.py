@@ -9,7 +9,7 @@ keeps its id. Everything moves with the pose that it was seen from.
 import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -201,6 +201,17 @@ class FloorMap:
         for candidate in self._overlaps.members.get(identity, ()):
             self._remove(candidate.id)
 
+    def forget_run(self, kept: Collection[str] = ()) -> None:
+        """Forget all sightings so far, but those of an earlier map and of objects with these shown ids."""
+        for item in list(self._objects.values()):
+            if self.shown_as(item.id) in kept:
+                continue
+            for pool in [pool for pool in item.pools if pool.key[2] != SAVED_SIDE]:
+                self._remove_pool(item, pool)
+            if not item.pools:
+                del self._objects[item.id]
+            self._change(item.id)
+
     def _index(self, label: str) -> PoolIndex:
         if label not in self._pools:
             self._pools[label] = PoolIndex(self.rule)
@@ -339,11 +350,15 @@ class FloorMap:
 
     def _remove(self, identity: str) -> None:
         item = self._objects.pop(identity)
-        for pool in item.pools:
-            self._pools[item.label].remove(pool.row)
-            del self._owner[pool]
-            self._pending.pop(pool, None)
+        for pool in list(item.pools):
+            self._remove_pool(item, pool)
         self._change(identity)
+
+    def _remove_pool(self, item: _Object, pool: ObservationPool) -> None:
+        item.pools.remove(pool)
+        self._pools[item.label].remove(pool.row)
+        del self._owner[pool]
+        self._pending.pop(pool, None)
 
     def _change(self, identity: str) -> None:
         self._changed[identity] = None

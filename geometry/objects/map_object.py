@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -74,6 +74,10 @@ class ObjectMap(Protocol):
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Scale an object's confidence by how probably it still stands there. Raises MapError if fixed."""
+
+    def forget_run(self, kept: Collection[str] = ()) -> None:
+        """Forget what this run has sighted, but objects shown under these ids. Raises MapError if fixed."""
+        ...
 
     def drop(self, identity: str) -> None:
         """Remove an object; its id is not given again. Raises MapError if fixed."""

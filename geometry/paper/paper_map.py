@@ -1,6 +1,7 @@
 """`--clustering paper`: single linkage per label at 1 m over all sightings (paper, section 3.7)."""
 
 from collections import Counter
+from collections.abc import Collection
 
 import numpy as np
 
@@ -69,6 +70,10 @@ class PaperMap:
     def set_presence(self, identity: str, probability: float) -> None:  # noqa: ARG002
         """Raises MapError: see `drop`."""
         self.drop(identity)
+
+    def forget_run(self, kept: Collection[str] = ()) -> None:  # noqa: ARG002
+        """Raises MapError: see `drop`."""
+        self.drop("all")
 
     def drop(self, identity: str) -> None:
         """Raises MapError: sightings stay for good."""
