@@ -28,6 +28,7 @@ from edgemap.runtime.relocalisation import NoRelocalisation, Relocaliser
 from edgemap.runtime.timing import Stopwatch
 
 MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
+MISPLACED_S = 20.0  # of a drive, in which a wrong mount is found out; what is found later is more likely wrong itself
 MISPLACING_RAD = math.radians(1.0)  # of a mount's angles: moves what is 3 m before a lens 0.3 m up by half a metre
 START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
 
@@ -84,7 +85,8 @@ class Mapper:
         self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
         self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
         self.travelled_m = 0.0
-        self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
+        self._placed_by: Mount | None = None  # the mount that what is mapped was placed by, from a stamp on
+        self._placed_from_s = math.inf
         self._started = False
         self._blind: Motion | None = None  # since the last step
         self._watch = Stopwatch()
@@ -121,7 +123,7 @@ class Mapper:
         stage = self._watch.stage
         observed, self._blind = _after(self._blind, _sound(observed)), None
         self._advance(observed.motion)
-        self._heed_mount(observed.mount_seen)
+        self._heed_mount(observed.mount_seen, observed.stamp_s)
         correction, landmarks = self._close_loops(observed)
         stage("closure")
         sightings = [
@@ -197,15 +199,18 @@ class Mapper:
             self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
         self._started = True
 
-    def _heed_mount(self, seen: MountSeen | None) -> None:
-        """Forget what was placed by a mount that has proved wrong: it stands elsewhere, and is seen again."""
+    def _heed_mount(self, seen: MountSeen | None, stamp_s: float) -> None:
+        """Forget what was placed by a mount that has soon proved wrong: it stands elsewhere, and is seen again."""
         if seen is None or not self.map.movable:
             return
-        placed_by = self._placed_by or seen.used
-        turned = abs(seen.used.roll_rad - placed_by.roll_rad) + abs(seen.used.pitch_rad - placed_by.pitch_rad)
-        self._placed_by = placed_by
-        if turned > MISPLACING_RAD:
-            self.map.forget_run(self.edits.kept(self.map))
+        if self._placed_by is None:
+            self._placed_by, self._placed_from_s = seen.used, stamp_s
+        turned = np.subtract(
+            (seen.used.roll_rad, seen.used.pitch_rad), (self._placed_by.roll_rad, self._placed_by.pitch_rad)
+        )
+        if np.abs(turned).max() > MISPLACING_RAD:
+            if stamp_s - self._placed_from_s < MISPLACED_S:
+                self.map.forget_run(self.edits.kept(self.map))
             self._placed_by = seen.used
 
     def _close_loops(self, observed: FrameObservations) -> tuple[LoopCorrection | None, list[int]]:

@@ -40,9 +40,11 @@ class MountRule:
     samples before their mean counts, and their largest standard deviation. floors: depth pictures whose height counts;
     height_share, height_scatter: by which the height is wrong, and their largest scatter.
     told_s: between two judgements. wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one
-    holds. road_rad: standard deviation below which what is seen is used on a road anyhow, whose floor is far: 0.3
-    degrees there are 2 % of all distances and more (KITTI 00: planar over 100 m 5.9 and 3.5 %). follow_rad: change of
-    an error by which a wrong mount is corrected again. tilt: how witnesses count.
+    holds. sure_rad: largest standard deviation at which it may be told: one picture's edges err by more. settled_rad:
+    the same, at which a mount on wheels is known for good: what is seen while it sways as if carried is left aside
+    then, and before voids all that was seen. road_rad: standard deviation below which what is seen is used on a road
+    anyhow, whose floor is far: 0.3 degrees there are 2 % of all distances and more (KITTI 00: planar over 100 m 5.9 and
+    3.5 %). follow_rad: change of an error by which a wrong mount is corrected again. tilt: how witnesses count.
     """
 
     pixels: int = 27_648
@@ -67,6 +69,8 @@ class MountRule:
     told_s: float = 1.0
     wrong_rad: float = math.radians(0.75)
     sigmas: float = 2.5
+    sure_rad: float = math.radians(0.8)
+    settled_rad: float = math.radians(0.45)
     road_rad: float = math.radians(0.35)
     follow_rad: float = math.radians(0.1)
     tilt: MountTiltRule = field(default_factory=MountTiltRule)
@@ -102,6 +106,8 @@ class CheckedMount:
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._heights: list[float] = []  # by depth, as shares of the mount's
         self._steady = self._confirmed = self._carried = self._on_wheels = False
+        self._sways = False  # at the last picture, as if carried
+        self._settled = False  # the mount is known well enough for the whole drive
         self._room: RoomHeading | None = None  # by the edges of the last picture, if just found
         self._last: MatLike | None = None
         self._first_s, self._started_s = math.inf, -math.inf  # of the first picture, and of the one looked at
@@ -186,7 +192,7 @@ class CheckedMount:
         while self._estimates[0][0] < self._started_s - rule.window_s:
             self._estimates.popleft()
         estimates = np.array(self._estimates)
-        if self._indoors:
+        if self._indoors and not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad, rule.tilt.edges)
         span_s = estimates[-1, 0] - estimates[0, 0]
         if len(estimates) < rule.fewest or span_s < rule.steady_s:
@@ -198,7 +204,8 @@ class CheckedMount:
     def _travel(self, rotation: SeenRotation | None) -> None:
         """Motion and turns of a robot on wheels."""
         rule, carried = self._rule, rotation and rotation.carried
-        if carried and carried.share > 0.0:
+        self._sways = bool(carried and carried.share > 0.0)
+        if self._sways and not self._settled:
             self._tilt = MountTilt.given(rule.tilt)
         self._on_wheels = carried.on_wheels if carried else self._on_wheels
         if rotation is None or carried is None or not carried.on_wheels:
@@ -247,11 +254,14 @@ class CheckedMount:
             return ""
         self._judged_s = self._now_s
         if self._indoors and self._carried:
-            self._tilt = MountTilt.given(rule.tilt)
+            if not self._settled:
+                self._tilt = MountTilt.given(rule.tilt)
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.witnesses and not (self._steady or self._on_wheels)
-        wrong = (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma)) & (not waits)
+        sure = (sigma < rule.sure_rad) & (not waits)
+        wrong = sure & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma))
+        self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
         used = self._wrong | ((sigma < rule.road_rad) & (not self._indoors))
         error_rad = np.where(used, tilt.error_rad, 0.0)
