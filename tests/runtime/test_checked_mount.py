@@ -5,10 +5,13 @@
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from support.edges import room_edges
 
+from edgemap.geometry.camera.attitude import SeenRotation
+from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.room_edges import room_axes
 from edgemap.runtime.attitude.checked_mount import CheckedMount
@@ -82,6 +85,28 @@ def test_a_pitch_5_degrees_wrong_is_one_fault_that_names_the_likelier_and_is_men
     assert stamp_s < 20.0
     assert f"mount: pitch {11.5 + off_deg:.1f} and roll 0.0 deg given, the room's edges give pitch 11." in text
     assert math.degrees(attitude.pitch_rad) == pytest.approx(11.5, abs=0.6)
+
+
+def test_a_known_mount_stays_known_while_the_robot_sways():
+    """Two seconds that look 5 degrees further down, as over a threshold, after ten that told the mount."""
+    calm = Carried(steady_m=3.0)
+    swaying = replace(calm, rate2=math.radians(10.0) ** 2)
+    with open_camera("demo") as camera:
+        lens, pictures = camera.intrinsics, PicturesAttitude(camera.mount)
+        matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+        down = matrix @ cv2.Rodrigues(np.array([math.radians(5.0), 0.0, 0.0]))[0] @ np.linalg.inv(matrix)
+        source = CheckedMount(FloorCamera(lens, camera.mount), pictures, pictures)
+        for index in range(130):
+            frame, sways = camera.read(), 100 <= index < 120
+            if sways:
+                image = cv2.warpPerspective(
+                    frame.image, down, (lens.width, lens.height), borderMode=cv2.BORDER_REPLICATE
+                )
+                frame = replace(frame, image=image)
+            assert not source.step(frame).fault
+            attitude = source.rotated(SeenRotation(np.eye(3), 0.01, swaying if sways else calm))
+    assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
+    assert attitude.mount.used == camera.mount
 
 
 def test_one_picture_of_a_robot_at_rest_is_one_view():
