@@ -40,7 +40,7 @@ class MountRule:
     samples before their mean counts, and their largest standard deviation. floors: depth pictures whose height counts;
     height_share, height_scatter: by which the height is wrong, and their largest scatter.
     told_s: between two judgements. wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one
-    holds. sure_rad: largest standard deviation at which it may be told: one picture's edges err by more. settled_rad:
+    holds. sure_rad: largest standard deviation at which edges may tell it: one picture's err by more. settled_rad:
     the same, at which a mount on wheels is known for good: what is seen while it sways as if carried is left aside
     then, and before voids all that was seen. road_rad: standard deviation below which what is seen is used on a road
     anyhow, whose floor is far: 0.3 degrees there are 2 % of all distances and more (KITTI 00: planar over 100 m 5.9 and
@@ -259,7 +259,7 @@ class CheckedMount:
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.witnesses and not (self._steady or self._on_wheels)
-        sure = (sigma < rule.sure_rad) & (not waits)
+        sure = ((sigma < rule.sure_rad) | (EDGES not in tilt.witnesses)) & (not waits)
         wrong = sure & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma))
         self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
