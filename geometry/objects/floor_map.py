@@ -201,11 +201,9 @@ class FloorMap:
         for candidate in self._overlaps.members.get(identity, ()):
             self._remove(candidate.id)
 
-    def forget_run(self, kept: Collection[str] = ()) -> None:
+    def forget_run(self, kept: Collection[str]) -> None:
         """Forget all sightings so far, but those of an earlier map and of objects with these shown ids."""
-        for item in list(self._objects.values()):
-            if self.shown_as(item.id) in kept:
-                continue
+        for item in [item for item in self._objects.values() if self.shown_as(item.id) not in kept]:
             for pool in [pool for pool in item.pools if pool.key[2] != SAVED_SIDE]:
                 self._remove_pool(item, pool)
             if not item.pools:

@@ -75,7 +75,7 @@ class ObjectMap(Protocol):
     def set_presence(self, identity: str, probability: float) -> None:
         """Scale an object's confidence by how probably it still stands there. Raises MapError if fixed."""
 
-    def forget_run(self, kept: Collection[str] = ()) -> None:
+    def forget_run(self, kept: Collection[str]) -> None:
         """Forget what this run has sighted, but objects shown under these ids. Raises MapError if fixed."""
         ...
 

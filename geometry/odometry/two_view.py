@@ -48,29 +48,20 @@ def _sampson(first: Array, second: Array, rotation: Array, direction: Array, acr
     direction along `across` (2, 3). first, second: (3, N)."""
     way = direction[:, None]
     turned = rotation @ second
-    line = _cross(way, turned)  # in the first view
-    back = _cross(first, way)
+    line = np.cross(way, turned, axis=0)  # in the first view
+    back = np.cross(first, way, axis=0)
     other = rotation[:, :2].T @ back  # in the second
     product = (first * line).sum(axis=0)
     root = np.sqrt((line[:2] ** 2).sum(axis=0) + (other**2).sum(axis=0) + 1e-12)
     flat = line * [[1.0], [1.0], [0.0]]
     along, pulled = direction @ turned, rotation[:, :2] @ other
-    by_product = np.concatenate([first * along - way * (first * turned).sum(axis=0), across @ _cross(turned, first)])
+    by_product = np.concatenate(
+        [first * along - way * (first * turned).sum(axis=0), across @ np.cross(turned, first, axis=0)]
+    )
     by_square = np.concatenate(
         [
-            flat * along - way * (turned * flat).sum(axis=0) - _cross(back, pulled),
-            across @ (_cross(turned, flat) + _cross(pulled, first)),
+            flat * along - way * (turned * flat).sum(axis=0) - np.cross(back, pulled, axis=0),
+            across @ (np.cross(turned, flat, axis=0) + np.cross(pulled, first, axis=0)),
         ]
     )
     return product / root, by_product / root - product * by_square / root**3
-
-
-def _cross(left: Array, right: Array) -> Array:
-    """Of columns (3, N)."""
-    return np.stack(
-        [
-            left[1] * right[2] - left[2] * right[1],
-            left[2] * right[0] - left[0] * right[2],
-            left[0] * right[1] - left[1] * right[0],
-        ]
-    )

@@ -71,7 +71,7 @@ class PaperMap:
         """Raises MapError: see `drop`."""
         self.drop(identity)
 
-    def forget_run(self, kept: Collection[str] = ()) -> None:  # noqa: ARG002
+    def forget_run(self, kept: Collection[str]) -> None:  # noqa: ARG002
         """Raises MapError: see `drop`."""
         self.drop("all")
 

@@ -205,8 +205,8 @@ class CheckedMount:
         """Motion and turns of a robot on wheels."""
         rule, carried = self._rule, rotation and rotation.carried
         self._sways = bool(carried and carried.share > 0.0)
-        if self._sways and not self._settled:
-            self._tilt = MountTilt.given(rule.tilt)
+        if self._sways:
+            self._void()
         self._on_wheels = carried.on_wheels if carried else self._on_wheels
         if rotation is None or carried is None or not carried.on_wheels:
             self._turned, self._turned_s = np.eye(3), self._now_s
@@ -222,6 +222,11 @@ class CheckedMount:
             self._tilt = self._tilt.by_turn(vector)
         if abs(vector[2]) > rule.turn_rad or self._now_s - self._turned_s > rule.turn_s:
             self._turned, self._turned_s = np.eye(3), self._now_s
+
+    def _void(self) -> None:
+        """A camera that is carried has no mount: what it showed is void, unless the mount was known before."""
+        if not self._settled:
+            self._tilt = MountTilt.given(self._rule.tilt)
 
     def _feel(self, attitude: Attitude) -> str:
         """Take in gravity and the floor in a depth picture; the fault, where that shows another height."""
@@ -254,8 +259,7 @@ class CheckedMount:
             return ""
         self._judged_s = self._now_s
         if self._indoors and self._carried:
-            if not self._settled:
-                self._tilt = MountTilt.given(rule.tilt)
+            self._void()
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
         waits = EDGES in tilt.witnesses and not (self._steady or self._on_wheels)

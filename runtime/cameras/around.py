@@ -71,7 +71,7 @@ class PacedCamera(CameraAround):
         wait_s = self._start_s + frame.stamp_s - self._clock_s()
         if wait_s > 0:
             self._sleep(min(wait_s, TICK_S))
-        if wait_s > TICK_S:  # who reads has other things to do, such as to stop
+        if wait_s > TICK_S:  # the reader must see a stop meanwhile
             self._ahead = frame
             raise FrameTimeout(f"{self.name}: the next frame is {wait_s:.1f} s ahead", None, self.state)
         return frame

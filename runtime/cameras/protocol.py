@@ -105,7 +105,7 @@ class Driver(Protocol):
         ...
 
     def reset(self) -> bool:
-        """Reset the hardware, closed before; False where it has no such thing."""
+        """Reset the hardware of a closed camera; False where it cannot be reset."""
         ...
 
     def watch(self, changed: Callable[[bool], None]) -> None:

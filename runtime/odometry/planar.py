@@ -335,7 +335,7 @@ class PlanarOdometry:
         self._tilt, self._levelling = tilt, self._rule.gyro_levelling
 
     def _retilt(self, rotation: GyroRotation) -> None:
-        """The last picture's camera as it is known now; the landmarks follow as far as the tilt has become surer."""
+        """The last picture's camera as known now; the landmarks follow by the share of the tilt's variance gone."""
         mount, sigma_rad = self._camera.mount, self._noise.tilt_rad
         up = rotation.rotation @ up_optical(mount.pitch_rad, mount.roll_rad)
         known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
