@@ -1,45 +1,71 @@
-# Everything builds on `make setup`, which may be called again at any time.
+# `make run` and `make view` install what they need; everything else builds on `make setup`, which has every extra.
+# Each may be called again at any time.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.edgemap-setup
+BASE := $(VENV)/.edgemap-base
+VIEW := $(VENV)/.edgemap-view
+PINS := pyproject.toml constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view foxglove test lint audit mutants docs bench reliability paper-tables demo release clean
+.PHONY: setup system run view foxglove test lint audit mutants docs bench figures reliability paper-tables demo release release-check integration clean
 
 setup: system $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt scripts/system-packages
-	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || scripts/system-packages python3-venv
-	@$(PYTHON) -c 'import ensurepip, venv' || { echo "needs Python's venv: apt-get install python3-venv"; exit 1; }
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer"; exit 1; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
-	mkdir -p .typing/edgemap
-	for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done
-	for file in __init__.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
-	touch $(STAMP)
+$(STAMP): $(PINS) scripts/system-packages
+	@$(venv)
+	@echo "edgemap: installing every extra and the development tools into $(VENV) (torch is most of it) ..."
+	@$(PIP) torch
+	@$(PIP) -e '.[all,dev]'
+	@mkdir -p .typing/edgemap
+	@for room in $(ROOMS); do ln -sfn ../../$$room .typing/edgemap/$$room; done
+	@for file in __init__.py py.typed; do ln -sfn ../../api/$$file .typing/edgemap/$$file; done
+	@touch $(STAMP)
+
+# What a robot needs: no torch, no renderer, no browser, no development tools.
+$(BASE): $(PINS)
+	@$(venv)
+	@echo "edgemap: installing numpy, scipy, OpenCV, onnxruntime and edgemap into $(VENV) ..."
+	@$(PIP) --no-compile -e .
+	@touch $(BASE)
+
+$(VIEW): $(BASE)
+	@echo "edgemap: installing what the live page needs ..."
+	@$(PIP) --no-compile -e '.[view]'
+	@touch $(VIEW)
+
+define venv
+$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer"; exit 1; }; \
+$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || scripts/system-packages python3-venv; \
+$(PYTHON) -c 'import ensurepip, venv' || { echo "needs Python's venv: apt-get install python3-venv"; exit 1; }; \
+test -x $(BIN)/python || { echo "edgemap: making $(VENV) ..."; $(PYTHON) -m venv $(VENV); }
+endef
+
+# Where the complete setup was made, it is kept up to date instead.
+installed = $(if $(wildcard $(STAMP)),$(STAMP),$(1))
 
 system:
 	@scripts/system-packages $(SYSTEM)
 
-run: setup
+run: $(call installed,$(BASE))
+	@echo "edgemap: driving the demo, one minute in a rendered home ..."
 	$(BIN)/edgemap run
-	$(BIN)/edgemap map show "$$(ls -d runs/*/ | tail -n 1)"
+	$(BIN)/edgemap map show
 
 # The demo's live page: open the address that it prints; Ctrl-C ends it. Beyond this machine: make view VIEW_HOST=0.0.0.0
 VIEW_HOST ?= 127.0.0.1
 VIEW_PORT ?= 8090
-view: setup
+view: $(call installed,$(VIEW))
 	$(BIN)/edgemap run --view --view-host $(VIEW_HOST) --view-port $(VIEW_PORT)
 
 # The live page's tests drive a real browser, MQTT's a real broker, those of ROS 2 a program built against Fast DDS; without
 # one they are skipped and say so.
 test: setup
 	@scripts/system-packages chromium mosquitto mosquitto-clients g++ libfastrtps-dev libfastcdr-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # The demo live in Foxglove's protocol, on ws://127.0.0.1:8765.
 foxglove: setup
@@ -64,6 +90,12 @@ bench: setup
 	$(BIN)/edgemap bench --against openvino
 	$(BIN)/edgemap bench --bundle yolox-nano --against openvino
 
+# The figures of README and models/README whose data is here, into runs/figures/; prints the commands of all.
+# One of them: make figures FIGURES=demo; commands alone: make figures FIGURES=--show
+FIGURES ?=
+figures: setup
+	$(BIN)/python -m edgemap.benchmarks.figures $(FIGURES)
+
 # Known vulnerabilities of the pinned libraries, by PyPI's database: fails where one has any, and where it does not
 # reach the database. pip-audit has an environment of its own, since its libraries are none of edgemap's.
 ADVISORIES := https://pypi.org/pypi/pip/24.0/json
@@ -73,12 +105,29 @@ audit:
 	test -x .audit/bin/pip-audit || { $(PYTHON) -m venv .audit && .audit/bin/python -m pip install -q pip-audit==2.10.1; }
 	.audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip --strict
 
-# Camera faults, kills, hostile files, a long day, an hour of rendered drive; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
+# Camera faults, kills, hostile files, names, robots and clocks, a long day, an hour of rendered drive; one part alone: make reliability PARTS=readers; a tenth: SHARE=0.1
 PARTS ?=
 SHARE ?= 1
 SEED ?= 0
 reliability: setup
-	$(BIN)/python -m edgemap.benchmarks.reliability $(PARTS) --seed $(SEED) --share $(SHARE)
+	PYTHONPATH=tests $(BIN)/python -m reliability $(PARTS) --seed $(SEED) --share $(SHARE)
+
+# Real counterparts in processes of their own: fleet keepers, robots and a hostile one; Home Assistant (the last for Python
+# 3.11) in an environment of its own, skipped where that cannot be made.
+HOME_ASSISTANT := homeassistant==2024.3.3 home-assistant-frontend==20240307.0 paho-mqtt==1.6.1 Pillow==10.2.0 SQLAlchemy==2.0.27 \
+	fnv-hash-fast==0.5.0 psutil-home-assistant==0.0.1 janus==1.0.0 josepy==1.14.0 mutagen==1.47.0 hassil==1.6.1 \
+	home-assistant-intents==2024.3.12
+integration: setup
+	@scripts/system-packages mosquitto mosquitto-clients
+	@test -e .home-assistant/installed || { $(PYTHON) -m venv .home-assistant && \
+		.home-assistant/bin/python -m pip install -q $(HOME_ASSISTANT) && touch .home-assistant/installed; } || rm -rf .home-assistant
+	EDGEMAP_INTEGRATION=1 $(BIN)/python -m pytest --timeout 900 tests/integration
+
+# A release from its archives alone: two builds with one sum, sizes, the demo from the wheel in a clean environment; then
+# the steps of deploy/Dockerfile. EXTRAS=--extras: each extra alone as well.
+EXTRAS ?=
+release-check: setup
+	$(BIN)/python scripts/check_release.py $(EXTRAS)
 
 # The paper's Tables 2 to 5 for homes unseen in training (rendered once, which takes its time), and its own beside
 # them. Other data: python -m edgemap.benchmarks.paper_tables --data KIND:DIR ...
@@ -87,14 +136,14 @@ PAPER_OUT ?= runs/paper-tables
 paper-tables: setup
 	$(BIN)/python -m edgemap.benchmarks.paper_tables --seeds $(PAPER_SEEDS) -o $(PAPER_OUT)
 
-# Renders the demo drive again (runtime/demo/); some minutes.
+# Renders the demo drive again (runtime/inputs/demo/); some minutes.
 demo: setup
-	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/demo
+	$(BIN)/edgemap simulate --plain --seed 9160 --frames 600 --video -o runtime/inputs/demo
 
 # Wheel and source archive of the version in api/__init__.py, checked; publishing them is done by hand.
 release: setup
 	rm -rf dist
-	$(BIN)/python -m build --quiet
+	$(BIN)/python scripts/check_release.py --build dist
 	$(BIN)/python -m twine check --strict dist/*
 	@grep -q "^## $$($(BIN)/python -c 'import edgemap; print(edgemap.__version__)')" CHANGELOG.md || { echo "CHANGELOG.md has no section for this version"; exit 1; }
 

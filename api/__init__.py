@@ -1,17 +1,20 @@
 """edgemap: a map of the objects on the floor from one camera on two CPU cores.
 
-`edgemap.open(camera=…, bundle=…)` is the whole product in one call; `edgemap.runtime` has its parts.
+`edgemap.open(camera=…)`, `edgemap.open(frames=…)` and `session.push(image, stamp_s)` are the whole product;
+`edgemap.runtime` has its parts.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from edgemap.runtime.frames.version import VERSION
+
 if TYPE_CHECKING:
     from edgemap.runtime.session import Session
     from edgemap.runtime.session import open_session as open
 
-__version__ = "0.2.0"
+__version__ = VERSION
 __all__ = ["Session", "__version__", "open"]
 
 
@@ -23,3 +26,8 @@ def __getattr__(name: str) -> Any:
     from edgemap.runtime import session
 
     return getattr(session, names[name])
+
+
+def __dir__() -> list[str]:
+    """What tab completion offers."""
+    return sorted(__all__)

@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 
 from edgemap.benchmarks.bench import OpenDrive, measure
-from edgemap.runtime.cameras.around import CameraAround
-from edgemap.runtime.cameras.protocol import Camera, next_frame
-from edgemap.runtime.drives.pictures import decode_picture
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.trajectory import PoseTrack
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.inputs.cameras.around import CameraAround
+from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
+from edgemap.runtime.inputs.drives.pictures import decode_picture
 
 NOISE = 2.0  # grey levels a pixel, standard deviation
 PICTURES = 16  # that differ, in turn

@@ -11,11 +11,11 @@ from typing import Any
 
 import psutil
 
-from edgemap.runtime.cameras.protocol import Camera, next_frame
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.slam import SemanticSlam
-from edgemap.runtime.timing import Stopwatch, percentiles
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.timing import Stopwatch, percentiles
+from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
+from edgemap.runtime.step.slam import SemanticSlam
 
 CHUNK = 30  # frames decoded ahead
 WARM_UP = 10  # steps before the clock starts

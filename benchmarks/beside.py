@@ -30,9 +30,9 @@ from edgemap.runtime import bundle_folder, load_bundle, open_camera, open_odomet
 def build(paced):
     try:
         from edgemap.geometry.camera.floor import FloorCamera
-        from edgemap.runtime.config import Config
-        from edgemap.runtime.mapper import new_mapper
-        from edgemap.runtime.slam import SemanticSlam
+        from edgemap.runtime.step.config import Config
+        from edgemap.runtime.step.mapper import new_mapper
+        from edgemap.runtime.step.slam import SemanticSlam
         bundle = load_bundle(bundle_folder(bundle_name), pace="camera" if paced else "files", engine=engine)
         def new(camera):
             floor = FloorCamera(camera.intrinsics, camera.mount)

@@ -18,15 +18,14 @@ import numpy as np
 from edgemap.benchmarks.map_variants import true_objects
 from edgemap.evaluation.objects import score_map
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.budget import LADDER, Effort
-from edgemap.runtime.bundle import Bundle, load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.around import BudgetedCamera
-from edgemap.runtime.cameras.open import DEMO
-from edgemap.runtime.compute import one_blas_thread
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.session import SlamOptions, build_slam
-from edgemap.runtime.store import bundle_folder, default_bundle
+from edgemap.runtime.inputs.budget import LADDER, Effort
+from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.open import DEMO, open_camera
+from edgemap.runtime.network.bundle import Bundle, load_bundle
+from edgemap.runtime.network.compute import one_blas_thread
+from edgemap.runtime.network.store import bundle_folder, default_bundle
+from edgemap.runtime.step.build import SlamOptions, build_slam
 
 
 def drive_with(spec: str, bundle: Bundle, effort: Effort, wheels: bool) -> dict[str, Any]:

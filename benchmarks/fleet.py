@@ -26,11 +26,11 @@ from edgemap.evaluation.objects import score_map
 from edgemap.geometry.objects.merge import moved
 from edgemap.geometry.registration.alignment import Alignment
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.fleet.keeper import PlaceKeeper
-from edgemap.runtime.fleet.network import open_session
-from edgemap.runtime.map_file import load_map
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
+from edgemap.runtime.outputs.fleet.network import open_session
+from edgemap.runtime.step.map_file import load_map
 
 ADDRESS, PLACE = "127.0.0.1:17447", "home"
 

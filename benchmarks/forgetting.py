@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.forgetting import Forgetter
-from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import Bundle
+from edgemap.runtime.network.bundle import Bundle
 
 NEAR_M = 0.5  # a mapped object within this of a true one of its label is that one
 LOOKS = 10  # clear looks after which what is gone must have left the map
@@ -66,7 +66,7 @@ def score(
 
 def measure(before: Path, after: Path, bundle: Bundle) -> tuple[Counter[str], dict[str, int]]:
     """Counts of one seed's two drive folders, and the clear looks after which objects left."""
-    from edgemap.runtime.drives import open_drive
+    from edgemap.runtime.inputs.drives import open_drive
 
     moved = json.loads((after / "moved.json").read_text())
     x_m, y_m, yaw_deg = moved["start"]
@@ -96,12 +96,12 @@ def _map_of(
 ) -> tuple[list[MapObject], dict[str, int], dict[str, int]]:
     """The map after a drive with true poses; clear looks until each object left, and of each object."""
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.cameras.pictures import drive_camera
-    from edgemap.runtime.drives import open_drive
-    from edgemap.runtime.mapper import Mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
-    from edgemap.runtime.slam import SemanticSlam
+    from edgemap.runtime.inputs.cameras.pictures import drive_camera
+    from edgemap.runtime.inputs.drives import open_drive
+    from edgemap.runtime.motion.odometry import open_odometry
+    from edgemap.runtime.step.mapper import Mapper
+    from edgemap.runtime.step.pipeline import Pipeline
+    from edgemap.runtime.step.slam import SemanticSlam
 
     drive = open_drive(f"drive:{folder}")
     assert drive.mount is not None
@@ -132,7 +132,7 @@ def _render(seed: int, moved: int, frames: int, folder: Path) -> None:
 
 def main() -> None:
     """Command line of the measurement."""
-    from edgemap.runtime.bundle import load_bundle
+    from edgemap.runtime.network.bundle import load_bundle
 
     parser = argparse.ArgumentParser(prog="python -m edgemap.benchmarks.forgetting", description="How maps forget.")
     parser.add_argument("--seeds", required=True, metavar="A:B", help="from A up to, not including, B")

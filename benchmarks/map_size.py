@@ -17,7 +17,7 @@ import numpy as np
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.compute import one_blas_thread
+from edgemap.runtime.network.compute import one_blas_thread
 
 OBJECTS, TIMES_SEEN = (100, 1_000, 3_000, 10_000), (6, 25, 100)  # up to a million observations
 IN_VIEW, APART_M, SIGMA_M = 5, 3.0, 0.05
@@ -37,11 +37,18 @@ def sightings(numbers: list[int], side: int, frame: int, random: np.random.Gener
     return found
 
 
+def elsewhere(floor_map: FloorMap, frame: int) -> None:
+    """The robot drives on, and what was in view no longer is."""
+    if floor_map.graph.trajectory.poses:
+        floor_map.graph.advance(SE2(2.0 * floor_map.graph.rule.landmarks.gap_m), np.eye(3) * 1e-6, frame / 10)
+
+
 def measure(objects: int, times_seen: int) -> dict[str, Any]:
     """Median and 99th percentile of one frame's update, ms of processor time, on a map of so many objects that were
     seen so many times each."""
     random, side, floor_map, frame = np.random.default_rng(0), int(np.ceil(objects**0.5)), FloorMap(), 0
     for first in range(0, objects, IN_VIEW):
+        elsewhere(floor_map, frame)
         for _ in range(times_seen):
             floor_map.update(sightings(list(range(first, min(first + IN_VIEW, objects))), side, frame, random))
             frame += 1
@@ -51,6 +58,7 @@ def measure(objects: int, times_seen: int) -> dict[str, Any]:
         first = int(random.integers(0, objects - IN_VIEW))
         shown = sightings(list(range(first, first + IN_VIEW)), side, frame, random)
         frame += 1
+        elsewhere(floor_map, frame)
         before = time.process_time()
         floor_map.update(shown)
         floor_map.objects()

@@ -10,23 +10,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.evaluation.grid import FLAT_M, OVERHEAD_M, TrueFloor
 from edgemap.evaluation.objects import TrueObject
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
-from edgemap.runtime.attitude.open import open_attitude
-from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.cameras.pictures import drive_camera
-from edgemap.runtime.config import Config
-from edgemap.runtime.drives import Drive
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.mapper import Mapper, new_mapper
-from edgemap.runtime.network import Tensors
-from edgemap.runtime.odometry import Motion, Odometry, open_odometry
-from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.drives import Drive
+from edgemap.runtime.inputs.drives.floor_plan import read_floor_plan
+from edgemap.runtime.motion.attitude.open import open_attitude
+from edgemap.runtime.motion.odometry import Motion, Odometry, open_odometry
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.mapper import Mapper, new_mapper
+from edgemap.runtime.step.pipeline import Pipeline
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +55,11 @@ class SideBySide:
         self.odometries, self.motions = dict(odometries), dict[Any, Motion]()
         self.needs_features = any(odometry.needs_features for odometry in self.odometries.values())
 
-    def step(self, frame: Frame, features: Tensors) -> Motion:
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
         """All of them; the first one's motion."""
         self.motions = {
-            key: odometry.step(frame, features).checked(odometry.name) for key, odometry in self.odometries.items()
+            key: odometry.step(frame, features, prior).checked(odometry.name)
+            for key, odometry in self.odometries.items()
         }
         return next(iter(self.motions.values()))
 
@@ -66,7 +70,7 @@ class SideBySide:
         return next(iter(blind.values()))
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
-        """False where one says so, True where all do."""
+        """True where all sources report rest, False where one does not."""
         answers = [odometry.still(stamp_s, attitude) for odometry in self.odometries.values()]
         return False if False in answers else None if None in answers else True
 
@@ -96,11 +100,29 @@ class Replay:
 
 def map_drive(replay: Replay, variants: Mapping[str, Variant]) -> dict[str, list[MapObject]]:
     """The map that each variant makes of the drive's first frames, as `run` would. Raises what `observed_by` raises."""
+    return {name: mapper.objects() for name, mapper in mappers_of(replay, variants).items()}
+
+
+def mappers_of(replay: Replay, variants: Mapping[str, Variant]) -> dict[str, Mapper]:
+    """Each variant's back end after the drive's first frames: its objects and its floor."""
     mappers = {name: variant.mapper(replay.config) for name, variant in variants.items()}
     for observed in observed_by(replay, variants):
         for name, mapper in mappers.items():
             mapper.step(observed[name])
-    return {name: mapper.objects() for name, mapper in mappers.items()}
+    return mappers
+
+
+def true_floor(drive: Drive) -> TrueFloor | None:
+    """The drive's floor plan, where it has one. What hangs high over the floor, or is flat, is no obstacle. Raises
+    CameraError."""
+    plan = read_floor_plan(drive.folder)
+    if plan is None:
+        return None
+    standing = [item for item in plan.footprints if item.low_m <= OVERHEAD_M and item.high_m > FLAT_M]
+    floor, walls, footprints = (
+        [np.array(area.corners_m) for area in areas] for areas in ([*plan.rooms, *plan.doorways], plan.walls, standing)
+    )
+    return TrueFloor(floor, walls, footprints)
 
 
 def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dict[str, FrameObservations]]:
@@ -139,11 +161,9 @@ def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dic
         )
         while (frame := camera.read()) is not None and (frames is None or frame.index < frames):
             observed = pipeline.step(frame)
-            motions, attitude = odometry.motions, given.step(frame)
+            motions, attitude = odometry.motions, given.predict(frame)
             if attitude.predicted:  # poses track no corners
-                attitude = given.rotated(
-                    next((m.rotation for (spec, _), m in motions.items() if spec == "truth"), None)
-                )
+                attitude = given.update(next((m.rotation for (spec, _), m in motions.items() if spec == "truth"), None))
             true = seen_from(observed, floor.at(attitude), pipeline.rule, frame.depth)
             yield {
                 name: replace(

@@ -19,17 +19,17 @@ from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, Drive
 from edgemap.evaluation.planar_fit import planar_fit
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.attitude.open import open_attitude
-from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.pictures import drive_camera
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.config import Config
-from edgemap.runtime.drives import READERS, open_drive
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.rest import RestRule
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives import READERS, open_drive
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.attitude.open import open_attitude
+from edgemap.runtime.motion.odometry import open_odometry
+from edgemap.runtime.motion.rest import RestRule
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.pipeline import Pipeline
 
 NO_REST = RestRule(told_s=1e9, seen_s=1e9)  # what an odometry says of a robot that stands is judged as well
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.pipeline import Pipeline
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.pipeline import Pipeline
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
     """N frames of a drive. indices: which of the camera's frames. true, estimated: N poses of the base in the frame of
     the first one. covariances: (N - 1, 3, 3) of the estimated motions. faults: motions that were guesses.
-    attitudes: N, as the odometry was told. members: of each motion, as of `Motion.members`; an odometry that has none
+    attitudes: N, as given to the odometry. members: of each motion, as of `Motion.members`; an odometry that has none
     is its own."""
 
     indices: tuple[int, ...]
@@ -68,7 +68,7 @@ def follow(
     if len(indices) < 2:
         raise OdometryError(f"{camera.name}: {len(indices)} frames from frame {first} on, a motion needs two")
     start, motions = true[0].inverse(), [one.motion for one in observed[1:]]
-    guessed = [bool(motion.fault or motion.blind) for motion in motions]
+    guessed = [motion.blind for motion in motions]
     name = pipeline.odometry.name
     return Followed(
         tuple(indices),

@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.errors import PublishError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.messages import topics
-from edgemap.runtime.messages.stamps import ns_of, to_ns
-from edgemap.runtime.messages.stream import MessageStream
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.messages import topics
+from edgemap.runtime.frames.messages.stamps import ns_of, to_ns
+from edgemap.runtime.outputs.messages.stream import MessageStream
 
 SETTLE = 10  # steps at the start that are not counted
 SILENT_S = 5.0  # after which a reader gives up
@@ -69,9 +69,9 @@ def drive(
 
 def ros2_odometry(wanted: list[str]) -> Iterator[tuple[int, float]]:
     """Odometry as another ROS 2 program reads it, decoded; every other topic that is wanted is read too."""
-    from edgemap.runtime.ros2.node import Reliability, shared_node
-    from edgemap.runtime.ros2.sink import GLOBAL
-    from edgemap.runtime.ros2.types import in_namespace
+    from edgemap.runtime.inputs.ros2.node import Reliability, shared_node
+    from edgemap.runtime.inputs.ros2.types import in_namespace
+    from edgemap.runtime.outputs.publishers.ros2 import GLOBAL
 
     node = shared_node()
     readers = {}
@@ -113,24 +113,24 @@ def open_sink(output: str, floor: Any, pictures: bool, folder: Path) -> tuple[An
     """The sink, and the address of its server."""
     stream = MessageStream(floor.intrinsics, floor.mount)
     if output == "ros2":
-        from edgemap.runtime.ros2.node import shared_node
-        from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+        from edgemap.runtime.inputs.ros2.node import shared_node
+        from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
 
         return Ros2Sink(shared_node(), floor, Ros2Options(pictures=pictures), ros_time=True), ""
     if output == "foxglove":
-        from edgemap.runtime.publishers.foxglove import FoxgloveServer
+        from edgemap.runtime.outputs.publishers.foxglove import FoxgloveServer
 
         server = FoxgloveServer("127.0.0.1", 0, stream)
         return server, server.url
     if output == "rerun":
-        from edgemap.runtime.publishers.rerun import RerunStream
+        from edgemap.runtime.outputs.publishers.rerun import RerunStream
 
         return RerunStream(folder / "drive.rrd", stream), ""
     if output == "mqtt":
-        from edgemap.runtime.publishers.mqtt import MqttPublisher
+        from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher
 
         return MqttPublisher("127.0.0.1", 1, "robot"), ""
-    from edgemap.runtime.fleet.sink import FleetSink
+    from edgemap.runtime.outputs.fleet.sink import FleetSink
 
     return FleetSink("home", "robot", "127.0.0.1:1"), ""
 
@@ -165,14 +165,14 @@ def main() -> None:
 def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """All figures of one output."""
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.cameras import open_camera
-    from edgemap.runtime.config import Config
-    from edgemap.runtime.mapper import new_mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
-    from edgemap.runtime.slam import SemanticSlam
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.inputs.open import open_camera
+    from edgemap.runtime.motion.odometry import open_odometry
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder
+    from edgemap.runtime.step.config import Config
+    from edgemap.runtime.step.mapper import new_mapper
+    from edgemap.runtime.step.pipeline import Pipeline
+    from edgemap.runtime.step.slam import SemanticSlam
 
     bundle = load_bundle(bundle_folder(given.bundle), pace="camera")
     figures: dict[str, Any] = {name: getattr(given, name) for name in ("output", "rate", "frames", "pictures")}

@@ -1,4 +1,4 @@
-"""The paper's own figures, copied from its Tables 2 to 5, and what is to be known before setting ours beside them."""
+"""The paper's own figures, copied from its Tables 2 to 5, and the differences to ours."""
 
 from __future__ import annotations
 

@@ -16,17 +16,17 @@ from edgemap.benchmarks.paper_figures import (
     TABLE_5,
     TABLE_5_COLUMNS,
 )
-from edgemap.runtime.compute import processor_name
+from edgemap.runtime.network.compute import processor_name
 
 NONE = "–"
 
 
 def page(document: dict[str, Any]) -> str:
-    """All tables of what `measure` found."""
+    """All tables of the figures of `measure`."""
     columns = document["columns"]
     dashes = [f"- {column}: {reason}." for column, reason in document["lacking"].items()]
     parts = [
-        f"# The paper's tables anew: bundle `{document['bundle']}`",
+        f"# The paper's tables, measured: bundle `{document['bundle']}`",
         _data(document),
         "\n".join(["A dash stands where there is nothing to measure:", "", *dashes]) if dashes else "",
         "## Table 2: detections",

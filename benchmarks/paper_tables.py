@@ -22,13 +22,13 @@ from edgemap.benchmarks.paper_page import page
 from edgemap.evaluation.counts import Counts, count_detections
 from edgemap.evaluation.detection import ScoredPicture
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.bundle import Bundle, load_bundle
-from edgemap.runtime.cameras.open import DEMO
-from edgemap.runtime.decode import Decoder, Detector
-from edgemap.runtime.drives import READERS, open_drive
-from edgemap.runtime.drives.labelled import LabelledPictures
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.inputs.drives import READERS, open_drive
+from edgemap.runtime.inputs.drives.labelled import LabelledPictures
+from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.network.bundle import Bundle, load_bundle
+from edgemap.runtime.network.decode import Decoder, Detector
+from edgemap.runtime.network.store import bundle_folder
 
 COUNTED = 100  # frames of each sequence in which detections are counted, as in the paper
 # Column to what it runs; the camera is alone in all but the last two.

@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from edgemap.runtime.cameras.protocol import Camera, next_frame
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
 
 RING = 64  # decoded frames kept, cycled forwards and backwards
 

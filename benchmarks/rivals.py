@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.errors import MissingExtraError
-from edgemap.runtime.extras import install_hint
-from edgemap.runtime.manifest import DetectorSpec
+from edgemap.runtime.frames.errors import MissingExtraError
+from edgemap.runtime.frames.extras import install_hint
+from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.network.manifest import DetectorSpec
 
 Infer = Callable[[NDArray[np.float32]], Sequence[NDArray[np.float32]]]
 PAD, NMS_IOU = 114, 0.45
@@ -28,7 +29,7 @@ def openvino_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[
     except ImportError:
         raise MissingExtraError(f"--against openvino needs OpenVINO: {install_hint('openvino')}") from None
     core = ov.Core()
-    model = core.read_model(path)
+    model = core.read_model(library_path(path))
     names = [output.get_any_name() for output in model.outputs]
     heads = [names.index(head.name) for head in detector.heads]
     probe = np.random.default_rng(0).uniform(0, 255, (1, 3, detector.input.height, detector.input.width))
@@ -49,7 +50,7 @@ def openvino_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[
 def opencv_network(path: Path, detector: DetectorSpec, threads: int) -> tuple[Infer, str]:
     """The backbone run by cv2.dnn on the CPU, float32."""
     cv2.setNumThreads(threads)
-    network = cv2.dnn.readNetFromONNX(str(path))
+    network = cv2.dnn.readNetFromONNX(library_path(path))
     names = [head.name for head in detector.heads]
 
     def infer(tensor: NDArray[np.float32]) -> Sequence[NDArray[np.float32]]:

@@ -3,7 +3,7 @@
 Every home is rendered once by `edgemap simulate` (kept, and resumed, in the folder), or `--data` names drives that
 exist already. Each is mapped from true poses, from the hybrid with and without wheels, both without loop closure too,
 and with the paper's clustering. Figures are means over the homes, and those of the worst home. `--frozen` takes the
-homes that decide nothing, 9200-9219 with 600 pictures, and refuses any whose truth is not the one that was committed.
+homes that decide nothing, 9220-9229 with 600 pictures, and refuses any whose truth is not the one that was committed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ VARIANTS = {
     "paper, with wheels": (None, True, False, "paper"),
 }
 CLOSURES = (("with wheels", "with wheels, no closure"), ("without wheels", "without wheels, no closure"))
-FROZEN_SEEDS, FROZEN_FRAMES = "9200:9220", 600
+FROZEN_SEEDS, FROZEN_FRAMES = "9220:9230", 600
 SUMS = Path(__file__).with_name("frozen.json")
 
 
@@ -59,8 +59,8 @@ class RoomsOptions:
 def main(options: RoomsOptions) -> None:
     """Render where needed, map, score, and print one table."""
     from edgemap.benchmarks.map_variants import Variant
-    from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder
 
     if options.frozen:
         options = replace(options, seeds=FROZEN_SEEDS, frames=FROZEN_FRAMES, light=None)
@@ -155,7 +155,7 @@ def _known(rows: list[dict[str, Any]], variant: str, key: str) -> list[float]:
 def _scored(folder: Path, bundle: Any, variants: dict[str, Any], frames: int) -> dict[str, Any]:
     from edgemap.benchmarks.map_variants import Replay, map_drive, true_objects
     from edgemap.evaluation.objects import score_map, scored
-    from edgemap.runtime.drives import open_drive
+    from edgemap.runtime.inputs.drives import open_drive
 
     drive = open_drive(f"drive:{folder}")
     truth = true_objects(drive, frames)

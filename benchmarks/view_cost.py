@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from edgemap.benchmarks.ring import Ring, read_ring
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.slam import SemanticSlam
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam
 from edgemap.view.page import LivePage
 
 STEPS = 20  # in a block: short, so that what else the machine does meets all alike
@@ -132,10 +132,10 @@ def main() -> None:
         look(given.look_at)
         return
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.cameras import open_camera
-    from edgemap.runtime.odometry.planar import PlanarOdometry
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.inputs.open import open_camera
+    from edgemap.runtime.motion.odometry.planar import PlanarOdometry
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder
 
     bundle = load_bundle(bundle_folder(given.bundle))
     with open_camera("demo") as camera:

@@ -5,22 +5,30 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 from typing import NoReturn
 
 # Command words to (module, one line). Each module has a function `command` whose signature is its arguments.
 COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("run", "drive: camera to map, live or from files; writes a run folder"),
+    "why": ("why", "how far a run's map can be trusted, and what to do about it"),
     "detect": ("detect", "boxes and floor distances in single pictures"),
     "bench": ("bench", "frames per second and latency, stage by stage, on this processor"),
     "pull": ("pull", "fetch a known model, or a finished bundle, into the cache"),
     "export": ("export", "trained weights to a bundle that the robot loads (host, extra 'export')"),
     "train odometry": ("train_odometry", "drives with true poses to an odometry head (host, extra 'export')"),
     "train detector": ("train_detector", "labelled pictures to a small detector's weights (host, extra 'export')"),
+    "train floor": (
+        "train_floor",
+        "pictures with floor labels to a floor head (host, extra 'export')",
+    ),
     "eval detection": ("eval_detection", "average precision on labelled pictures"),
     "eval odometry": ("eval_odometry", "drift of the robot's own motion against true poses"),
+    "eval floor": ("eval_floor", "overlap and contact error of the floor mask on labelled pictures"),
     "eval map": ("eval_map", "mapped objects against the true ones: F1, errors, consistency"),
     "map show": ("map_show", "draw a map: all sightings, clusters, centres"),
     "map export": ("map_export", "a map for other programs: GeoJSON, Nav2, CSV, picture"),
+    "map approach": ("map_approach", "where a robot goes to reach an object: a free pose that faces it"),
     "map merge": ("map_merge", "maps of one place become one, aligned by their objects"),
     "fleet serve": ("fleet_serve", "keep one map of a place from the maps of many robots"),
     "fleet show": ("fleet_show", "a fleet's merged map, its robots and where they are"),
@@ -36,6 +44,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "doctor": ("doctor", "what works on this machine, what is missing, what to type"),
 }
 
+ADDRESS_SPACE_BYTES = 768 << 20  # a run of the demo takes 0.7 GiB of addresses, a fifth of that of memory
 USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help lists a command's options)"
 
 
@@ -50,8 +59,21 @@ def overview() -> str:
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point. Exit code 0; 2 for wrong usage; 1 for a known failure (one line), 3 camera lost, 4 disk."""
+    try:
+        _main(sys.argv[1:] if arguments is None else arguments)
+    except MemoryError:
+        _end("edgemap: not enough memory", 1)
+    except BrokenPipeError:  # `edgemap ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+
+
+def _main(arguments: list[str]) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait in circles
-    arguments = sys.argv[1:] if arguments is None else arguments
+    _open_closed_streams()
+    for stream in (sys.stdout, sys.stderr):  # names of files may hold what the locale cannot write
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     if not arguments or arguments[0] in ("-h", "--help"):
         print(overview())
         sys.exit(0 if arguments else 2)
@@ -62,17 +84,41 @@ def main(arguments: list[str] | None = None) -> None:
         return
     words = next((words for words in (" ".join(arguments[:2]), arguments[0]) if words in COMMANDS), None)
     if words is None:
-        known = sorted(COMMANDS)
-        if any(name.startswith(arguments[0] + " ") for name in known):
-            known = [name for name in known if name.startswith(arguments[0] + " ")]
-        asked_help = arguments[-1] in ("-h", "--help") and known != sorted(COMMANDS)
-        text = f"edgemap: {' '.join(arguments[:2])!r} is not a command; there are: {', '.join(known)}"
-        print(overview() if asked_help else text, file=sys.stdout if asked_help else sys.stderr)
-        sys.exit(0 if asked_help else 2)
+        _no_command(arguments)
     _run(words, arguments[len(words.split()) :])
 
 
+def _no_command(arguments: list[str]) -> NoReturn:
+    """Help for a group's name alone (`edgemap map`); for anything else one line with what may be meant."""
+    group = {words: text for words, (_, text) in COMMANDS.items() if words.startswith(arguments[0] + " ")}
+    if group and (len(arguments) == 1 or arguments[1] in ("-h", "--help")):
+        lines = [f"usage: edgemap {arguments[0]} COMMAND [OPTIONS]", ""]
+        print("\n".join([*lines, *(f"  {words:<22}{text}" for words, text in group.items())]))
+        sys.exit(2 if len(arguments) == 1 else 0)
+    from difflib import get_close_matches
+
+    typed = " ".join(arguments[: 2 if group else 1])
+    known = [*COMMANDS, *({words.split()[0] for words in COMMANDS} - set(COMMANDS))]
+    close = get_close_matches(typed, list(group) or known, 1, 0.6) or get_close_matches(
+        " ".join(arguments[:2]), known, 1, 0.7
+    )
+    hint = f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(sorted(group or COMMANDS))}"
+    _end(f"edgemap: {typed!r} is not a command; {hint} (edgemap --help)", 2)
+
+
+def _open_closed_streams() -> None:
+    """A shell's `2>&-` leaves a number free that the next file opened would get, and with it all messages."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
+
+
 def _run(words: str, rest: list[str]) -> None:
+    _check_address_space(words)
     try:
         from edgemap.cli.interrupt import interrupts_after_imports
 
@@ -83,6 +129,17 @@ def _run(words: str, rest: list[str]) -> None:
         sys.exit(130)
 
 
+def _check_address_space(words: str) -> None:
+    """Libraries end the process, or their import, where `ulimit -v` leaves them too little: a line instead."""
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < ADDRESS_SPACE_BYTES:
+        needed = f"{ADDRESS_SPACE_BYTES >> 20} MiB are needed"
+        print(f"edgemap {words}: address space limited to {limit >> 20} MiB (ulimit -v); {needed}", file=sys.stderr)
+        sys.exit(1)
+
+
 def _command(words: str, rest: list[str]) -> None:
     from edgemap.cli.usage import parse_and_call
     from edgemap.geometry.errors import EdgemapError
@@ -90,22 +147,23 @@ def _command(words: str, rest: list[str]) -> None:
     try:
         command = import_module(f"edgemap.cli.{COMMANDS[words][0]}").command
         if words == "run" and any(word.partition("=")[0] == "--config" for word in rest):
-            from edgemap.runtime.config import config_arguments
+            from edgemap.cli.config_options import config_arguments
 
-            rest = config_arguments(rest)
+            rest = config_arguments(rest, command)
         parse_and_call(command, words, rest)
     except EdgemapError as error:
         _end(f"edgemap {words}: {error}", error.exit_code)
-    except BrokenPipeError:  # `edgemap ... | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+    except UnicodeEncodeError as error:  # half a character in a name, where a library wants a text
+        _end(f"edgemap {words}: {error.object!r} is not UTF-8", 1)
+    except BrokenPipeError:
+        raise
     except OSError as error:  # a path that the system refuses: too long, not allowed
         where = f"{error.filename}: " if error.filename else ""
         _end(f"edgemap {words}: {where}{error.strerror or error}", 1)
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    from edgemap.runtime.reading import print_message
+    from edgemap.runtime.frames.reading import print_message
 
     print_message(message)
     sys.exit(exit_code)

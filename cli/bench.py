@@ -7,35 +7,18 @@ from typing import Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import (
-    BundleName,
-    CameraFile,
-    CameraSpec,
-    EngineName,
-    IntrinsicsText,
-    Json,
-    MountText,
-    PrecisionName,
-    Threads,
-    chosen_engine,
-    chosen_precision,
-    find_bundle,
-    lens_and_mount,
-    open_described,
-)
+from edgemap.cli.groups import Network, Source
+from edgemap.cli.options import Json
 
 
 def command(
-    bundle: BundleName = None,
-    camera: CameraSpec = "demo",
+    source: Annotated[Source, arg(name="Camera")],
+    network: Annotated[Network, arg(name="Network")],
     rate: Annotated[
         tuple[float, ...],
         arg(metavar="HZ…", help="Frames per second that a camera delivers; the first one's figures lead."),
     ] = (10.0, 30.0),
     seconds: Annotated[float, arg(metavar="S", help="How long to measure at each rate, in seconds.")] = 10.0,
-    threads: Threads = None,
-    precision: PrecisionName = "default",
-    engine: EngineName = "default",
     against: Annotated[
         Literal["openvino", "opencv"] | None,
         arg(help="Run the same backbone by another runtime as well, in turn, and give ratios ours / theirs."),
@@ -48,9 +31,6 @@ def command(
         bool, arg(help="Measure a robot that stands as well: the first picture again and again, with a sensor's noise.")
     ] = False,
     plot: Annotated[Path | None, arg(metavar="DIR", help="Draw stages and processor time into DIR/bench.png.")] = None,
-    mount: MountText = None,
-    intrinsics: IntrinsicsText = None,
-    camera_file: CameraFile = None,
     json: Json = False,
 ) -> None:
     """Measure what `run` costs: latency stage by stage and processor time, paced by a camera and as fast as it goes.
@@ -60,19 +40,19 @@ def command(
     machine.
     """
     import time
+    from dataclasses import replace
 
     import psutil
 
     from edgemap.benchmarks import bench
     from edgemap.benchmarks.at_rest import StandingCamera, measure_at_rest
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.bundle import Bundle, load_bundle
-    from edgemap.runtime.cameras import Camera
-    from edgemap.runtime.cameras.protocol import next_frame
-    from edgemap.runtime.compute import processor_name
-    from edgemap.runtime.errors import CameraError
-    from edgemap.runtime.session import build_slam
-    from edgemap.runtime.slam import SemanticSlam
+    from edgemap.benchmarks.floor_head import floor_head_ms
+    from edgemap.runtime.frames.errors import CameraError
+    from edgemap.runtime.inputs.cameras.protocol import Camera, next_frame
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.network.compute import processor_name
+    from edgemap.runtime.step.build import build_slam
+    from edgemap.runtime.step.slam import SemanticSlam
 
     if not 0.0 < seconds < 1e6:
         raise OptionError(f"--seconds {seconds}: must be a positive number")
@@ -80,35 +60,35 @@ def command(
         raise OptionError(f"--rate {' '.join(f'{hz:g}' for hz in rate)}: must be positive numbers")
     if soak is not None and not 0.0 < soak < 1e5:
         raise OptionError(f"--soak {soak}: must be a positive number of minutes")
-    paced = find_bundle(bundle, threads, precision, camera, pace="camera", engine=engine)
+    source.check()
+    paced = network.load(source.camera, pace="camera")
 
     def open_drive(loaded: Bundle = paced, at_rest: bool = False) -> tuple[Camera, SemanticSlam]:
-        source = open_described(camera, camera_file)
-        source = StandingCamera(source, rate[0]) if at_rest else source
-        floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
-        return source, build_slam(source, loaded, floor)
+        camera = source.open()
+        camera = StandingCamera(camera, rate[0]) if at_rest else camera
+        return camera, build_slam(camera, loaded, source.floor_camera(camera))
 
-    source, slam = open_drive()
-    with source:
-        first = next_frame(source, lambda _: None)
+    camera, slam = open_drive()
+    with camera:
+        first = next_frame(camera, lambda _: None)
         if first is None:
-            raise CameraError(f"{camera}: no frames")
+            raise CameraError(f"{source.camera}: no frames")
         slam.step(first)
         cold_start_s = time.time() - psutil.Process().create_time()
         start, decoded = (
             time.perf_counter(),
-            sum(next_frame(source, lambda _: None) is not None for _ in range(bench.CHUNK)),
+            sum(next_frame(camera, lambda _: None) is not None for _ in range(bench.CHUNK)),
         )
         decode_ms = 1e3 * (time.perf_counter() - start) / max(1, decoded)
     legs = {f"{hz:g}": bench.measure(open_drive, seconds, hz) for hz in rate}
     peak_rss_mb = bench.peak_rss_mb()
-    files = load_bundle(paced.folder, threads, chosen_precision(precision), "files", chosen_engine(engine))
+    files = replace(network, bundle=str(paced.folder)).load()
     legs["unpaced"] = bench.measure(lambda: open_drive(files), seconds)
     lead, unpaced = legs[f"{rate[0]:g}"], legs["unpaced"]
     other = max(leg["other_cpu_percent"] for leg in legs.values())
     document: dict[str, Any] = {
         "bundle": paced.manifest.name,
-        "camera": camera,
+        "camera": source.camera,
         **{key: unpaced[key] for key in ("fps", "frames", "latency_ms", "stages_ms")},
         **{key: lead[key] for key in ("cpu_ms_per_frame", "cpu_percent", "stages_cpu_ms")},
         "paced": {name: {key: leg[key] for key in PACED} for name, leg in legs.items()},
@@ -117,6 +97,7 @@ def command(
         "decode_ms": round(decode_ms, 3),
         "cold_start_s": round(cold_start_s, 3),
         "peak_rss_mb": round(peak_rss_mb, 1),
+        "floor_head_ms": floor_head_ms(files.for_pictures(*first.image.shape[1::-1])),
         "threads": files.compute.threads,
         "paced_threads": paced.compute.threads,
         "detect_every": 1,
@@ -129,7 +110,7 @@ def command(
     if against:
         from edgemap.benchmarks.compare import Contest, compare
         from edgemap.benchmarks.rivals import opencv_network, openvino_network, picture_to_boxes
-        from edgemap.runtime.decode import Detector
+        from edgemap.runtime.network.decode import Detector
 
         spec = files.manifest.detector
         opener = openvino_network if against == "openvino" else opencv_network
@@ -148,7 +129,7 @@ def command(
         document["at_rest"] = measure_at_rest(lambda: open_drive(at_rest=True), seconds, rate[0])
     if plot is not None:
         from edgemap.plots.bench import plot_bench
-        from edgemap.runtime.reading import print_message
+        from edgemap.runtime.frames.reading import print_message
 
         print_message(f"see it:  {plot_bench(plot / 'bench.png', document)}")
     if json:
@@ -172,6 +153,8 @@ def _print_figures(document: dict[str, Any]) -> None:
     for name, values in [*document["stages_ms"].items(), ("full step", document["latency_ms"])]:
         cpu_ms = document["stages_cpu_ms"].get(name, document["cpu_ms_per_frame"])
         print(f"  {name:<14} {values['p50']:8.2f} {values['p95']:8.2f} {values['p99']:8.2f} {cpu_ms:8.2f}")
+    if (floor_ms := document["floor_head_ms"]) is not None:
+        print(f"  {'floor head':<14} {'':26} {floor_ms:8.2f}  of the backbone's, on one thread")
     for name, leg in document["paced"].items():
         title = name if name == "unpaced" else f"at {name} Hz"
         print(

@@ -1,4 +1,4 @@
-"""`edgemap run --cpu SHARE --temperature C`: doing less where the robot's other programs need the processor."""
+"""`edgemap run --cpu SHARE`: doing less where the robot's other programs need the processor."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
-    from edgemap.runtime.cameras.around import BudgetedCamera
-    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+    from edgemap.runtime.inputs.cameras.protocol import Camera
 
 CpuShare = Annotated[
     str | None,
@@ -20,10 +20,6 @@ CpuShare = Annotated[
         "then fewer frames are taken; every frame taken gives a motion. Files are then paced by their stamps. What is "
         "decided stands in run.json and in recordings, and a replay takes it from there.",
     ),
-]
-Temperature = Annotated[
-    float | None,
-    arg(metavar="CELSIUS", help="Do less, in the same way, while the hottest thermal zone is above this."),
 ]
 
 
@@ -40,14 +36,12 @@ def read_share(text: str | None) -> float | None:
     return share
 
 
-def budgeted(camera: Camera, share: float | None, temperature: float | None, config: Path | None) -> BudgetedCamera:
-    """The camera under a budget, or under what a run.json says that one decided. Raises OptionError, ConfigError."""
-    from edgemap.runtime.budget import Budget, hottest_c
-    from edgemap.runtime.cameras.around import BudgetedCamera
-    from edgemap.runtime.config import load_efforts
+def budgeted(camera: Camera, share: float | None, config: Path | None) -> BudgetedCamera:
+    """The camera under a budget, or under what a run.json says that one decided. Raises ConfigError."""
+    from edgemap.runtime.inputs.budget import Budget
+    from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+    from edgemap.runtime.step.config import load_efforts
 
-    if temperature is not None and hottest_c() is None:
-        raise OptionError(f"--temperature {temperature:g}: this machine has no /sys/class/thermal/thermal_zone*/temp")
-    if share is not None or temperature is not None:
-        return BudgetedCamera(camera, Budget(share, temperature))
+    if share is not None:
+        return BudgetedCamera(camera, Budget(share))
     return BudgetedCamera(camera, replayed=load_efforts(config) if config else ())

@@ -68,7 +68,7 @@ def _by_board(
     camera: str, square: float, board: str, thickness: float, frames: int | None, camera_file: Path | None,
     intrinsics: str | None,
 ) -> tuple[Intrinsics, Fit]:  # fmt: skip
-    from edgemap.runtime.calibration.floor_board import fit_mount
+    from edgemap.runtime.step.calibration.floor_board import fit_mount
 
     chessboard = read_board(board, square)
     with open_described(camera, camera_file) as source:
@@ -86,17 +86,17 @@ def _by_room(
     from itertools import islice
 
     from edgemap.geometry.camera.imu import ImuSamples
-    from edgemap.runtime.calibration.board import frames_of
-    from edgemap.runtime.calibration.gravity import gravity
-    from edgemap.runtime.cameras.depth import depth_pictures
-    from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.inputs.cameras.depth import depth_pictures
+    from edgemap.runtime.step.calibration.board import frames_of
+    from edgemap.runtime.step.calibration.gravity import gravity
+    from edgemap.runtime.step.loop import stop_on_signals
 
     with open_described(camera, camera_file) as source, stop_on_signals() as stop:
         lens, known, wheel = known_lens(source, intrinsics), source.mount, source.wheel
         up = gravity(ImuSamples.joined([frame.imu for frame in frames_of(source, frames or PICTURES, stop.is_set)]))
     depth = depth_pictures(camera)
     if depth is not None:
-        from edgemap.runtime.calibration.floor_depth import fit_floor_depth
+        from edgemap.runtime.step.calibration.floor_depth import fit_floor_depth
 
         fit = fit_floor_depth(islice(depth[1], frames or PICTURES), depth[0], up)
         print(
@@ -117,15 +117,15 @@ def _by_edges(
     from dataclasses import replace
 
     from edgemap.geometry.camera.inertial import OFFSET_RAD
+    from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.calibration.board import frames_of
-    from edgemap.runtime.calibration.level import pitch_roll
-    from edgemap.runtime.calibration.segments import find_segments
-    from edgemap.runtime.calibration.tilt import fit_tilt
-    from edgemap.runtime.calibration.wheel_height import fit_wheel_height
-    from edgemap.runtime.errors import CalibrationError
-    from edgemap.runtime.loop import stop_on_signals
-    from edgemap.runtime.odometry import wheel_trajectory
+    from edgemap.runtime.frames.errors import CalibrationError
+    from edgemap.runtime.motion.attitude.segments import find_segments
+    from edgemap.runtime.motion.odometry import wheel_trajectory
+    from edgemap.runtime.step.calibration.board import frames_of
+    from edgemap.runtime.step.calibration.tilt import fit_tilt
+    from edgemap.runtime.step.calibration.wheel_height import fit_wheel_height
+    from edgemap.runtime.step.loop import stop_on_signals
 
     if height is None and wheel is None:
         raise OptionError(f"{camera} has neither depth nor wheels to measure the height: pass --height METRES")
@@ -178,8 +178,8 @@ def _print_result(mount: Mount, height_m: float, pitch_rad: float, roll_rad: flo
 def _compare_gravity(mount: Mount, up: Any) -> None:
     """What the accelerometer says beside the result. Raises CalibrationError where no offset explains it."""
     from edgemap.geometry.camera.inertial import OFFSET_RAD
-    from edgemap.runtime.calibration.level import pitch_roll
-    from edgemap.runtime.errors import CalibrationError
+    from edgemap.geometry.camera.level import pitch_roll
+    from edgemap.runtime.frames.errors import CalibrationError
 
     if up is None:
         return

@@ -13,8 +13,8 @@ from edgemap.cli.options import read_intrinsics
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.calibration.board import Board, BoardView
-    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.step.calibration.board import Board, BoardView
 
 BoardText = Annotated[
     str, arg(metavar="COLSxROWS", help="The chessboard's INNER corners: one less than its squares each way.")
@@ -28,7 +28,7 @@ OutYaml = Annotated[
 
 def read_board(text: str, square_m: float = 1.0) -> Board:
     """`--board 9x6`. Raises OptionError."""
-    from edgemap.runtime.calibration.board import Board
+    from edgemap.runtime.step.calibration.board import Board
 
     found = re.fullmatch(r"(\d{1,4})[x×](\d{1,4})", text.strip())
     if found is None:
@@ -38,8 +38,8 @@ def read_board(text: str, square_m: float = 1.0) -> Board:
 
 def views_of(source: Camera, board: Board, pictures: int | None) -> list[BoardView]:
     """Different views of the board, said one by one; Ctrl-C ends the search with what there is."""
-    from edgemap.runtime.calibration.board import board_views
-    from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.step.calibration.board import board_views
+    from edgemap.runtime.step.loop import stop_on_signals
 
     views: list[BoardView] = []
     with stop_on_signals() as stop:
@@ -71,8 +71,8 @@ def write_yaml(
     out: Path, camera_file: Path | None, lens: Intrinsics, mount: Mount | None, part: str, record: dict[str, Any]
 ) -> None:
     """Write what is known now; frame rate, axis and other calibrations of the camera file stay. Raises CameraError."""
-    from edgemap.runtime.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
-    from edgemap.runtime.errors import CameraError
+    from edgemap.runtime.frames.errors import CameraError
+    from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
 
     known = read_camera_yaml(camera_file) if camera_file else CameraFile(lens)
     calibration = known.calibration | {part: record}

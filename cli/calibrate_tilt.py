@@ -32,10 +32,10 @@ def command(
     from dataclasses import replace
 
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.calibration.board import frames_of
-    from edgemap.runtime.calibration.segments import find_segments
-    from edgemap.runtime.calibration.tilt import fit_tilt
-    from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.motion.attitude.segments import find_segments
+    from edgemap.runtime.step.calibration.board import frames_of
+    from edgemap.runtime.step.calibration.tilt import fit_tilt
+    from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)
     check_out(out, camera_file)

@@ -9,47 +9,32 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import (
-    BundleName,
-    CameraFile,
-    Confidence,
-    EngineName,
-    IntrinsicsText,
-    Json,
-    MountText,
-    PrecisionName,
-    Threads,
-    find_bundle,
-    minimum_score,
-    read_intrinsics,
-    read_mount,
-)
+from edgemap.cli.groups import Network, Optics
+from edgemap.cli.options import Confidence, Json, minimum_score, read_intrinsics, read_mount
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.observations.detections import Detections
     from edgemap.geometry.observations.sighting import FloorRule, Sighting
 
 
 def command(
+    network: Annotated[Network, arg(name="Network")],
+    optics: Annotated[Optics, arg(name="Camera")],
     images: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],
         arg(metavar="IMAGE...", help="Pictures, or folders of them."),
     ],
-    bundle: BundleName = None,
-    mount: MountText = None,
-    intrinsics: IntrinsicsText = None,
-    camera_file: CameraFile = None,
     confidence: Confidence = None,
-    threads: Threads = None,
-    precision: PrecisionName = "default",
-    engine: EngineName = "default",
     plot: Annotated[
         Path | None,
         arg(
             metavar="DIR",
-            help="Write per picture: boxes marked floor or not, distances, 2-D map (the paper's Fig. 4), and the "
-            "horizon with a metre grid. Needs a mount.",
+            help="Write per picture its boxes; with a mount also which stand on the floor, distances, 2-D map (the "
+            "paper's Fig. 4), and the horizon with a metre grid.",
         ),
     ] = None,
     json: Json = False,
@@ -58,34 +43,37 @@ def command(
 
     Distances are horizontal, in metres from the lens; positions are in the base frame, x forward and y left. A box has
     them when it stands on the floor by the rule of `run`, whose maps leave out people, pets and what is far. Without
-    --intrinsics or a camera file the lens is taken for one of 60 degrees across, and the output says so.
+    --intrinsics or a camera file a lens of 60 degrees across is assumed, and the output states it.
     """
     from edgemap.cli.errors import OptionError
     from edgemap.geometry.observations.sighting import sightings_of
-    from edgemap.runtime.decode import Decoder, Detector
-    from edgemap.runtime.drives.pictures import list_pictures, read_picture
+    from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+    from edgemap.runtime.network.decode import Decoder, Detector
+    from edgemap.runtime.network.floor_mask import floor_mask
+    from edgemap.runtime.step.overlay import draw_floor_mask
 
     if not images:
         raise OptionError("no pictures given: edgemap detect PICTURE... or a folder of them")
+    optics.check()
     images = tuple(path for given in images for path in (list_pictures(given) if given.is_dir() else (given,)))
-    loaded = find_bundle(bundle, threads, precision, str(images[0]), engine=engine)
+    loaded = network.load(str(images[0]))
     confidence = minimum_score(confidence, loaded)
-    detector = Detector(loaded, Decoder(loaded.manifest.detector, confidence, one_name=True))
+    spec = loaded.manifest.detector
+    detector, decode = Detector(loaded), Decoder(spec, confidence, one_name=True)
     documents = []
     try:
         for path in images:
             picture = read_picture(path)
-            detections = detector(picture)
-            camera, guessed = _floor_camera(picture.shape[1], picture.shape[0], mount, intrinsics, camera_file)
+            outputs = detector.raw(picture)
+            detections = decode(*outputs)
+            camera, guessed = _floor_camera(picture.shape[1], picture.shape[0], optics)
             sightings = sightings_of(detections, camera, _every_floor_box()) if camera else []
             document = {"image": str(path), "width": picture.shape[1], "height": picture.shape[0]}
             document |= _found(detections, sightings, camera, guessed)
             if plot:
-                if camera is None:
-                    raise OptionError("--plot draws distances, which need --mount HEIGHT_M,PITCH_DEG or --camera-file")
-                from edgemap.plots.frame import plot_frame
-
-                document["plot"] = str(plot_frame(plot / f"{path.stem}.png", picture, detections, sightings, camera))
+                mask = floor_mask(*outputs, spec.floor)
+                drawn = picture if mask is None else draw_floor_mask(picture, mask)
+                document["plot"] = str(_plot(plot / f"{path.stem}.png", drawn, detections, sightings, camera))
             documents.append(document)
             if not json:
                 _print_result(document)
@@ -94,6 +82,28 @@ def command(
             import json as json_module
 
             print(json_module.dumps(documents, indent=1, allow_nan=False))
+
+
+def _plot(
+    path: Path,
+    picture: NDArray[np.uint8],
+    detections: Detections,
+    sightings: list[Sighting],
+    camera: FloorCamera | None,
+) -> Path:
+    """Draw into a file; its path."""
+    if camera is not None:
+        from edgemap.plots.frame import plot_frame
+
+        return plot_frame(path, picture, detections, sightings, camera)
+    import cv2
+
+    from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.step.overlay import draw_detections
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, cv2.imencode(".png", draw_detections(picture, detections, None))[1].tobytes())
+    return path
 
 
 def _every_floor_box() -> FloorRule:
@@ -130,18 +140,18 @@ def _found(
     return document
 
 
-def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | None, camera_file: Path | None):
+def _floor_camera(width: int, height: int, optics: Optics) -> tuple[FloorCamera | None, bool]:
     """The picture's FloorCamera where a mount is known, and whether its lens is a guess."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.camera.intrinsics import Intrinsics
-    from edgemap.runtime.drives.camera_yaml import read_camera_yaml
+    from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
 
     lens, camera_mount = None, None
-    if camera_file is not None:
-        described = read_camera_yaml(camera_file)
+    if optics.camera_file is not None:
+        described = read_camera_yaml(optics.camera_file)
         lens, camera_mount = described.intrinsics, described.mount
-    camera_mount = read_mount(mount, camera_mount)
-    lens = read_intrinsics(intrinsics, width, height) or lens
+    camera_mount = read_mount(optics.mount, camera_mount)
+    lens = read_intrinsics(optics.intrinsics, width, height) or lens
     if camera_mount is None:
         return None, False
     guessed = lens is None
@@ -156,7 +166,7 @@ def _floor_camera(width: int, height: int, mount: str | None, intrinsics: str | 
 
 
 def _print_result(document: dict) -> None:
-    from edgemap.runtime.reading import one_line
+    from edgemap.runtime.frames.reading import one_line
 
     print(f"{one_line(document['image'])}: {len(document['detections'])} objects")
     if document.get("lens_guessed"):

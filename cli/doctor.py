@@ -19,12 +19,13 @@ from edgemap.cli.options import (
     MountText,
 )
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.extras import install_hint, pip
+from edgemap.runtime.frames.extras import install_hint, pip
 
 WAIT_S = 20.0  # for the first frame of a camera
 
 # Extra to what it is for, and its modules with the packages that they come in.
 EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
+    "teacher": ("train floor --teacher", {"ai_edge_litert": "ai-edge-litert"}),
     "export": (
         "pull by name, export, train",
         {"torch": "torch", "onnx": "onnx", "onnxscript": "onnxscript"},
@@ -153,7 +154,7 @@ def _libraries() -> Iterator[Finding]:
 
 def _cameras() -> Iterator[Finding]:
     from edgemap.cli.cameras import command_line
-    from edgemap.runtime.cameras.found import found_cameras
+    from edgemap.runtime.inputs.cameras.found import found_cameras
 
     cameras, notes = found_cameras()
     for note in notes:
@@ -168,8 +169,8 @@ def _cameras() -> Iterator[Finding]:
 
 def _bundle(name: str | None, camera: str) -> Finding:
     from edgemap.cli.export import variant_line
-    from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.store import bundle_folder, default_bundle
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder, default_bundle
 
     choice = ""
     if name is None:
@@ -211,8 +212,8 @@ def _camera(
 
     from edgemap.cli.options import lens_and_mount, open_described
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.cameras.fault import CameraFault
-    from edgemap.runtime.cameras.protocol import next_frame
+    from edgemap.runtime.frames.fault import CameraFault
+    from edgemap.runtime.inputs.cameras.protocol import next_frame
 
     faults: list[CameraFault] = []
     try:
@@ -248,8 +249,9 @@ def _camera(
     if plot:
         import cv2
 
-        from edgemap.runtime.overlay import draw_floor_grid
+        from edgemap.runtime.frames.library_names import library_path
+        from edgemap.runtime.step.overlay import draw_floor_grid
 
-        written = cv2.imwrite(str(plot), draw_floor_grid(frame.image, floor))
+        written = cv2.imwrite(library_path(plot), draw_floor_grid(frame.image, floor))
         state = "ok" if written else "broken"
         yield Finding("mount", state, f"grid drawn in {plot}" if written else f"{plot} cannot be written")

@@ -7,10 +7,12 @@ from typing import Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import BundleName, EngineName, Json, PrecisionName, Threads, at_least, find_bundle, in_unit
+from edgemap.cli.groups import Network
+from edgemap.cli.options import Json, at_least, in_unit
 
 
 def command(
+    network: Annotated[Network, arg(name="Network")],
     data: Annotated[
         str,
         arg(
@@ -19,7 +21,6 @@ def command(
             help="Labelled pictures, a drive with boxes.json, or one that is rendered: 450 frames by default.",
         ),
     ],
-    bundle: BundleName = None,
     frames: Annotated[int | None, arg(metavar="N", help="Only the first N pictures.")] = None,
     confidence: Annotated[
         float, arg(metavar="0..1", help="Minimum score of a box; low, so that the whole curve counts.")
@@ -33,9 +34,6 @@ def command(
         Path | None,
         arg(metavar="DIR", help="Draw the worst false boxes and the largest misses into this folder."),
     ] = None,
-    threads: Threads = None,
-    precision: PrecisionName = "default",
-    engine: EngineName = "default",
     json: Json = False,
 ) -> None:
     """Average precision on labelled pictures, COCO protocol: AP over IoU 0.50 to 0.95, and AP50.
@@ -48,12 +46,12 @@ def command(
 
     from edgemap.cli.simulated import as_data
     from edgemap.evaluation.detection import ScoredPicture, average_precision, operating_point
-    from edgemap.runtime.decode import Decoder, Detector
-    from edgemap.runtime.drives.labelled import labelled_pictures
+    from edgemap.runtime.inputs.drives.labelled import labelled_pictures
+    from edgemap.runtime.network.decode import Decoder, Detector
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence, nms=nms)
-    loaded = find_bundle(bundle, threads, precision, data, engine=engine)
+    loaded = network.load(data)
     spec = loaded.manifest.detector
     detector, every = Detector(loaded), Decoder(spec, confidence, nms)
     as_run = Decoder(spec, loaded.manifest.confidence, one_name=True)

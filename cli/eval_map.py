@@ -6,27 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.errors import OptionError
-from edgemap.cli.options import (
-    BundleName,
-    Confidence,
-    ConfigFile,
-    EngineName,
-    Json,
-    LoopClosure,
-    OdometrySpec,
-    PrecisionName,
-    Threads,
-    WithoutDepth,
-    WithoutImu,
-    WithoutWheels,
-    at_least,
-    find_bundle,
-    in_unit,
-)
+from edgemap.cli.groups import Motion, Network
+from edgemap.cli.options import Confidence, ConfigFile, Json, LoopClosure, WithoutDepth, at_least, in_unit
 
 
 def command(
+    motion: Annotated[Motion, arg(name="Robot")],
+    network: Annotated[Network, arg(name="Network")],
     data: Annotated[
         str,
         arg(
@@ -35,10 +21,6 @@ def command(
             help="A drive with poses and objects.json, or one that is rendered: 450 frames unless --frames says more.",
         ),
     ] = "demo",
-    bundle: BundleName = None,
-    odometry: OdometrySpec = "hybrid",
-    without_wheels: WithoutWheels = False,
-    without_imu: WithoutImu = False,
     without_depth: WithoutDepth = False,
     frames: Annotated[int | None, arg(metavar="N", help="Only the first N frames.")] = None,
     confidence: Confidence = None,
@@ -47,9 +29,6 @@ def command(
     ] = "default",
     loop_closure: LoopClosure = True,
     config: ConfigFile = None,
-    threads: Threads = None,
-    precision: PrecisionName = "default",
-    engine: EngineName = "default",
     plot: Annotated[
         Path | None,
         arg(
@@ -66,28 +45,32 @@ def command(
     seen in fewer than 10 frames (30 % visible, 24 px) do not count; a mapped object that is not on the floor is wrong.
     covered95 is the share of true positions inside the mapped 95 % ellipse; ANEES (1 is consistent) and the mean area
     of that ellipse are over all mapped objects with a true one of their class within 1.5 m. ECE is the mean difference
-    of confidence and share of real objects.
+    of confidence and share of real objects. Where the drive has a floor_plan.json, `grid` judges free and occupied
+    cells and seen walls, also without alignment.
     """
     from dataclasses import replace
     from itertools import pairwise
     from math import degrees
 
-    from edgemap.benchmarks.map_variants import Replay, Variant, map_drive, true_objects
+    from edgemap.benchmarks.map_variants import Replay, Variant, mappers_of, true_floor, true_objects
     from edgemap.cli.simulated import as_data
+    from edgemap.evaluation.grid import score_grid
     from edgemap.evaluation.objects import score_map, scored
-    from edgemap.runtime.config import Config, load_config
-    from edgemap.runtime.drives import open_drive
+    from edgemap.runtime.frames.errors import CameraError
+    from edgemap.runtime.inputs.drives import open_drive
+    from edgemap.runtime.step.config import Config, load_config
 
     at_least(1, frames=frames)
     in_unit(confidence=confidence)
     tuned = load_config(config)[0] if config else Config()
-    loaded = find_bundle(bundle, threads, precision, data, engine=engine)
+    motion.check()
+    loaded = network.load(data)
     with as_data(data, frames, quiet=json) as spec:
         drive = open_drive(spec)
         drive = replace(drive, depth=()) if without_depth else drive
         if not drive.objects or drive.truth is None or drive.mount is None:
-            raise OptionError(f"{data}: eval map needs true poses, a mount and objects.json")
-        truth = true_objects(drive, frames)
+            raise CameraError(f"{data}: eval map needs true poses, a mount and objects.json")
+        truth, plan = true_objects(drive, frames), true_floor(drive)
         wanted = scored(truth)
         count = min(frames or len(drive.stamps_s), len(drive.stamps_s))
         poses = drive.truth.poses[:count]
@@ -97,9 +80,9 @@ def command(
             "bundle": loaded.manifest.name,
             "precision": loaded.precision,
             "engine": loaded.engine,
-            "odometry": odometry,
-            "wheels": drive.wheel is not None and not without_wheels,
-            "imu": drive.imu is not None and not without_imu,
+            "odometry": motion.odometry,
+            "wheels": drive.wheel is not None and not motion.without_wheels,
+            "imu": drive.imu is not None and not motion.without_imu,
             "depth": bool(drive.depth),
             "clustering": clustering,
             "loop_closure": loop_closure,
@@ -109,12 +92,15 @@ def command(
             "mount": {"height_m": drive.mount.height_m, "pitch_deg": round(degrees(drive.mount.pitch_rad), 3)},
         }
         variants = {"true": Variant("truth", clustering=clustering)}
-        variants["estimated"] = Variant(odometry, not without_wheels, loop_closure, clustering)
-        if odometry == "hybrid" and document["wheels"]:
+        variants["estimated"] = Variant(motion.odometry, not motion.without_wheels, loop_closure, clustering)
+        if motion.odometry == "hybrid" and document["wheels"]:
             variants["without_wheels"] = replace(variants["estimated"], wheels=False)
-        replay = Replay(drive, loaded, count, confidence, tuned, not without_imu)
-        for name, objects in map_drive(replay, variants).items():
+        replay = Replay(drive, loaded, count, confidence, tuned, not motion.without_imu)
+        for name, mapper in mappers_of(replay, variants).items():
+            objects, grid = mapper.objects(), mapper.grid.grid()
             document[name] = score_map(objects, truth)
+            if plan is not None:
+                document[name]["grid"] = score_grid(grid, plan)
             if plot:
                 from edgemap.plots.floor_map import plot_map
                 from edgemap.plots.reliability import plot_reliability
@@ -131,7 +117,9 @@ def command(
     print(f"{document['bundle']} on {data}: {room}")
     for name in variants:
         figures = document[name]
-        poses = {"true": "true poses", "estimated": f"{odometry} poses"}.get(name, "without wheels")
+        poses = {"true": "true poses", "estimated": f"{motion.odometry} poses"}.get(name, "without wheels")
+        if figures.get("grid"):
+            print(f"  {poses:<14} {_grid_line(figures['grid'])}")
         print(f"  {poses:<14} {_line(figures)}  ECE {_number(figures['reliability']['ece'])}")
         for label, own in figures["per_class"].items():
             print(f"    {label:<14} {_line(own)}")
@@ -143,6 +131,15 @@ def _line(figures: dict[str, Any]) -> str:
         f"median error {_number(figures['median_error_m'], ' m')}  p90 {_number(figures['p90_error_m'], ' m')}  "
         f"covered95 {_number(figures['covered95'])}  ANEES {_number(figures['anees'])}  "
         f"ellipse {_number(figures['ellipse_m2'], ' m2')}"
+    )
+
+
+def _grid_line(grid: dict[str, Any]) -> str:
+    free, occupied, walls = grid["free"], grid["occupied"], grid["walls"]
+    return (
+        f"floor: free cells right {_number(free['precision'])}, within 10 cm {_number(free['precision_10cm'])}, "
+        f"of all {_number(free['recall'])}; occupied within 10 cm {_number(occupied['precision_10cm'])}; "
+        f"walls seen {_number(walls['recall'])}"
     )
 
 

@@ -10,26 +10,15 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import (
-    BundleName,
-    ConfigFile,
-    EngineName,
-    Json,
-    MountText,
-    PrecisionName,
-    Threads,
-    WithoutDepth,
-    WithoutImu,
-    at_least,
-    find_bundle,
-    read_mount,
-)
+from edgemap.cli.groups import Network
+from edgemap.cli.options import ConfigFile, Json, MountText, WithoutDepth, WithoutImu, at_least, read_mount
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
 
 
 def command(
+    network: Annotated[Network, arg(name="Network")],
     data: Annotated[
         Repeated,
         arg(
@@ -39,7 +28,6 @@ def command(
             "euroc or locobot; sim:SEED is rendered. The demo by default.",
         ),
     ] = (),
-    bundle: BundleName = None,
     odometry: Annotated[
         str,
         arg(
@@ -63,9 +51,6 @@ def command(
         str | None,
         arg(metavar="L,…", help="Lengths in metres over which drift is taken; 1,2,5, and 100,200,…,800 for kitti."),
     ] = None,
-    threads: Threads = None,
-    precision: PrecisionName = "default",
-    engine: EngineName = "default",
     plot: Annotated[
         Path | None, arg(metavar="DIR", help="Draw each trajectory with the true one into this folder.")
     ] = None,
@@ -84,7 +69,7 @@ def command(
 
     from edgemap.benchmarks.odometry import ScoredDrive, Selection, score_drive, sequence_names, together
     from edgemap.cli.simulated import as_data
-    from edgemap.runtime.config import Config, load_config
+    from edgemap.runtime.step.config import Config, load_config
 
     at_least(1, every=every, frames=frames)
     if first < 0:
@@ -99,7 +84,7 @@ def command(
     names = sequence_names(specs)
     if repeated := next((name for name in names if names.count(name) > 1), None):
         raise OptionError(f"--data {repeated} is given twice")
-    loaded = find_bundle(bundle, threads, precision, *specs, engine=engine)
+    loaded = network.load(*specs)
     needed = None if frames is None else first + (frames - 1) * every + 1
     drives: dict[str, ScoredDrive] = {}
     for name, spec in zip(names, specs, strict=True):

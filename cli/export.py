@@ -8,11 +8,7 @@ from typing import Annotated, Any
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.geometry.errors import EdgemapError
-
-
-class UsageError(EdgemapError):
-    """Arguments that do not go together."""
+from edgemap.cli.errors import OptionError
 
 
 def command(
@@ -21,7 +17,7 @@ def command(
         tyro.conf.Positional,
         arg(
             metavar="[CHECKPOINT]",
-            help="What was trained: a detector's best.pt, or an odometry head's, which names its backbone.",
+            help="What was trained: a detector's best.pt, or an odometry or floor head's, which names its backbone.",
         ),
     ] = None,
     *,
@@ -39,7 +35,10 @@ def command(
     ] = None,
     head: Annotated[
         tuple[Path, ...],
-        arg(metavar="CHECKPOINT", help="Trained odometry heads; without any, an untrained paper head."),
+        arg(
+            metavar="CHECKPOINT",
+            help="Trained heads: of odometry and of the floor mask; without any of odometry, an untrained paper head.",
+        ),
     ] = (),
     feature: Annotated[
         str | None,
@@ -77,23 +76,25 @@ def command(
     need_export()
     from edgemap.export.detector.checkpoint import is_detector
     from edgemap.export.exporter import export_backbone
+    from edgemap.export.floor.checkpoint import is_floor, load_floor
     from edgemap.export.odometry.checkpoint import load_head
-    from edgemap.runtime.manifest import read_manifest
+    from edgemap.runtime.network.manifest import read_manifest
 
     if int8 and calibrate is None:
-        raise UsageError("--int8 needs pictures: --calibrate DIR")
+        raise OptionError("--int8 needs pictures: --calibrate DIR")
     if calibrate is not None and not int8:
-        raise UsageError(f"--calibrate {calibrate} is for --int8")
+        raise OptionError(f"--calibrate {calibrate} is for --int8")
     heads = list(head)
     if checkpoint is not None and is_detector(checkpoint):
         if backbone is not None:
-            raise UsageError(f"{checkpoint} is a detector itself: --backbone {backbone} does not go with it")
+            raise OptionError(f"{checkpoint} is a detector itself: --backbone {backbone} does not go with it")
         backbone = str(checkpoint)
     elif checkpoint is not None:
         heads.insert(0, checkpoint)
-        backbone = backbone or load_head(checkpoint).backbone
+        named = load_floor(checkpoint) if is_floor(checkpoint) else load_head(checkpoint)
+        backbone = backbone or named.backbone
     if backbone is None:
-        raise UsageError("what to export? edgemap export CHECKPOINT -o DIR, or edgemap export --backbone NAME -o DIR")
+        raise OptionError("what to export? edgemap export CHECKPOINT -o DIR, or edgemap export --backbone NAME -o DIR")
     export_backbone(
         backbone,
         output,
@@ -109,7 +110,7 @@ def command(
 
 def describe(folder: Path, manifest: object) -> None:
     """Say what a bundle holds and how near its source it is."""
-    from edgemap.runtime.manifest import Manifest
+    from edgemap.runtime.network.manifest import Manifest
 
     assert isinstance(manifest, Manifest)
     size = manifest.detector.input
@@ -119,6 +120,10 @@ def describe(folder: Path, manifest: object) -> None:
     )
     for kind, head in manifest.odometry.items():
         print(f"  {kind} odometry: {head.parameters:,} parameters, {'trained' if head.trained else 'NOT trained'}")
+    if (floor := manifest.detector.floor) is not None:
+        print(
+            f"  floor mask: {' and '.join(floor.labels)}, {floor.shape[2]}x{floor.shape[3]} cells of {floor.stride} px"
+        )
     for name, proof in manifest.parity.items():
         print(
             f"  {name}: differs from its source by {proof.max_abs_difference:.2g} at most "

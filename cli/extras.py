@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edgemap.runtime.extras import need
+from edgemap.runtime.frames.extras import need
 
 
 def need_export(command: str = "edgemap export") -> None:

@@ -11,7 +11,7 @@ from edgemap.cli.publishers import host_and_port
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from edgemap.runtime.fleet.sink import FleetSink
+    from edgemap.runtime.outputs.fleet.sink import FleetSink
 
 LOCAL = "127.0.0.1"
 
@@ -19,7 +19,7 @@ Fleet = Annotated[
     str | None,
     arg(
         metavar="PLACE[@HOST[:PORT]]",
-        help="Send the map and the pose to who keeps the map of a place, on this machine where HOST is left out (extra "
+        help="Send the map and the pose to the keeper of a place (fleet serve), on this machine without HOST (extra "
         "fleet, docs/fleet.md).",
     ),
 ]
@@ -27,7 +27,7 @@ Fleet = Annotated[
 
 def place_and_address(text: str, option: str) -> tuple[str, str]:
     """`PLACE`, and the address after its `@` for zenoh. Raises OptionError."""
-    from edgemap.runtime.fleet.network import PORT
+    from edgemap.runtime.outputs.fleet.network import PORT
 
     place, at, host = text.partition("@")
     return place, address(host if at else LOCAL, option, PORT)
@@ -45,7 +45,7 @@ def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> lis
         return []
     import socket
 
-    from edgemap.runtime.fleet.sink import FleetSink
+    from edgemap.runtime.outputs.fleet.sink import FleetSink
 
     if saved is not None and _of_a_fleet(saved):
         raise OptionError(
@@ -57,8 +57,8 @@ def fleet_sinks(fleet: str | None, robot: str | None, saved: Path | None) -> lis
 
 
 def _of_a_fleet(saved: Path) -> bool:
-    from edgemap.runtime.map_file import MAP_BYTES
-    from edgemap.runtime.reading import read_bytes
+    from edgemap.runtime.frames.reading import read_bytes
+    from edgemap.runtime.step.map_file import MAP_BYTES
 
     path = saved / "map.json" if saved.is_dir() else saved
     return b'"pose_place_map"' in read_bytes(path, MAP_BYTES, OptionError)

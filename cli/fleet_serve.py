@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from math import degrees
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +12,8 @@ import tyro
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.fleet import address, place_and_address
+
+LAST_S = 1.0  # for the merge after the signal to end; the robots' own maps are kept in any case
 
 
 def command(
@@ -24,8 +27,8 @@ def command(
         str,
         arg(
             metavar="HOST[:PORT]",
-            help="Address for the robots to connect to; 0.0.0.0 for every network. There is no password: only in "
-            "networks you trust.",
+            help="Address for the robots to connect to; 0.0.0.0 for every network. Set EDGEMAP_FLEET_SECRET to the "
+            "same text here and on the robots (docs/fleet.md): without it everybody who reaches the port is let in.",
         ),
     ] = "127.0.0.1:7447",
     reference: Annotated[
@@ -45,10 +48,10 @@ def command(
     does. A robot that is away stays in the map; when it is back its new map takes the place of its old one.
     """
     from edgemap.geometry.errors import MapError
-    from edgemap.runtime.errors import DiskError
-    from edgemap.runtime.fleet.keeper import PlaceKeeper
-    from edgemap.runtime.fleet.network import PORT
-    from edgemap.runtime.loop import stop_on_signals
+    from edgemap.runtime.frames.errors import DiskError
+    from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
+    from edgemap.runtime.outputs.fleet.network import PORT
+    from edgemap.runtime.step.loop import stop_on_signals
 
     if not 0.1 <= every <= 3600.0:
         raise OptionError(f"--every {every:g}: 0.1 to 3600 s")
@@ -62,17 +65,20 @@ def command(
             print(f"map of {name}: {folder}/map.json", flush=True)
             print(f"robots:  edgemap run --fleet {name}@{router if through_router else own} --robot NAME", flush=True)
             printed: dict[str, str] = {}
+            strangers: dict[str, str] = {}
             while not stop.is_set():
                 try:
-                    keeper.update()
+                    keeper.update(stop.is_set)
                 except DiskError:
                     raise
                 except MapError as error:
                     printed = _print_changes(printed, printed | {"": str(error)})
                 else:
                     printed = _print_changes(printed, lines(keeper.document()["fleet"]["robots"]))
+                strangers = _print_changes(strangers, {line: line for line in list(keeper.strangers)})
                 stop.wait(every)
-            keeper.update()
+            until_s = time.monotonic() + LAST_S
+            keeper.update(lambda: time.monotonic() > until_s)
         finally:
             keeper.close()
 

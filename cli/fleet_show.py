@@ -24,9 +24,9 @@ def command(
 ) -> None:
     """Ask who keeps the map of a place for it: which robots are in it, where they are, which stay apart and why."""
     from edgemap.cli.fleet_serve import lines
-    from edgemap.runtime.disk import write_atomically
-    from edgemap.runtime.fleet.network import place_document
-    from edgemap.runtime.reading import printable
+    from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.reading import printable
+    from edgemap.runtime.outputs.fleet.network import place_document
 
     name, where = place_and_address(place, "PLACE")
     document, text = place_document(name, where)

@@ -11,15 +11,17 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from edgemap.runtime.extras import need
+from edgemap.runtime.frames.extras import need
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.bundle import Bundle
-    from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.edits import Edits
-    from edgemap.runtime.report.crops import BestCrops
-    from edgemap.runtime.sinks.group import Sink
+    from edgemap.geometry.se2 import SE2
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.outputs.report.crops import BestCrops
+    from edgemap.runtime.outputs.verdict.verdict import Verdict
+    from edgemap.runtime.step.edits import Edits
+    from edgemap.runtime.step.sinks import Sink
     from edgemap.view.page import LivePage
 
 LOOK_EVERY_S = 0.1
@@ -34,8 +36,14 @@ class NoPage:
         """The camera as it is."""
         return source
 
+    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
+        """Nobody is shown it."""
+
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Nothing stays."""
+
+    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
+        """Nobody asks to go anywhere."""
 
 
 class OpenPage(NoPage):
@@ -47,7 +55,7 @@ class OpenPage(NoPage):
 
     def camera(self, source: Camera, stop: Event) -> Camera:
         """The camera that the run reads from."""
-        from edgemap.runtime.cameras.around import BudgetedCamera, PacedCamera
+        from edgemap.runtime.inputs.cameras.around import BudgetedCamera, PacedCamera
         from edgemap.view.pause import PausableCamera
 
         if isinstance(source, BudgetedCamera):
@@ -56,9 +64,17 @@ class OpenPage(NoPage):
             return source
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
 
+    def judged_by(self, verdict: Callable[[], Verdict]) -> None:
+        """How far the map can be trusted."""
+        self._page.verdict = verdict
+
+    def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
+        """Who takes a pose to drive to."""
+        self._page.goals += goals
+
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Go on serving after a run that came to its end by itself, until Ctrl-C. meanwhile: called again and again."""
-        from edgemap.runtime.loop import stop_on_signals
+        from edgemap.runtime.step.loop import stop_on_signals
 
         if stop.is_set():
             return
@@ -81,6 +97,8 @@ def live_page(
     folder: Path,
     crops: BestCrops,
     edits: Edits,
+    keep_mount: Callable[[float, float], Path],
+    searching: Callable[[], bool] = bool,
 ) -> Iterator[NoPage]:
     """The page of a run while the block lasts. Raises MissingExtraError, or ViewError where the address is taken."""
     if not wanted:
@@ -95,6 +113,7 @@ def live_page(
     page = LivePage(
         about_run(source, bundle, floor, odometry, folder), folder, pause, lambda: source.state, crops, edits
     )
+    page.searching, page.keep_mount = searching, keep_mount
     server = PageServer(page, host, port)
     try:
         print(f"live page:  {server.url}", flush=True)
@@ -105,8 +124,9 @@ def live_page(
 
 def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
     """What the page says of the run, and needs to know of the camera to draw."""
-    from edgemap.geometry.objects.map_object import CHI2_95
-    from edgemap.runtime.colours import SHAPES, label_mark
+    from edgemap.geometry.map_object import CHI2_95
+    from edgemap.runtime.frames.colours import SHAPES, label_mark
+    from edgemap.runtime.frames.reading import printable
 
     lens, mount = floor.intrinsics, floor.mount
     return {
@@ -116,10 +136,18 @@ def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str,
         "rate_hz": source.rate_hz,
         "bundle": bundle.manifest.name,
         "odometry": odometry,
-        "folder": str(folder),
+        "folder": printable(folder),
         "picture_px": [lens.width, lens.height],
         "view_rad": 2.0 * math.atan2(lens.width / 2.0, lens.fx),
-        "lens_m": [mount.forward_m, mount.left_m],
+        "lens": {name: getattr(lens, name) for name in ("fx", "fy", "cx", "cy")}
+        | {"distortion": asdict(lens.distortion)},
+        "mount": {
+            "height_m": mount.height_m,
+            "pitch_deg": math.degrees(mount.pitch_rad),
+            "roll_deg": math.degrees(mount.roll_rad),
+            "forward_m": mount.forward_m,
+            "left_m": mount.left_m,
+        },
         "marks": {name: asdict(label_mark(name)) for name in bundle.names},
         "shapes": SHAPES,
         "chi2_95": CHI2_95,

@@ -12,7 +12,7 @@ from edgemap.cli.errors import OptionError
 
 NAMES = {
     "geojson": "map.geojson", "nav2": "map.yaml", "nav2-vector": "vector_objects.yaml", "csv": "map.csv",
-    "png": "map.png", "svg": "map.svg",
+    "nav2-masks": "zones.yaml", "png": "map.png", "svg": "map.svg",
 }  # fmt: skip
 
 
@@ -20,20 +20,34 @@ def command(
     map: Annotated[tyro.conf.Positional[Path], arg(metavar="MAP", help="A map.json or a run folder.")],
     *,
     format: Annotated[
-        Literal["geojson", "nav2", "nav2-vector", "csv", "png", "svg"],
+        Literal["geojson", "nav2", "nav2-vector", "nav2-masks", "csv", "png", "svg"],
         arg(
             help="geojson: circles as polygons, metres of the map frame; nav2: occupancy map, PGM and YAML; "
-            "nav2-vector: circles for Nav2's Vector Object server; csv: one line per object; png, svg: drawn."
+            "nav2-vector: circles and zones for Nav2's Vector Object server; nav2-masks: zones for Nav2's keep-out and "
+            "speed filters; csv: one line per object; png, svg: drawn."
         ),
     ],
     out: Annotated[
         Path | None,
         arg(aliases=["-o"], metavar="PATH", help="File or folder to write; beside the map by default."),
     ] = None,
-    resolution: Annotated[float, arg(metavar="M", help="nav2: side of a cell, metres.")] = 0.05,
+    resolution: Annotated[
+        float, arg(metavar="M", help="nav2, of a map without a grid: side of a cell, metres.")
+    ] = 0.05,
     robot_width: Annotated[
         float, arg(metavar="M", help="nav2: width along the robot's path that counts as free, metres.")
     ] = 0.35,
+    objects: Annotated[
+        bool, arg(help="nav2, of a map with a grid: lay the objects' circles over it as obstacles.")
+    ] = False,
+    keep_out: Annotated[
+        str | None,
+        arg(metavar="ZONE,…", help="nav2-masks, nav2-vector: zones, by name or id, where the robot must not go."),
+    ] = None,
+    speed: Annotated[
+        str | None,
+        arg(metavar="ZONE=PERCENT,…", help="nav2-masks: of its highest speed, how fast it may be in a zone."),
+    ] = None,
     map_id: Annotated[
         str,
         arg(metavar="NAME", help="Names the place: objects keep their UUIDs as long as name and id stay."),
@@ -42,41 +56,77 @@ def command(
     """Write a map for another program.
 
     Objects are circles of their class's usual floor area (the way they face is not known). Where a run folder holds
-    trajectory.tum, the robot's path is free floor in nav2, and a line in geojson, png and svg; what was neither driven
-    over nor holds an object is unknown. All coordinates are metres in the map frame: x forward, y left at the start.
+    trajectory.tum, the robot's path is a line in geojson, png and svg. In nav2 a map with a grid is that grid: seen
+    floor, what it meets, unknown; of one without, the robot's path is free, objects are occupied, and the rest is
+    unknown. All coordinates are metres in the map frame: x forward, y left at the start.
     """
-    from edgemap.runtime.disk import write_atomically
-    from edgemap.runtime.map_file import load_annotated_map
-    from edgemap.runtime.trajectory import trajectory_of
+    from edgemap.runtime.frames.disk import write_atomically
+    from edgemap.runtime.frames.trajectory import trajectory_of
+    from edgemap.runtime.step.grid_file import load_grid
+    from edgemap.runtime.step.map_file import load_annotated_map
+    from edgemap.runtime.step.map_store import find_map
 
     for name, value in (("resolution", resolution), ("robot-width", robot_width)):
         if not 0.0 < value < 100.0:
             raise OptionError(f"--{name} {value}: must be above 0 and below 100 m")
-    (objects, annotations), trajectory = load_annotated_map(map), trajectory_of(map)
+    map = find_map(map).path
+    (found, annotations), trajectory, floor = load_annotated_map(map), trajectory_of(map), load_grid(map)
     path = _target(map, format, out)
     written = [path]
     if format == "nav2":
-        from edgemap.runtime.mapfiles.grid import GridRule, grid_of
-        from edgemap.runtime.mapfiles.nav2 import write_nav2
+        from edgemap.runtime.outputs.mapfiles.grid import CellsRule, grid_of, seen_cells
+        from edgemap.runtime.outputs.mapfiles.nav2 import write_nav2
 
-        grid = grid_of(objects, trajectory, GridRule(resolution, robot_width))
+        if floor is None:
+            grid = grid_of(found, trajectory, CellsRule(resolution, robot_width))
+        else:
+            grid = seen_cells(floor, found if objects else ())
         written = list(write_nav2(path, grid))
+    elif format == "nav2-masks":
+        from edgemap.runtime.outputs.mapfiles.masks import write_masks
+
+        if keep_out is None and speed is None:
+            raise OptionError("--format nav2-masks needs --keep-out ZONE,… or --speed ZONE=PERCENT,…")
+        written = write_masks(path, annotations.zones, _names(keep_out), _percentages(speed), resolution)
+        print(f"masks of zones written to {' and '.join(str(one) for one in written)}")
+        return
     elif format in ("png", "svg"):
         from edgemap.plots.floor_map import plot_map
 
-        plot_map(path, objects, trajectory=trajectory, zones=annotations.zones)
+        plot_map(path, found, trajectory=trajectory, zones=annotations.zones, grid=floor)
     else:
-        from edgemap.runtime.mapfiles.geojson import geojson_text
-        from edgemap.runtime.mapfiles.nav2 import vector_text
-        from edgemap.runtime.mapfiles.table import csv_text
+        from edgemap.geometry.grid.rooms import rooms_of
+        from edgemap.geometry.grid.walls import walls_of
+        from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
+        from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
+        from edgemap.runtime.outputs.mapfiles.table import csv_text
 
         if format == "geojson":
-            text = geojson_text(objects, trajectory, map_id, annotations.zones)
+            walls, rooms = (walls_of(floor), rooms_of(floor)) if floor is not None else ((), ())
+            text = geojson_text(found, trajectory, map_id, annotations.zones, walls, rooms)
         else:
-            text = csv_text(objects) if format == "csv" else vector_text(objects, map_id, resolution)
+            zones, barred = annotations.zones, _names(keep_out)
+            as_csv = format == "csv"
+            text = csv_text(found, zones) if as_csv else vector_text(found, map_id, resolution, zones, barred)
         write_atomically(path, text)
-    known = "" if trajectory else "; no trajectory.tum beside it" if format == "nav2" else ""
-    print(f"{len(objects)} objects written to {' and '.join(str(path) for path in written)}{known}")
+    known = "" if trajectory or floor else "; no trajectory.tum beside it" if format == "nav2" else ""
+    print(f"{len(found)} objects written to {' and '.join(str(path) for path in written)}{known}")
+
+
+def _names(text: str | None) -> list[str]:
+    """`--keep-out A,B`."""
+    return [name.strip() for name in (text or "").split(",") if name.strip()]
+
+
+def _percentages(text: str | None) -> dict[str, int]:
+    """`--speed A=50,B=20`. Raises OptionError."""
+    found = {}
+    for part in _names(text):
+        name, equals, percent = part.rpartition("=")
+        if not equals or not percent.isdecimal() or not 1 <= int(percent) <= 100:
+            raise OptionError(f"--speed {part!r}: expected ZONE=PERCENT with 1 to 100")
+        found[name.strip()] = int(percent)
+    return found
 
 
 def _target(source: Path, kind: str, out: Path | None) -> Path:

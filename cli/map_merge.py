@@ -26,16 +26,21 @@ def command(
 
     Labels and mutual distances decide; no start pose is needed, and no mirror image fits. Refuses, with the reason,
     where too few objects agree, where chance explains it, or where a clearly different alignment fits nearly as well.
-    The first map's frame and ids stay; what only later maps have gets ids of its own. Zones of all maps are kept.
+    The first map's frame and ids stay; what only later maps have gets ids of its own. Zones of all maps are
+    kept, and their floors become one.
     """
+    from edgemap.geometry.grid.merge import merged_grid
     from edgemap.geometry.objects.merge import merge_maps
     from edgemap.geometry.registration.alignment import AlignmentError, align
-    from edgemap.runtime.map_file import load_annotated_map, save_map
+    from edgemap.runtime.step.grid_file import load_grid
+    from edgemap.runtime.step.map_file import load_annotated_map, save_map
+    from edgemap.runtime.step.map_store import find_map
 
     if len(maps) < 2:
         raise OptionError(f"{len(maps)} map given: merging needs two or more")
     path = out if out.suffix == ".json" else out / "map.json"
-    merged, annotations = load_annotated_map(maps[0])
+    maps = tuple(find_map(one).path for one in maps)
+    (merged, annotations), grid = load_annotated_map(maps[0]), load_grid(maps[0])
     print(f"{maps[0]}: {len(merged)} objects")
     for other in maps[1:]:
         objects, more = load_annotated_map(other)
@@ -45,12 +50,13 @@ def command(
             raise AlignmentError(f"{other} does not fit onto {maps[0]}: {error}") from None
         merged, _ = merge_maps(merged, objects, alignment)
         annotations = annotations.with_zones(more.zones, alignment)
+        grid = merged_grid(grid, load_grid(other), alignment.pose_a_b)
         print(f"{other}: {len(objects)} objects, {alignment_text(alignment)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OptionError(f"{path.parent}: cannot be made ({error.strerror})") from None
-    save_map(path, merged, annotations)
+    save_map(path, merged, annotations, grid)
     print(f"map of {len(merged)} objects saved in {path}")
 
 

@@ -10,19 +10,21 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
+from edgemap.cli.last_run import last_run
 from edgemap.cli.options import Json, known_names, numbers
 
 if TYPE_CHECKING:
+    from edgemap.geometry.map_object import MapObject
     from edgemap.geometry.objects.edits import Zone
-    from edgemap.geometry.objects.map_object import MapObject
     from edgemap.plots.floor_map import SeenAt
-    from edgemap.runtime.trajectory import Trajectory
+    from edgemap.runtime.frames.trajectory import Trajectory
 
 
 def command(
     maps: Annotated[
-        tyro.conf.Positional[tuple[Path, ...]], arg(metavar="MAP...", help="map.json files or run folders.")
-    ],
+        tyro.conf.Positional[tuple[Path, ...]],
+        arg(metavar="[MAP...]", help="map.json files or run folders; the newest run in runs/ by default."),
+    ] = (),
     out: Annotated[
         Path | None,
         arg(aliases=["-o"], metavar="PATH", help="Picture to write, .png or .svg; map.png beside the map by default."),
@@ -46,14 +48,14 @@ def command(
     With a question (--label, --near, --inside, --since) or --json it answers in text and draws only where --out is
     given: the centres of the objects asked for.
     """
-    from edgemap.runtime.map_file import load_annotated_map
+    from edgemap.runtime.step.map_file import load_annotated_map
+    from edgemap.runtime.step.map_store import find_map
 
-    if not maps:
-        raise OptionError("no map given")
+    maps = maps or (last_run(),)
     if len(maps) > 1 and (out is not None or json):
         raise OptionError(f"{'--json' if json else '--out'} takes one map, several are drawn and listed one by one")
     question = _Question.read(label, near, inside, since)
-    for path in maps:
+    for path in (find_map(one).path for one in maps):
         objects, annotations = load_annotated_map(path)
         answers = question.answer(objects)
         if json:
@@ -134,7 +136,7 @@ def _print_json(path: Path, answers: Answers) -> None:
     """One document like map.json, with `distance_m` where a point was given."""
     import json
 
-    from edgemap.runtime.map_file import map_document
+    from edgemap.runtime.step.map_file import map_document
 
     document = map_document([item for item, _ in answers])
     for record, (_, distance_m) in zip(document["objects"], answers, strict=True):
@@ -149,28 +151,30 @@ def _draw(
     """The picture's path. Without matplotlib (extra plot) it is an .svg of the centres, as the report draws them."""
     from importlib.util import find_spec
 
+    from edgemap.runtime.step.grid_file import load_grid
+
     folder = path if path.is_dir() else path.parent
     stem = folder / ("map" if path.is_dir() else path.stem)
     is_run = (folder / "sightings.jsonl").is_file()
-    trajectory = _trajectory(folder) if is_run else None
+    trajectory, grid = _trajectory(folder) if is_run else None, load_grid(path)
     if find_spec("matplotlib") is None and (out is None or out.suffix.lower() == ".svg"):
-        from edgemap.runtime.disk import write_atomically
-        from edgemap.runtime.notebook import map_svg
+        from edgemap.runtime.frames.disk import write_atomically
+        from edgemap.runtime.outputs.notebook import map_svg
 
         drawing = out or stem.with_suffix(".svg")
-        write_atomically(drawing, map_svg(objects, trajectory.poses if trajectory else (), zones))
+        write_atomically(drawing, map_svg(objects, trajectory.poses if trajectory else (), zones, grid))
         return drawing
     from edgemap.plots.floor_map import plot_map
 
     seen = _read_sightings(folder) if is_run and with_sightings else []
-    return plot_map(out or stem.with_suffix(".png"), objects, seen, trajectory, zones=zones)
+    return plot_map(out or stem.with_suffix(".png"), objects, seen, trajectory, zones=zones, grid=grid)
 
 
 def _trajectory(folder: Path) -> Trajectory | None:
     """The run's trajectory; None where it is missing or empty, and where it is damaged, with a message."""
-    from edgemap.runtime.errors import OdometryError
-    from edgemap.runtime.reading import print_message
-    from edgemap.runtime.trajectory import trajectory_of
+    from edgemap.runtime.frames.errors import OdometryError
+    from edgemap.runtime.frames.reading import print_message
+    from edgemap.runtime.frames.trajectory import trajectory_of
 
     try:
         return trajectory_of(folder)
@@ -181,6 +185,6 @@ def _trajectory(folder: Path) -> Trajectory | None:
 
 def _read_sightings(folder: Path) -> list[SeenAt]:
     from edgemap.plots.floor_map import SeenAt
-    from edgemap.runtime.sightings_file import read_sightings
+    from edgemap.runtime.outputs.sightings_file import read_sightings
 
     return [SeenAt(record.label, record.object, *record.map_m) for record in read_sightings(folder)]

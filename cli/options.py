@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
@@ -13,13 +13,14 @@ from edgemap.cli.errors import OptionError
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.bundle import Bundle
-    from edgemap.runtime.cameras.protocol import Camera, SensorTopics
-    from edgemap.runtime.cameras.recovery import RecoveryRule
-    from edgemap.runtime.compute import Pace
-    from edgemap.runtime.engine_choice import EngineChoice
-    from edgemap.runtime.network import Decisions, Precision
+    from edgemap.runtime.frames.decisions import Decisions, Precision
+    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
+    from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.network.compute import Pace
+    from edgemap.runtime.network.engine_choice import EngineChoice
 
+ODOMETRIES = ("hybrid", "flow", "planar", "gyro", "paper", "truth")
 LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 MAXIMUM_THREADS = 64
 
@@ -39,7 +40,7 @@ BundleName = Annotated[
     arg(
         metavar="NAME|DIR",
         help="The model: a bundle folder, or a name of the package or the cache (pulled when it is in neither). By "
-        "default edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a lens.",
+        "default edgemap-nano for rendered pictures (demo, sim:, drive:), edgemap-pico for those of a real camera.",
     ),
 ]
 OdometrySpec = Annotated[
@@ -52,30 +53,30 @@ OdometrySpec = Annotated[
         "FILE.tum (poses of the base).",
     ),
 ]
-WithoutWheels = Annotated[bool, arg(help="hybrid leaves out the wheel odometry that comes with the source.")]
+WithoutWheels = Annotated[bool, arg(help="Ignore the wheel odometry of the source.")]
 WithoutImu = Annotated[
-    bool, arg(help="Leave out the inertial samples that come with the source: the mount's attitude, no gyro.")
+    bool, arg(help="Ignore the inertial samples of the source: roll and pitch come from pictures, yaw without a gyro.")
 ]
-WithoutDepth = Annotated[bool, arg(help="Leave out the depth pictures that come with the source.")]
+WithoutDepth = Annotated[bool, arg(help="Ignore the depth pictures of the source.")]
 MountText = Annotated[
     str | None,
     arg(
         metavar="HEIGHT_M,PITCH_DEG",
         help="How the camera sits: height of the lens above the floor in metres, and pitch in degrees, positive "
-        "looking DOWN. Goes before the camera file's; roll and lever arm stay as they are known.",
+        "looking DOWN. Overrides the camera file; roll and lever arm stay as they are.",
     ),
 ]
 IntrinsicsText = Annotated[
     str | None,
     arg(
         metavar="FX,FY,CX,CY",
-        help="Focal lengths and principal point in pixels of the delivered picture, no distortion; goes before what "
-        "the source and the camera file say.",
+        help="Focal lengths and principal point in pixels of the delivered picture, no distortion; overrides the "
+        "source and the camera file.",
     ),
 ]
 CameraFile = Annotated[
     Path | None,
-    arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that bring none."),
+    arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that do not know them."),
 ]
 Confidence = Annotated[
     float | None,
@@ -85,7 +86,7 @@ Confidence = Annotated[
 ]
 Threads = Annotated[
     int | None,
-    arg(metavar="N", help="Threads of the backbone; by default one or two, as a short trial finds better."),
+    arg(metavar="N", help="Threads of the backbone; by default one or two, whichever a short trial finds faster."),
 ]
 PrecisionName = Annotated[
     Literal["default", "float32", "int8", "auto"],
@@ -115,7 +116,14 @@ ConfigFile = Annotated[
     arg(
         name="config",
         metavar="FILE",
-        help="A YAML file or a run.json: its options, unless typed as well, and its tuned numbers.",
+        help="A YAML file or a run.json: its tuned numbers.",
+    ),
+]
+ConfigOptions = Annotated[
+    bool,
+    arg(
+        help="With --config: the file's options as well (camera, out, outputs …), but those that are typed; each is "
+        "printed. A run.json with both makes the same run again. For files that you trust."
     ),
 ]
 Json = Annotated[bool, arg(help="Print one JSON document on standard output and nothing else.")]
@@ -159,10 +167,14 @@ def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
     from dataclasses import replace
 
     from edgemap.geometry.camera.mount import Mount
+    from edgemap.geometry.errors import GeometryError
 
     if text is None:
         return known
-    given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
+    try:
+        given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
+    except GeometryError as error:
+        raise OptionError(f"--mount {text!r}: {error}") from None
     if not LOWEST_M <= given.height_m <= HIGHEST_M:
         raise OptionError(
             f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m"
@@ -170,14 +182,36 @@ def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
     return given if known is None else replace(known, height_m=given.height_m, pitch_rad=given.pitch_rad)
 
 
+def read_numbers_of_lens(text: str | None) -> list[float] | None:
+    """The four numbers of `--intrinsics FX,FY,CX,CY`. Raises OptionError."""
+    return None if text is None else numbers(text, "--intrinsics", "FX,FY,CX,CY")
+
+
 def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | None:
     """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
     from edgemap.geometry.camera.intrinsics import Intrinsics
+    from edgemap.geometry.errors import GeometryError
 
-    if text is None:
+    found = read_numbers_of_lens(text)
+    if found is None:
         return None
-    fx, fy, cx, cy = numbers(text, "--intrinsics", "FX,FY,CX,CY")
-    return Intrinsics(width, height, fx, fy, cx, cy)
+    fx, fy, cx, cy = found
+    try:
+        return Intrinsics(width, height, fx, fy, cx, cy)
+    except GeometryError as error:
+        raise OptionError(f"--intrinsics {text!r}: {error}") from None
+
+
+def check_odometry(spec: str) -> None:
+    """Refuse a SPEC that names no odometry. Raises OptionError with the one that is meant."""
+    if spec in ODOMETRIES or spec.startswith("wheel:") or spec.endswith(".tum"):
+        return
+    from difflib import get_close_matches
+
+    close = get_close_matches(spec.casefold(), [*ODOMETRIES, "wheel"], 1, 0.6)
+    meant = "wheel:FILE.csv" if close == ["wheel"] else next(iter(close), None)
+    hint = f"did you mean {meant}? Known are" if meant else "expected"
+    raise OptionError(f"--odometry {spec!r}: {hint} {', '.join(ODOMETRIES)}, wheel:FILE.csv|.mcap or FILE.tum")
 
 
 def find_bundle(
@@ -197,9 +231,9 @@ def find_bundle(
     at_least(1, threads=threads)
     if threads is not None and threads > MAXIMUM_THREADS:
         raise OptionError(f"--threads {threads}: at most {MAXIMUM_THREADS}")
-    from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.reading import print_message
-    from edgemap.runtime.store import bundle_folder, default_bundle, passed_over
+    from edgemap.runtime.frames.reading import print_message
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder, default_bundle, passed_over, shipped_bundles
 
     if name is None:
         name, reason = default_bundle(*specs)
@@ -214,8 +248,16 @@ def find_bundle(
             f"edgemap export --backbone {name} -o {made}, then pass --bundle {made}"
         )
     if not (folder / "bundle.json").is_file() and not Path(name).exists():
-        from edgemap.cli.pull import pull_known
+        from edgemap.cli.pull import KNOWN, pull_known
 
+        if name not in KNOWN:
+            shipped = shipped_bundles()
+            hint = known_names([name], [*shipped, *KNOWN], "")
+            hint = hint if hint.startswith("did") else "no such bundle."
+            raise OptionError(
+                f"--bundle {name}: {hint} The package has {', '.join(shipped)}; edgemap pull fetches "
+                f"{', '.join(sorted(set(KNOWN) - set(shipped)))}; or give a bundle's folder"
+            )
         folder = pull_known(name)
     return load_bundle(
         folder, threads, chosen_precision(precision, recorded), pace=pace, engine=chosen_engine(engine, recorded)
@@ -233,7 +275,7 @@ def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions 
     """What is asked for, else what was recorded and is installed, else onnxruntime."""
     from importlib.util import find_spec
 
-    from edgemap.runtime.reading import print_message
+    from edgemap.runtime.frames.reading import print_message
 
     if asked != "default":
         return asked
@@ -244,14 +286,13 @@ def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions 
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
-    """`--classes chair,couch`: which of the bundle's mapped classes go on the map. Raises OptionError."""
+    """`--classes chair,couch`: which of the classes that the bundle knows go on the map, instead of those that stand in
+    homes. Raises OptionError."""
     if text is None:
         return bundle.mapped
     chosen = frozenset(name.strip() for name in text.split(",") if name.strip())
     if unknown := sorted(chosen - set(bundle.names)):
         raise OptionError(f"--classes {', '.join(unknown)}: {known_names(unknown, bundle.names, 'the bundle knows')}")
-    if unmapped := sorted(chosen - bundle.mapped):
-        raise OptionError(f"--classes {', '.join(unmapped)}: detected but never mapped (alive, carried, or on tables)")
     if not chosen:
         raise OptionError("--classes is empty")
     return chosen
@@ -288,8 +329,8 @@ def open_described(
     frames: how long `sim:SEED` drives; other sources are as long as they are. recovery: of live devices. topics:
     further sensors. depth: whether depth pictures come with the frames, where the source has any.
     """
-    from edgemap.runtime.cameras import open_camera
-    from edgemap.runtime.drives.camera_yaml import read_camera_yaml
+    from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+    from edgemap.runtime.inputs.open import open_camera
 
     if spec.startswith("sim:"):
         from edgemap.cli.simulated import open_simulated
@@ -318,45 +359,3 @@ def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) ->
     if camera_mount is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
     return lens, camera_mount
-
-
-# Not inputs of the step, or with another name on the command line than in the code.
-_OUTSIDE = frozenset(
-    {
-        "config",
-        "out",
-        "realtime",
-        "cpu",
-        "temperature",
-        "view",
-        "view_host",
-        "view_port",
-        "recording",
-        "lossless",
-        "foxglove",
-        "rerun",
-        "rerun_pictures",
-        "mqtt",
-        "fleet",
-        "robot",
-        "ros2",
-        "ros2_pictures",
-        "ros2_best_effort",
-        "ros2_namespace",
-        "ros2_frames",
-        "odom_tf",
-    }
-)
-_FLAGS = {"saved": "map", "loop_closure": "loop-closure"}
-
-
-def typed_options(command: Callable[..., object], values: dict[str, Any]) -> dict[str, Any]:
-    """A command's parameters that differ from its defaults, by flag, as plain values: what makes the same run again."""
-    from inspect import signature
-
-    defaults = {name: parameter.default for name, parameter in signature(command).parameters.items()}
-    found = {name: value for name, value in values.items() if name not in _OUTSIDE and value != defaults.get(name)}
-    return {
-        _FLAGS.get(name, name.replace("_", "-")): str(value) if isinstance(value, Path) else value
-        for name, value in found.items()
-    }

@@ -10,7 +10,7 @@ from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.sinks.group import Sink
+    from edgemap.runtime.step.sinks import Sink
 
 Foxglove = Annotated[
     str | None,
@@ -35,8 +35,8 @@ MqttBroker = Annotated[
     str | None,
     arg(
         metavar="HOST[:PORT]",
-        help="Tell an MQTT broker (extra mqtt) the robot's state and which objects appear, move and vanish; Home "
-        "Assistant finds the robot by itself. User and password: EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
+        help="Publish the robot's state and the objects that appear, move and vanish to an MQTT broker (extra mqtt); "
+        "Home Assistant discovers the robot. User and password: EDGEMAP_MQTT_USER and EDGEMAP_MQTT_PASSWORD.",
     ),
 ]
 RobotName = Annotated[
@@ -52,11 +52,11 @@ def open_publishers(
     floor: FloorCamera, foxglove: str | None, rerun: str | None, pictures_hz: float, mqtt: str | None, robot: str | None
 ) -> list[Sink]:
     """The sinks that were asked for. Raises MissingExtraError, or PublishError where one cannot be opened."""
-    from edgemap.runtime.messages.stream import MessageStream
+    from edgemap.runtime.outputs.messages.stream import MessageStream
 
     sinks: list[Sink] = []
     if foxglove is not None:
-        from edgemap.runtime.publishers.foxglove import FoxgloveServer
+        from edgemap.runtime.outputs.publishers.foxglove import FoxgloveServer
 
         server = FoxgloveServer(
             *host_and_port(foxglove, "--foxglove", 8765), MessageStream(floor.intrinsics, floor.mount)
@@ -64,7 +64,7 @@ def open_publishers(
         print(f"Foxglove:  {server.url}", flush=True)
         sinks.append(server)
     if rerun is not None:
-        from edgemap.runtime.publishers.rerun import RerunStream
+        from edgemap.runtime.outputs.publishers.rerun import RerunStream
 
         if not 0.0 < pictures_hz <= 1000.0:
             raise OptionError(f"--rerun-pictures {pictures_hz:g}: more than 0 and at most 1000 a second")
@@ -75,7 +75,7 @@ def open_publishers(
         import socket
 
         from edgemap import __version__
-        from edgemap.runtime.publishers.mqtt import MqttPublisher
+        from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher
 
         user, password = (os.environ.get(f"EDGEMAP_MQTT_{name}") for name in ("USER", "PASSWORD"))
         host, port = host_and_port(mqtt, "--mqtt", 1883)
@@ -91,4 +91,8 @@ def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
     host = host.removeprefix("[").removesuffix("]")
     if not host or not digits.isdecimal() or len(digits) > 5 or int(digits) > 65535:
         raise OptionError(f"{option} {text!r}: expected HOST or HOST:PORT with a port of 0 to 65535")
+    try:
+        host.encode("idna")  # as every connection does, on a thread of its own
+    except UnicodeError as error:
+        raise OptionError(f"{option} {text!r}: no name of a host ({error})") from None
     return host, int(digits)

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from edgemap.cli.arguments import arg
+from edgemap.export.sources import KNOWN
 
 
 def command(
@@ -30,9 +31,9 @@ def command(
     Upstream is tried first, then mirrors; every file's SHA-256 is checked before anything reads it, and a broken
     transfer goes on where it stopped.
     """
-    from edgemap.runtime.download import is_url
-    from edgemap.runtime.reading import print_message, user_path
-    from edgemap.runtime.store import install_folder, install_url
+    from edgemap.runtime.frames.reading import print_message, user_path
+    from edgemap.runtime.network.download import is_url
+    from edgemap.runtime.network.store import install_folder, install_url
 
     if is_url(source):
         if source.startswith("http:"):
@@ -50,8 +51,6 @@ def command(
 
 def known(name: str) -> bool:
     """Whether a name is one of the models that can be fetched."""
-    from edgemap.export.sources import KNOWN
-
     return name in KNOWN
 
 
@@ -62,10 +61,9 @@ def pull_known(name: str, given: str | None = None) -> Path:
     DownloadError or ExportError.
     """
     from edgemap.cli.extras import need_export
-    from edgemap.export.sources import KNOWN
-    from edgemap.runtime.errors import BundleError
-    from edgemap.runtime.manifest import read_manifest, verified_file
-    from edgemap.runtime.store import cache_folder, shipped_heads
+    from edgemap.runtime.frames.errors import BundleError
+    from edgemap.runtime.network.manifest import read_manifest, verified_file
+    from edgemap.runtime.network.store import cache_folder, shipped_heads
 
     if name not in KNOWN:
         raise BundleError(f"{name!r} is neither a bundle's folder nor URL, nor a known model ({', '.join(KNOWN)})")

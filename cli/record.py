@@ -21,10 +21,10 @@ from edgemap.cli.ros2 import DepthTopicName
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.network import Decisions
-    from edgemap.runtime.recordings.recorder import RecordingSink
-    from edgemap.runtime.trajectory import Trajectory
+    from edgemap.runtime.frames.decisions import Decisions
+    from edgemap.runtime.frames.trajectory import Trajectory
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.outputs.recording.recorder import RecordingSink
 
 Lossless = Annotated[bool, arg(help="PNG, not JPEG: a replay gives the very same map as the camera did.")]
 
@@ -55,12 +55,12 @@ def command(
     RealSense recording or another MCAP file as --camera is converted.
     """
     from edgemap.geometry.errors import EdgemapError
-    from edgemap.runtime.cameras.protocol import SensorTopics, next_frame
-    from edgemap.runtime.errors import RecordingError
-    from edgemap.runtime.loop import stop_on_signals
-    from edgemap.runtime.reading import print_message
-    from edgemap.runtime.recordings.facts import Facts
-    from edgemap.runtime.recordings.recorder import Recorder
+    from edgemap.runtime.frames.errors import RecordingError
+    from edgemap.runtime.frames.reading import print_message
+    from edgemap.runtime.inputs.cameras.protocol import SensorTopics, next_frame
+    from edgemap.runtime.inputs.recordings.facts import Facts
+    from edgemap.runtime.outputs.recording.recorder import Recorder
+    from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)
     check_name(out)
@@ -110,7 +110,7 @@ def check_name(path: Path | None) -> None:
 
 def wheel_track(spec: str | Path | None) -> Trajectory | None:
     """Wheel odometry of a CSV or a recording. Raises CameraError."""
-    from edgemap.runtime.odometry import wheel_trajectory
+    from edgemap.runtime.motion.odometry import wheel_trajectory
 
     return None if spec is None else wheel_trajectory(spec)
 
@@ -119,8 +119,8 @@ def recording_sinks(
     path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str, decisions: Decisions
 ) -> list[RecordingSink]:
     """What `edgemap run --record` adds: the run's lens, mount and decisions, and its wheels, else the source's."""
-    from edgemap.runtime.recordings.facts import Facts
-    from edgemap.runtime.recordings.recorder import Recorder, RecordingSink
+    from edgemap.runtime.inputs.recordings.facts import Facts
+    from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
 
     if path is None:
         return []

@@ -9,8 +9,9 @@ from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.ros2.sink import Ros2Sink
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.outputs.publishers.ros2 import Ros2Sink
+    from edgemap.runtime.step.edits import Edits
 
 Ros2 = Annotated[
     bool,
@@ -69,16 +70,17 @@ def ros2_sinks(
     pictures: bool,
     best_effort: bool,
     odom_tf: bool,
+    edits: Edits,
 ) -> list[Ros2Sink]:
     """The sink that publishes, where it is asked for. Raises OptionError, Ros2Error or MissingExtraError."""
     if not wanted:
         return []
-    from edgemap.runtime.messages.build import FrameIds
-    from edgemap.runtime.ros2.node import shared_node
-    from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+    from edgemap.runtime.frames.messages.frame_ids import FrameIds
+    from edgemap.runtime.inputs.ros2.node import shared_node
+    from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
 
     options = Ros2Options(namespace, FrameIds(*frame_names(frames)), pictures, best_effort, odom_tf)
-    return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"))]
+    return [Ros2Sink(shared_node(), floor, options, ros_time=source.name.startswith("ros2:"), edit=edits.submit)]
 
 
 def frame_names(frames: str) -> list[str]:

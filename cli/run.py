@@ -4,310 +4,209 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.budget import CpuShare, Temperature, budgeted, read_share
-from edgemap.cli.fleet import Fleet, fleet_sinks
-from edgemap.cli.options import (
-    BundleName,
-    CameraFile,
-    CameraSpec,
-    Confidence,
-    ConfigFile,
-    EngineName,
-    IntrinsicsText,
-    LoopClosure,
-    MountText,
-    OdometrySpec,
-    PrecisionName,
-    Threads,
-    WithoutDepth,
-    WithoutImu,
-    WithoutWheels,
-    at_least,
-    choose_classes,
-    find_bundle,
-    lens_and_mount,
-    minimum_score,
-    open_described,
-    typed_options,
+from edgemap.cli.run_options import (
+    AdvancedGroup,
+    CameraGroup,
+    MapGroup,
+    OutputGroup,
+    RobotGroup,
+    RunOptions,
+    WatchGroup,
 )
-from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RerunPictures, RobotName, open_publishers
-from edgemap.cli.ros2 import (
-    FRAMES,
-    DepthTopicName,
-    ImuTopic,
-    OdomTf,
-    Ros2,
-    Ros2BestEffort,
-    Ros2Frames,
-    Ros2Namespace,
-    Ros2Pictures,
-    WheelTopic,
-    frame_names,
-    ros2_sinks,
-)
-from edgemap.cli.saved_map import EditsFile, Forget, SavedMap, StartText, enter_saved_map, forgets, where_it_was
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.mount import Mount
-    from edgemap.geometry.objects.evaluation_row import EvaluationRow
-    from edgemap.geometry.objects.map_object import MapObject
-    from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.sinks.group import Sink
-    from edgemap.runtime.slam import StepResult
+    from threading import Event
+
+    from edgemap.cli.live_page import NoPage
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.outputs.sinks.living_map import LivingMap
+    from edgemap.runtime.step.calibration.guess import CameraGuess
+    from edgemap.runtime.step.config import Config
+    from edgemap.runtime.step.edits import Edits
+    from edgemap.runtime.step.sinks import Sink
 
 
 def command(
-    camera: CameraSpec = "demo",
-    bundle: BundleName = None,
-    odometry: OdometrySpec = "hybrid",
-    without_wheels: WithoutWheels = False,
-    without_imu: WithoutImu = False,
-    without_depth: WithoutDepth = False,
-    mount: MountText = None,
-    intrinsics: IntrinsicsText = None,
-    camera_file: CameraFile = None,
-    config: ConfigFile = None,
-    classes: Annotated[
-        str | None, arg(metavar="A,B,…", help="Classes that go on the map; all mapped ones by default.")
-    ] = None,
-    confidence: Confidence = None,
-    clustering: Annotated[
-        Literal["default", "paper"],
-        arg(help="default: association under both covariances; paper: single linkage per label at 1 m."),
-    ] = "default",
-    loop_closure: LoopClosure = True,
-    saved: SavedMap = None,
-    start: StartText = None,
-    forget: Forget = "auto",
-    edited: EditsFile = None,
-    out: Annotated[
-        Path | None, arg(aliases=["-o"], metavar="DIR", help="The run folder; runs/<UTC stamp>/ by default.")
-    ] = None,
-    frames: Annotated[int | None, arg(metavar="N", help="Stop after N frames.")] = None,
-    realtime: Annotated[bool, arg(help="Pace files by their stamps, not at full speed.")] = False,
-    view: Annotated[
-        bool,
-        arg(
-            help="Serve a live page for browsers. Files are then paced by their stamps, as --realtime does, and the "
-            "page stays after the last frame until Ctrl-C."
-        ),
-    ] = False,
-    view_host: Annotated[
-        str,
-        arg(
-            metavar="ADDRESS",
-            help="Address to serve it on; 0.0.0.0 for every network. Beyond this machine viewers need the token that "
-            "is printed with the page's address.",
-        ),
-    ] = "127.0.0.1",
-    view_port: Annotated[int, arg(metavar="PORT", help="Port to serve it on; 0 for any free one.")] = 8090,
-    recording: Annotated[
-        Path | None,
-        arg(name="record", metavar="FILE.mcap", help="Record pictures and results, to be replayed."),
-    ] = None,
-    lossless: Annotated[bool, arg(help="Record PNG, not JPEG: a replay gives the very same map.")] = False,
-    foxglove: Foxglove = None,
-    rerun: Rerun = None,
-    rerun_pictures: RerunPictures = 1.0,
-    mqtt: MqttBroker = None,
-    fleet: Fleet = None,
-    robot: RobotName = None,
-    ros2: Ros2 = False,
-    ros2_pictures: Ros2Pictures = False,
-    ros2_best_effort: Ros2BestEffort = False,
-    ros2_namespace: Ros2Namespace = "edgemap",
-    ros2_frames: Ros2Frames = FRAMES,
-    odom_tf: OdomTf = True,
-    wheel_topic: WheelTopic = None,
-    imu_topic: ImuTopic = None,
-    depth_topic: DepthTopicName = None,
-    threads: Threads = None,
-    precision: PrecisionName = "default",
-    engine: EngineName = "default",
-    cpu: CpuShare = None,
-    temperature: Temperature = None,
-    strict: Annotated[
-        bool, arg(help="End at the first camera fault (a damaged picture, a late frame), not go on past it.")
-    ] = False,
-    allow_untrained: Annotated[
-        bool, arg(help="Run --odometry paper although its weights are untrained (its motion is noise).")
-    ] = False,
+    camera: Annotated[CameraGroup, arg(name="Camera")],
+    robot: Annotated[RobotGroup, arg(name="Robot")],
+    map: Annotated[MapGroup, arg(name="Map")],
+    watch: Annotated[WatchGroup, arg(name="Watch")],
+    outputs: Annotated[OutputGroup, arg(name="Outputs")],
+    advanced: Annotated[AdvancedGroup, arg(name="Advanced")],
 ) -> None:
     """Drive from a camera to a map of the objects on the floor.
 
     Frames go through detector, floor projection, odometry and map; Ctrl-C ends the run with the map saved. Writes
     map.json, trajectory.tum, sightings.jsonl, run.json, mount.jpg (the first picture with horizon and metre grid, by
     which to check the mount) and report.html. Where the source knows what stands there, the map is judged by it.
+
+    Three examples:
+
+      edgemap run                                                  the demo drive
+      edgemap run --camera realsense --mount 0.60,11.5 --view      a camera 0.60 m up, 11.5 degrees down; live page
+      edgemap run --camera drive.mp4 --camera-file camera.yaml -o kitchen/      a video, into a folder of its own
     """
-    options = typed_options(command, locals())
-    from dataclasses import asdict
+    options = RunOptions(camera, robot, map, watch, outputs, advanced)
+    options.check()
+    from edgemap.cli.guessed_camera import floor_camera_of
+    from edgemap.runtime.step.config import Config, load_config
 
-    from edgemap.cli.live_page import live_page
-    from edgemap.cli.record import check_name, recording_sinks
-    from edgemap.cli.truth import judge_of
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.geometry.errors import EdgemapError, MapError
-    from edgemap.runtime.cameras.protocol import SensorTopics
-    from edgemap.runtime.config import Config, config_document, load_config
-    from edgemap.runtime.edits import Edits, load_edits, read_edits
-    from edgemap.runtime.errors import RunFolderError
-    from edgemap.runtime.loop import run, stop_on_signals
-    from edgemap.runtime.network import Decisions
-    from edgemap.runtime.report.crops import BestCrops
-    from edgemap.runtime.report.sink import ReportFile
-    from edgemap.runtime.service import ServiceNotifier
-    from edgemap.runtime.session import SlamOptions, build_slam
-    from edgemap.runtime.sinks.progress import Progress
-    from edgemap.runtime.sinks.run_folder import RunFolder
-
-    at_least(1, frames=frames)
-    check_name(recording)
-    share = read_share(cpu)
-    watched = foxglove is not None or ros2 or share is not None or temperature is not None
-    tuned = load_config(config)[0] if config else Config()
-    topics = SensorTopics(wheel_topic, imu_topic, depth_topic, frame_names(ros2_frames)[3])
-    paced = (realtime or watched) and not view
-    with open_described(camera, camera_file, paced, frames, tuned.camera, topics, not without_depth) as source:
-        pace = "camera" if source.live or realtime or view or watched else "files"
-        loaded = find_bundle(bundle, threads, precision, camera, pace=pace, engine=engine, recorded=source.decisions)
-        threshold = minimum_score(confidence, loaded)
-        mapped = choose_classes(classes, loaded)
-        lens, camera_mount = lens_and_mount(source, intrinsics, mount)
-        floor = FloorCamera(lens, camera_mount)
+    tuned = load_config(advanced.config)[0] if advanced.config else Config()
+    pace_files = options.pace_files and not watch.view
+    with camera.open(pace_files, camera.frames, tuned.camera, options.topics, not camera.without_depth) as source:
+        loaded = _load(options, source)
+        floor, guess = floor_camera_of(camera, source, loaded)
+        lens = floor.intrinsics
         # The network for whole inputs may go now.
-        loaded = loaded.for_pictures(lens.width, lens.height, odometry == "paper")
-        chosen = SlamOptions(
-            odometry, not without_wheels, not without_imu, clustering, loop_closure, forgets(forget, saved, clustering),
-            allow_untrained, mapped, threshold,
-        )  # fmt: skip
-        slam = build_slam(source, loaded, floor, chosen, tuned)
-        enter_saved_map(slam.mapper, saved, start, clustering)
-        folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        record = _record(source, loaded, floor, odometry, clustering, threshold, sorted(mapped))
-        record |= {"loop_closure": slam.mapper.loop_closer.closes_loops, "trajectory": "as known at the end"}
-        record |= {"map": str(saved), "start": start} if saved else {}
-        decided = Decisions(loaded.engine, loaded.precision)
-        usual = asdict(Decisions())
-        options |= {name: one for name, one in asdict(decided).items() if name in options or one != usual[name]}
-        record |= {"options": options, "config": config_document(tuned)}
-        crops = BestCrops()
-        edits = Edits(
-            folder / "edits.jsonl", load_edits(edited) if edited else read_edits(source.edits, f"{camera}: edits")
+        loaded = loaded.for_pictures(lens.width, lens.height, robot.odometry == "paper")
+        _Drive(options, source, loaded, floor, tuned, guess).run()
+
+
+def _load(options: RunOptions, source: Camera) -> Bundle:
+    """The bundle, with as many threads as pay where frames come at a camera's pace."""
+    paced = source.live or options.watch.view or options.pace_files
+    return options.advanced.load(options.camera.camera, pace="camera" if paced else "files", recorded=source.decisions)
+
+
+class _Drive:
+    """One run: the step, the sinks that it feeds, and what is printed of it."""
+
+    def __init__(
+        self,
+        options: RunOptions,
+        source: Camera,
+        loaded: Bundle,
+        floor: FloorCamera,
+        tuned: Config,
+        guess: CameraGuess | None,
+    ) -> None:
+        from edgemap.cli.guessed_camera import CameraKeeper
+        from edgemap.cli.options import choose_classes, minimum_score
+        from edgemap.cli.run_record import run_record
+        from edgemap.cli.saved_map import enter_saved_map, forgets, place_of
+        from edgemap.runtime.outputs.report.crops import BestCrops
+        from edgemap.runtime.step.build import SlamOptions, build_slam
+
+        robot, chosen = options.robot, options.map
+        self.options, self.source, self.loaded, self.floor = options, source, loaded, floor
+        threshold = minimum_score(chosen.confidence, loaded)
+        self.mapped = choose_classes(chosen.classes, loaded)
+        slam_options = SlamOptions(
+            robot.odometry,
+            not robot.without_wheels,
+            not robot.without_imu,
+            chosen.clustering,
+            chosen.loop_closure,
+            forgets(chosen.forget, chosen.saved, chosen.clustering),
+            options.advanced.allow_untrained,
+            self.mapped,
+            threshold,
         )
+        self.slam = build_slam(source, loaded, floor, slam_options, tuned)
+        self.place = place_of(chosen.saved)
+        enter_saved_map(self.slam.mapper, self.place, chosen.start, chosen.clustering)
+        self.folder = options.outputs.out or Path("runs") / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        self.kept_camera = CameraKeeper(self.folder, floor, guess)
+        self.record = run_record(options, source, loaded, floor, threshold, self.mapped, tuned)
+        self.record |= {"loop_closure": self.slam.mapper.loop_closer.closes_loops}
+        self.record |= {"camera_guess": guess.record()} if guess else {}
+        self.crops = BestCrops()
+
+    def run(self) -> None:
+        """Drive to the end of the source, `--frames` or a signal; then print what came of it."""
+        from edgemap.cli.live_page import live_page
+        from edgemap.cli.saved_map import living_map
+        from edgemap.runtime.step.loop import stop_on_signals
+
+        options, watch = self.options, self.options.watch
+        edits = self._edits()
         with (
             stop_on_signals() as stop,  # from here on there is something to save
-            live_page(view, view_host, view_port, source, loaded, floor, odometry, folder, crops, edits) as page,
-        ):
-            latest = _Latest()
-            judge = None if saved else judge_of(camera, source, mapped if classes else None)
-            report = ReportFile(folder, None if saved else source.truth, judge, crops)
-            progress = Progress(frames or source.frame_count)
-            publishers = open_publishers(floor, foxglove, rerun, rerun_pictures, mqtt, robot) + fleet_sinks(
-                fleet, robot, saved
-            )
-            tape = recording_sinks(recording, lossless, source, floor, odometry, decided)
-            live = ros2_sinks(
-                ros2, source, floor, namespace=ros2_namespace, frames=ros2_frames, pictures=ros2_pictures,
-                best_effort=ros2_best_effort, odom_tf=odom_tf,
-            )  # fmt: skip
-            notifier = ServiceNotifier()
-            seen = budgeted(source, share, temperature, config)
-            files = RunFolder(folder, floor, record | {"cpu": share, "efforts": seen.efforts})
-            edits.listeners += [files.edited, report.edited]
-            edits.recorders += [sink.edit for sink in tape]
+            living_map(self.place, self.slam.mapper) as kept,
+            live_page(
+                watch.view, watch.view_host, watch.view_port, self.source, self.loaded, self.floor,
+                options.robot.odometry, self.folder, self.crops, edits, self.kept_camera.set_mount,
+                lambda: self.slam.mapper.relocaliser.searching,
+            ) as page,
+        ):  # fmt: skip
+            self._drive(page, stop, edits, kept)
 
-            def beat(text: str) -> None:
-                notifier.beat(text + seen.status)
+    def _edits(self) -> Edits:
+        from edgemap.runtime.step.edits import Edits, load_edits, read_edits
 
-            # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
-            sinks: list[Sink] = [progress, latest, *tape, *publishers, *live, *page.sinks, files, report]
-            try:
-                done = run(page.camera(seen, stop), slam, sinks, frames, stop, strict, beat, edits)
-            except EdgemapError as error:
-                if latest.result is None or isinstance(error, (MapError, RunFolderError)):
-                    raise
-                so_far = f"the map so far ({len(latest.objects)} objects) is in {folder}/"
-                error.args = (f"{error}; {so_far}",)
-                raise
-            finally:
-                notifier.stopping()
-            print(f"map of {len(latest.objects)} objects saved in {folder}/")
-            _summary(done, latest, camera_mount, stop.is_set(), report.evaluation_rows)
-            if line := where_it_was(slam.mapper, saved):
-                print(line)
-            print(report.failure or f"see it:  {report.path}")
-            page.stay(stop, lambda: edits.apply(slam.mapper, done))
+        given, spec = self.options.map.edited, self.options.camera.camera
+        found = load_edits(given) if given else read_edits(self.source.edits, f"{spec}: edits")
+        return Edits(self.folder / "edits.jsonl", found)
 
+    def _drive(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
+        from edgemap.cli.budget import budgeted, read_share
+        from edgemap.cli.saved_map import where_it_was
+        from edgemap.cli.summary import Summary, with_map_so_far
+        from edgemap.cli.truth import judge_of
+        from edgemap.runtime.outputs.report.sink import ReportFile
+        from edgemap.runtime.outputs.service import ServiceNotifier
+        from edgemap.runtime.outputs.sinks.progress import progress
+        from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+        from edgemap.runtime.step.loop import run
 
-class _Latest:
-    """A sink that keeps the last result, for the summary."""
+        camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
+        notifier, summary = ServiceNotifier(), Summary(self.floor.mount)
+        trusted = advanced.config if advanced.config_options else None
+        source = budgeted(self.source, read_share(advanced.cpu), trusted)
+        publishers = self._publishers(edits)
+        page.drives([send for one in publishers if (send := getattr(one, "send_goal", None))])
+        files = RunFolder(self.folder, self.floor, self.record | {"efforts": source.efforts})
+        judge = (
+            None if saved else judge_of(camera.camera, self.source, self.mapped if self.options.map.classes else None)
+        )
+        report = ReportFile(self.folder, None if saved else self.source.truth, judge, self.crops)
+        page.judged_by(lambda: files.verdict)
+        edits.savers += [files.edited, report.edited, *(one.edited for one in kept)]
 
-    name = "summary"
+        def beat(text: str) -> None:
+            notifier.beat(text + source.status)
 
-    def __init__(self) -> None:
-        self.result: StepResult | None = None
-        self.objects: list[MapObject] = []
+        # The folder last but for the report, which reads it: what goes wrong with the others stands in run.json.
+        shown = progress(camera.frames or self.source.frame_count)
+        sinks: list[Sink] = [shown, summary, *publishers, *kept, *page.sinks, files, report]
+        try:
+            with with_map_so_far(summary, self.folder):
+                done = run(
+                    page.camera(source, stop), self.slam, sinks, camera.frames, stop, advanced.strict, beat, edits
+                )
+        finally:
+            notifier.stopping()
+        summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
+        if line := where_it_was(self.slam.mapper, saved):
+            print(line)
+        if summary.result and (line := self.kept_camera.at_end(summary.result.observed.mount_seen)):
+            print(line)
+        print(report.failure or f"see it:  {report.path}")
+        page.stay(stop, lambda: edits.apply(self.slam.mapper, done))
+        edits.settle(self.slam.mapper)
 
-    def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Keep it."""
-        self.result, self.objects = result, objects
+    def _publishers(self, edits: Edits) -> list[Sink]:
+        """Recording and other programs."""
+        from edgemap.cli.fleet import fleet_sinks
+        from edgemap.cli.publishers import open_publishers
+        from edgemap.cli.record import recording_sinks
+        from edgemap.cli.ros2 import ros2_sinks
+        from edgemap.runtime.frames.decisions import Decisions
 
-    def fault(self, text: str) -> None:
-        """Faults stand in run.json."""
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
-def _summary(done: int, latest: _Latest, mount: Mount, stopped: bool, evaluation_rows: list[EvaluationRow]) -> None:
-    from edgemap.cli.truth import object_lines
-    from edgemap.runtime.calibration.level import seen_text
-
-    end = "stopped" if stopped else "done"
-    travelled_m = latest.result.travelled_m if latest.result else 0.0
-    headline = f"{end} after {done} frames, {travelled_m:.1f} m travelled"
-    seen = latest.result.observed.mount_seen if latest.result else None
-    told = [seen_text(mount, seen)] if seen else []
-    print("\n".join([headline, *told, *object_lines(latest.objects, evaluation_rows)]))
-
-
-def _record(
-    source: Camera, loaded: Any, floor: Any, odometry: str, clustering: str, confidence: float, mapped: list[str]
-) -> dict[str, Any]:
-    """What run.json says of the run."""
-    import math
-    import platform
-    from dataclasses import asdict
-    from importlib.metadata import version
-
-    from edgemap import __version__
-
-    camera_mount = floor.mount
-    return {
-        "format": "edgemap.run/1",
-        "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-        "camera": source.name,
-        "intrinsics": asdict(floor.intrinsics),
-        "mount": {
-            "height_m": camera_mount.height_m,
-            "pitch_deg": round(math.degrees(camera_mount.pitch_rad), 6),
-            "roll_deg": round(math.degrees(camera_mount.roll_rad), 6),
-            "forward_m": camera_mount.forward_m,
-            "left_m": camera_mount.left_m,
-        },
-        "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
-        "odometry": odometry,
-        "clustering": clustering,
-        "confidence": confidence,
-        "mapped": mapped,
-        "threads": loaded.compute.threads,
-        "spinning": loaded.compute.spin,
-        "engine": loaded.compute.engine,
-        "precision": loaded.precision,
-        "versions": {"edgemap": __version__}
-        | {name: version(name) for name in ("onnxruntime", "numpy", "opencv-python-headless")},
-        "machine": {"system": platform.platform(), "python": platform.python_version()},
-    }
+        out, watch, odometry = self.options.outputs, self.options.watch, self.options.robot.odometry
+        decided = Decisions(self.loaded.engine, self.loaded.precision)
+        publishers = open_publishers(self.floor, watch.foxglove, watch.rerun, watch.rerun_pictures, out.mqtt, out.robot)
+        known = self.place.path if self.place and self.place.exists else None
+        fleet = fleet_sinks(out.fleet, out.robot, known)
+        tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided)
+        live = ros2_sinks(
+            out.ros2, self.source, self.floor, namespace=out.ros2_namespace, frames=out.ros2_frames,
+            pictures=out.ros2_pictures, best_effort=out.ros2_best_effort, odom_tf=out.odom_tf, edits=edits,
+        )  # fmt: skip
+        edits.recorders += [sink.edit for sink in tape]
+        return [*tape, *publishers, *fleet, *live]

@@ -1,7 +1,9 @@
-"""`edgemap run --map SAVED [--start X,Y,YAW_DEG]`: going on with a saved map."""
+"""`edgemap run --map MAP [--start X,Y,YAW_DEG|dock|last]`: continuing a saved map, or one that lives over runs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,23 +12,28 @@ from edgemap.cli.errors import OptionError
 from edgemap.cli.options import numbers
 
 if TYPE_CHECKING:
-    from edgemap.runtime.mapper import Mapper
+    from edgemap.geometry.objects.edits import Annotations
+    from edgemap.geometry.se2 import SE2
+    from edgemap.runtime.outputs.sinks.living_map import LivingMap
+    from edgemap.runtime.step.map_store import MapPlace
+    from edgemap.runtime.step.mapper import Mapper
 
 SavedMap = Annotated[
     Path | None,
     arg(
         name="map",
-        metavar="SAVED",
-        help="Go on with a saved map (map.json or run folder): its objects keep their ids. Where in it the robot is, "
-        "is found by its objects once enough of them are seen, or given by --start.",
+        metavar="MAP",
+        help="Continue a map. A name (home) or a folder opens it or makes a new one, and saves back into it; a "
+        "map.json or a run folder is only read. Objects keep their ids. The run starts at the last pose or the dock "
+        "where the objects agree, else the robot's place is found by its objects; --start sets it.",
     ),
 ]
 StartText = Annotated[
     str | None,
     arg(
-        metavar="X,Y,YAW_DEG",
-        help="Where the robot starts in the saved map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
-        "counter-clockwise.",
+        metavar="X,Y,YAW_DEG|dock|last",
+        help="Where the robot starts in the map, to about 0.1 m and 3 degrees: metres forward and left, degrees "
+        "counter-clockwise; dock: at the map's dock; last: where the last run ended.",
     ),
 ]
 EditsFile = Annotated[
@@ -54,25 +61,71 @@ def forgets(forget: str, saved: Path | None, clustering: str) -> bool:
     return forget == "on" or (forget == "auto" and saved is not None)
 
 
-def enter_saved_map(mapper: Mapper, saved: Path | None, start: str | None, clustering: str) -> None:
-    """Have the mapper go on with a saved map, where one is given. Raises OptionError or MapError."""
-    from math import radians
+def place_of(saved: Path | None) -> MapPlace | None:
+    """What `--map` means; None where it is not given."""
+    from edgemap.runtime.step.map_store import find_map
 
+    return None if saved is None else find_map(saved)
+
+
+def enter_saved_map(mapper: Mapper, place: MapPlace | None, start: str | None, clustering: str) -> None:
+    """Have the mapper continue a map, where one is given. Raises OptionError or MapError."""
     from edgemap.geometry.se2 import SE2
-    from edgemap.runtime.map_file import load_annotated_map
+    from edgemap.runtime.step.grid_file import load_grid
+    from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose
 
-    if saved is None:
+    if place is None:
         if start is not None:
             raise OptionError(f"--start {start}: a start pose is one in a saved map, give that with --map")
         return
     if clustering == "paper":
         raise OptionError("--map goes on by association: the paper's clustering needs every sighting, not their map")
-    objects, annotations = load_annotated_map(saved)
-    if start is None:
-        mapper.relocalise_in(objects, annotations)
-    else:
+    if place.lives and not place.exists:
+        if start is not None:
+            raise OptionError(f"--start {start}: {place.path} is a new map, whose first pose is its origin")
+        print(f"new map: {place.path}/", flush=True)
+        return
+    (objects, annotations), grid = load_annotated_map(place.path), load_grid(place.path)
+    last = load_last_pose(place.path)
+    if start is not None:
+        mapper.start_in(objects, _start_pose(start, annotations, last), annotations=annotations, grid=grid)
+    elif objects:
+        guesses = [pose for pose in (last, annotations.dock or SE2()) if pose is not None]
+        mapper.relocalise_in(objects, annotations, grid, guesses)
+    else:  # nothing to be found by
+        mapper.start_in(objects, last or annotations.dock or SE2(), annotations=annotations, grid=grid)
+
+
+def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
+    """The pose that `--start` means. Raises OptionError."""
+    from math import radians
+
+    from edgemap.geometry.se2 import SE2
+
+    known = {"dock": annotations.dock, "last": last}
+    if start not in known:
         x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
-        mapper.start_in(objects, SE2(x_m, y_m, radians(yaw_deg)), annotations=annotations)
+        return SE2(x_m, y_m, radians(yaw_deg))
+    pose = known[start]
+    if pose is None:
+        lacks = {"dock": "dock (set it on the live page or with PUT /api/dock)", "last": "last pose"}[start]
+        raise OptionError(f"--start {start}: the map has no {lacks}")
+    return pose
+
+
+@contextmanager
+def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMap]]:
+    """The sink that saves a map that lives back, while the block lasts. Raises DiskError or RunFolderError."""
+    if place is None or not place.lives:
+        yield []
+        return
+    from edgemap.runtime.outputs.sinks.living_map import LivingMap
+
+    sink = LivingMap(place.path, lambda: mapper.relocaliser.searching)
+    try:
+        yield [sink]
+    finally:
+        sink.release()
 
 
 def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
@@ -83,9 +136,10 @@ def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
     if not search.saved:
         return None
     if search.alignment is None:
-        return f"not found in {saved}, so this map stands alone in its own frame: {search.reason}"
-    pose = search.alignment.pose_a_b
+        return f"not found in {saved}, so this run's map stands alone in its own frame: {search.reason}"
+    pose, count = search.alignment.pose_a_b, len(search.alignment.pairs)
+    how = f"{count} objects" if count else "a pose that was set"
     return (
-        f"found in {saved} by {len(search.alignment.pairs)} objects: the start was at x {pose.x_m:.2f} m, "
+        f"found in {saved} by {how}: the start was at x {pose.x_m:.2f} m, "
         f"y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg"
     )

@@ -20,6 +20,14 @@ def command(
     rate: Annotated[float, arg(metavar="HZ", help="Pictures per second.")] = 10.0,
     video: Annotated[bool, arg(help="One compact video.mp4, not pictures.")] = False,
     depth: Annotated[bool, arg(help="Depth pictures too: 16 bits, millimetres.")] = False,
+    floor_labels: Annotated[
+        int | None,
+        arg(
+            metavar="N",
+            help="Labels of every N-th picture too: floor/NAME.png, 1 floor, 2 wall, 0 other, as `eval floor` reads "
+            "them; also beside a drive that was rendered without.",
+        ),
+    ] = None,
     mount: MountText = None,
     light: Annotated[
         Literal["day", "lamp", "mixed", "dim", "changing"] | None, arg(help="Drawn from the seed by default.")
@@ -81,7 +89,9 @@ def command(
     from edgemap.cli.extras import need_simulation
 
     need_simulation()
-    at_least(1, frames=frames, pictures=pictures)
+    at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
+    if floor_labels is not None and (video or locobot or pictures is not None):
+        raise OptionError("--floor-labels is for drives of single pictures; --pictures has them always")
     at_least(0, people=people, seed=seed, moved=moved)
     if not 1.0 <= rate <= 120.0:
         raise OptionError(f"--rate {rate:g}: expected 1 to 120 pictures per second")
@@ -101,6 +111,7 @@ def command(
 
             record_locobot(out, seed, progress, command=typed)
         else:
+            from edgemap.simulation.label_drive import label_drive
             from edgemap.simulation.record import record
             from edgemap.simulation.world import draw_world
 
@@ -109,6 +120,8 @@ def command(
                 world = draw_world(home, frames, chosen)
                 folder = out if seeds is None else out / str(home)
                 record(world, folder, video=video, depth=depth, progress=progress, command=typed)
+                if floor_labels is not None:
+                    label_drive(world, folder, floor_labels)
     if seeds is not None and pictures is None:
         print(f"{out}: done; use its folders as --data drive:{out}/SEED")
         return

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
-    from edgemap.runtime.cameras.protocol import Camera
-    from edgemap.runtime.drives.camera_yaml import CameraFile
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.inputs.drives.camera_yaml import CameraFile
     from edgemap.simulation.live import SimCamera
 
 PREFIX = "sim:"
@@ -26,7 +26,7 @@ def open_simulated(
         camera.intrinsics, camera.mount = described.intrinsics, described.mount or camera.mount
     if not realtime:
         return camera
-    from edgemap.runtime.cameras.around import PacedCamera
+    from edgemap.runtime.inputs.cameras.around import PacedCamera
 
     return PacedCamera(camera)
 
@@ -53,7 +53,7 @@ def as_data(spec: str, frames: int | None = None, quiet: bool = False) -> Iterat
 
     `sim:SEED` is rendered once, with all of its truth, to a folder that is there as long as the block.
     """
-    from edgemap.runtime.cameras.open import DEMO
+    from edgemap.runtime.inputs.open import DEMO
 
     if not spec.startswith(PREFIX):
         yield f"drive:{DEMO}" if spec == "demo" else spec

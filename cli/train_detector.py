@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.training import Bfloat16, Device, Minutes, Mix, Resume, Seed, Threads, check_training
 
 
 def command(
@@ -43,9 +44,9 @@ def command(
             help="A best.pt to go on from, with a schedule of its own; --keep and --blend-loss still look to --bundle.",
         ),
     ] = None,
-    minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --epochs.")] = None,
+    minutes: Minutes = None,
     epochs: Annotated[int, arg(metavar="N", help="Budget in passes over the pictures.")] = 10,
-    resume: Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
+    resume: Resume = False,
     input: Annotated[
         int | None,
         arg(
@@ -58,10 +59,7 @@ def command(
         float,
         arg(metavar="RATE", help="Highest learning rate."),
     ] = 0.0003,
-    mix: Annotated[
-        tuple[float, ...],
-        arg(metavar="SHARE...", help="Share of pictures of each --data in turn; by default by how many each holds."),
-    ] = (),
+    mix: Mix = (),
     teacher: Annotated[
         tuple[str, ...],
         arg(
@@ -91,17 +89,10 @@ def command(
             "validation AP50; it knows best what training did not show.",
         ),
     ] = 0.03,
-    bfloat16: Annotated[
-        bool, arg(help="Convolutions in bfloat16: 1.7 times as fast where the processor has AVX512-BF16.")
-    ] = False,
-    threads: Annotated[
-        int,
-        arg(metavar="N", help="Of the network; one is better than two where other work shares the cores."),
-    ] = 2,
-    device: Annotated[
-        Literal["cpu", "cuda"], arg(help="Where to compute; with torchrun one GPU for each process.")
-    ] = "cpu",
-    seed: Annotated[int, arg(metavar="N", help="Of order, changes to pictures, and random weights.")] = 0,
+    bfloat16: Bfloat16 = False,
+    threads: Threads = 2,
+    device: Device = "cpu",
+    seed: Seed = 0,
     validate_minutes: Annotated[
         float | None,
         arg(metavar="M", help="Training time between validations; by default one after every epoch."),
@@ -121,11 +112,7 @@ def command(
 
     need_training("edgemap train detector")
     at_least(1, epochs=epochs, batch=batch, threads=threads, validate_pictures=validate_pictures)
-    for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
-        if value is not None and not 0.0 < value < 1e6:
-            raise OptionError(f"--{name} {value}: must be above 0")
-    if mix and (len(mix) != len(data) or min(mix) < 0.0 or sum(mix) <= 0.0):
-        raise OptionError(f"--mix {' '.join(map(str, mix))}: expected {len(data)} shares, one for each --data")
+    check_training(minutes, rate, validate_minutes, mix, len(data))
     if input is not None and (input < 64 or input % 32):
         raise OptionError(f"--input {input}: must be a multiple of 32 from 64 on")
     from edgemap.export.detector.blend import choose_blend

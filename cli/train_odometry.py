@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.training import Bfloat16, Device, FeatureCache, Minutes, Resume, Seed, Threads, check_training
 
 
 def command(
@@ -40,9 +41,9 @@ def command(
         Path | None,
         arg(metavar="FILE", help="A flow head to begin a smaller one with, fitted to it; --steps 0 gives just that."),
     ] = None,
-    minutes: Annotated[float | None, arg(metavar="M", help="Budget of training time; goes before --steps.")] = None,
+    minutes: Minutes = None,
     steps: Annotated[int, arg(metavar="N", help="Budget in batches.")] = 4000,
-    resume: Annotated[bool, arg(help="Go on from DIR/last.pt, with the same options as before.")] = False,
+    resume: Resume = False,
     batch: Annotated[int, arg(metavar="N", help="Clips per step.")] = 6,
     length: Annotated[int | None, arg(metavar="T", help="Frames per clip; by default 8, paper 10.")] = None,
     rate: Annotated[
@@ -64,20 +65,12 @@ def command(
     validation_frames: Annotated[int | None, arg(metavar="N", help="The same for validation drives.")] = None,
     patience: Annotated[int | None, arg(metavar="N", help="Stop after N validations without a better one.")] = None,
     validate_minutes: Annotated[float, arg(metavar="M", help="Training time between validations.")] = 5.0,
-    threads: Annotated[
-        int, arg(metavar="N", help="Of the network; one is better where other work shares the cores.")
-    ] = 2,
-    bfloat16: Annotated[
-        bool, arg(help="Convolutions in bfloat16: 1.6 times as fast where the processor has AVX512-BF16.")
-    ] = False,
-    device: Annotated[
-        Literal["cpu", "cuda"], arg(help="Where to train; a GPU holds the features of all drives, 0.7 MB a frame.")
-    ] = "cpu",
+    threads: Threads = 2,
+    bfloat16: Bfloat16 = False,
+    device: Device = "cpu",
     workers: Annotated[int, arg(metavar="N", help="Processes that compute features, each a drive.")] = 1,
-    seed: Annotated[int, arg(metavar="N", help="Of clips and random weights.")] = 0,
-    cache: Annotated[
-        Path | None, arg(metavar="DIR", help="Where features are kept; by default in the user's cache.")
-    ] = None,
+    seed: Seed = 0,
+    cache: FeatureCache = None,
 ) -> None:
     """Train an odometry head on features of a frozen backbone, which are computed once and kept.
 
@@ -99,9 +92,7 @@ def command(
     )
     at_least(2, length=length)
     at_least(0, steps=steps, first=first, views=views, validation_first=validation_first)
-    for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
-        if value is not None and not 0.0 < value < 1e6:
-            raise OptionError(f"--{name} {value}: must be above 0")
+    check_training(minutes, rate, validate_minutes)
     if views and (head != "flow" or larger is not None):
         raise OptionError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
     from edgemap.export.exporter import is_onnx, open_backbone
@@ -110,7 +101,7 @@ def command(
     from edgemap.export.odometry.recipe import FewDrives, flow_recipe, paper_recipe
     from edgemap.export.odometry.start import begin
     from edgemap.export.odometry.train import HeadTraining, OdometrySettings
-    from edgemap.runtime.store import cache_folder
+    from edgemap.runtime.network.store import cache_folder
 
     feature = feature or {"flow": "stride4", "paper": "head"}[head]
     if feature == "head" and is_onnx(backbone):

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from edgemap.evaluation.objects import TrueObject
+    from edgemap.geometry.map_object import MapObject
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
-    from edgemap.geometry.objects.map_object import MapObject
-    from edgemap.runtime.cameras.protocol import Camera
+    from edgemap.runtime.inputs.cameras.protocol import Camera
 
 
 def _shown(camera: Camera) -> list[TrueObject]:
@@ -28,8 +28,8 @@ def judge_of(
     """
     from edgemap.benchmarks.map_variants import true_objects
     from edgemap.evaluation.rows import evaluation_rows
-    from edgemap.runtime.cameras.open import DEMO
-    from edgemap.runtime.drives import READERS, open_drive
+    from edgemap.runtime.inputs.drives import READERS, open_drive
+    from edgemap.runtime.inputs.open import DEMO
 
     spec = f"drive:{DEMO}" if spec == "demo" else spec
     drive = open_drive(spec) if spec.partition(":")[0] in READERS else None

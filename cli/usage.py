@@ -8,9 +8,13 @@ import re
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr
+from dataclasses import is_dataclass
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
+NOT_OF_TYPE = re.compile(
+    r"Error parsing (\S+): (?:no )?type matching (?:\{None\}\|)?(\S+) could be instantiated from \[(.*)\]"
+)
 FRAME = re.compile(r"^[│╭╰─╮╯ ]?|[│╮╯]\s*$")
 
 
@@ -29,17 +33,23 @@ def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> 
     begun.__annotations__ = {name: _spelt_out(hint) for name, hint in hints.items()}
     try:
         with redirect_stderr(said):
-            tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=(tyro.conf.FlagCreatePairsOff,))
+            marks = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
+            tyro.cli(begun, prog=f"edgemap {words}", args=rest, config=marks)
     except SystemExit as error:
         if error.code == 2 and said.getvalue():
-            from edgemap.runtime.reading import print_message
+            from edgemap.runtime.frames.reading import print_message
 
             print_message(f"edgemap {words}: {usage_line(said.getvalue())} (edgemap {words} --help)")
         raise
 
 
 def _spelt_out(hint: Any) -> Any:
-    """`A | B` as `Union[A, B]`: of the former tyro asks typeguard, whose import takes as long as all the rest."""
+    """`A | B` as `Union[A, B]`, in the fields of a group of options too: of the former tyro asks typeguard, whose
+    import takes as long as all the rest."""
+    if is_dataclass(hint):
+        fields = get_type_hints(hint, include_extras=True)
+        hint.__annotations__ = {name: _spelt_out(field) for name, field in fields.items()}
+        return hint
     if get_origin(hint) is Annotated:
         return Annotated[_spelt_out(hint.__origin__), *hint.__metadata__]
     return Union[get_args(hint)] if get_origin(hint) is UnionType else hint  # noqa: UP007
@@ -49,10 +59,16 @@ def usage_line(box: str) -> str:
     """The sentence in tyro's box, without the help text that it repeats."""
     lines = [FRAME.sub("", line).rstrip() for line in box.splitlines()[1:]]
     kept: list[str] = []
+    meant = [line.split()[0] for line in lines if line.startswith(" " * 5) and line.strip().startswith("--")]
     for line in lines:
         if set(line.strip()) == {"─"} or line.strip() == "Got errors:":
             break
         if kept and line.startswith(" " * 9):  # what an option means, under its name
             continue
         kept.append(line)
-    return " ".join(" ".join(kept).split()).replace("could be instantiated from", "can be made of").rstrip(".")
+    sentence = " ".join(" ".join(kept).split()).rstrip(".")
+    sentence = NOT_OF_TYPE.sub(r"\1: expected \2, not \3", sentence)
+    if not sentence.startswith("Unrecognized") or not meant:
+        return sentence
+    wrong = re.search(r"--[\w-]+", sentence)
+    return f"{wrong[0] if wrong else sentence}: no such option; did you mean {meant[0]}?"

@@ -1,4 +1,4 @@
-"""In how many frames each odometry had something to say."""
+"""In how many frames each odometry measured a motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ ANSWERS = "used", "blind", "left_out"
 
 def availability(steps: Sequence[Mapping[str, str]]) -> dict[str, dict[str, float]]:
     """Shares of the steps in which each odometry was `used`, `blind` (it measured nothing) or `left_out` (it measured,
-    and what others measured was believed), by its name. steps: one of these for each odometry and motion."""
+    and the others' motion was used), by its name. steps: one of these for each odometry and motion."""
     names = dict.fromkeys(name for step in steps for name in step)
     return {
         name: {answer: _share([step[name] for step in steps if name in step], answer) for answer in ANSWERS}

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.detection import ScoredPicture
-from edgemap.geometry.observations.visibility import iou
+from edgemap.geometry.objects.visibility import iou
 
 SAME_IOU = 0.5
 INSIDE_SHARE = 0.5  # of a detection, within a true box that nobody is asked for

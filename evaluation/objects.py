@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+from edgemap.geometry.map_object import CHI2_95, MapObject
 
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 CONFIDENCE_BINS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)

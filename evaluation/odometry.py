@@ -1,4 +1,4 @@
-"""How true an odometry is, as `edgemap eval odometry` tells it: of one drive, or of several put together."""
+"""Errors of an odometry, as `edgemap eval odometry` reports them: of one drive, or pooled over several."""
 
 from __future__ import annotations
 
@@ -81,16 +81,6 @@ def errors_of(
         window_nees=windows,
         still=np.array(still).reshape(-1, 2),
     )
-
-
-def score_trajectory(
-    true: Sequence[SE2],
-    estimated: Sequence[SE2],
-    covariances: Array | None = None,
-    lengths_m: Sequence[float] = INDOOR_LENGTHS_M,
-) -> dict[str, Any]:
-    """The figures of one drive; arguments as of `errors_of`."""
-    return figures([errors_of(true, estimated, covariances, lengths_m)])
 
 
 def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:

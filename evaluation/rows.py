@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from edgemap.evaluation.objects import MINIMUM_FRAMES, TrueObject, pairs_within, scored
+from edgemap.geometry.map_object import CHI2_95, MapObject
 from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
-from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 
 FOUND_M, MISPLACED_M = 0.5, 1.5
 

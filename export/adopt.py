@@ -16,8 +16,8 @@ from edgemap.export.coco import class_entries
 from edgemap.export.errors import ExportError
 from edgemap.export.onnx_export import default_opset
 from edgemap.export.picodet import is_picodet, picodet_contract, trim
-from edgemap.runtime.manifest import OPSETS, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
-from edgemap.runtime.reading import one_line, read_bytes
+from edgemap.runtime.frames.reading import one_line, read_bytes
+from edgemap.runtime.network.manifest import OPSETS, DetectorSpec, FeatureSpec, HeadSpec, InputSpec
 
 MODEL_BYTES = 1 << 30
 YOLOX_STRIDES = (8, 16, 32)

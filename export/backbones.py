@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from onnx import ModelProto
 
 from edgemap.export import architectures, parity
 from edgemap.export.adopt import adopt, tapped, with_outputs
-from edgemap.export.coco import class_entries
+from edgemap.export.coco import class_entries, of_home
 from edgemap.export.darknet import Darknet
 from edgemap.export.darknet_weights import load_weights, random_weights, value_count
 from edgemap.export.detector.checkpoint import load_detector
@@ -22,8 +23,8 @@ from edgemap.export.errors import ExportError
 from edgemap.export.obtain import obtain
 from edgemap.export.onnx_export import backbone_to_onnx
 from edgemap.export.sources import KNOWN
-from edgemap.runtime.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec, sha256_file
-from edgemap.runtime.network import Tensors
+from edgemap.runtime.network.manifest import DetectorSpec, FeatureSpec, HeadSpec, InputSpec, sha256_file
+from edgemap.runtime.network.network import Tensors
 
 DARKNET = {"yolov3": architectures.yolov3, "yolov3-tiny": architectures.yolov3_tiny}
 ADOPTED = ("yolox-nano", "picodet-s")
@@ -102,6 +103,7 @@ def darknet_backbone(
 def trained_backbone(name: str, wanted: list[str]) -> Backbone:
     """A detector's best.pt, or our own bundle by name, one feature tapped. Raises ExportError or BundleError."""
     model, manifest = load_detector(name)
+    manifest = msgspec.structs.replace(manifest, detector=of_home(manifest.detector))
     if len(set(wanted)) > 1:
         raise ExportError(f"{name}: heads that read different features ({', '.join(wanted)}) do not fit one network")
     detector = tapped(model, manifest.detector, Path(name), wanted[0] if wanted else None)

@@ -11,9 +11,9 @@ from onnx import ModelProto
 from edgemap.export.calibration import Calibration
 from edgemap.export.onnx_export import save_model
 from edgemap.export.quantise import add_int8
-from edgemap.runtime.bundle import Bundle, load_bundle
-from edgemap.runtime.manifest import Manifest, Parity, sha256_file, write_manifest
-from edgemap.runtime.store import staged
+from edgemap.runtime.network.bundle import Bundle, load_bundle
+from edgemap.runtime.network.manifest import Manifest, Parity, sha256_file, write_manifest
+from edgemap.runtime.network.store import staged
 
 Proof = Callable[[Bundle], dict[str, Parity]]
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from edgemap.runtime.drives.drive import LabelledBoxes
-from edgemap.runtime.drives.pictures import first_folder, list_pictures
-from edgemap.runtime.drives.yolo import read_yolo
+from edgemap.runtime.inputs.drives.drive import LabelledBoxes
+from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
+from edgemap.runtime.inputs.drives.yolo import read_yolo
 
 MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # AP50 changes by 0.002 with another 64; 200 judge a loss of 0.01
 

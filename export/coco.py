@@ -1,7 +1,9 @@
-"""COCO's 80 classes as a bundle lists them: which of them can stand on a map of the floor."""
+"""COCO's 80 classes as a bundle lists them: which of them a map of a home's floor holds by default."""
 
-from edgemap.runtime.drives.yolo import COCO_NAMES
-from edgemap.runtime.manifest import ClassEntry
+import msgspec
+
+from edgemap.runtime.inputs.drives.yolo import COCO_NAMES
+from edgemap.runtime.network.manifest import ClassEntry, DetectorSpec
 
 # They walk away.
 LIVING = frozenset({"person", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"})
@@ -14,9 +16,19 @@ orange|broccoli|carrot|hot dog|pizza|donut|cake|laptop|tv|mouse|remote|keyboard|
 scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
 )
 
-CLASSES = tuple(ClassEntry(name=name, mapped=name not in LIVING | NEVER_ON_THE_FLOOR) for name in COCO_NAMES)
+# They stand in streets. A map of a home has none; `--classes` may name them all the same.
+OUTDOORS = frozenset({"car", "motorcycle", "bus", "train", "truck", "fire hydrant", "stop sign", "parking meter"})
+
+CLASSES = tuple(ClassEntry(name=name, mapped=name not in LIVING | NEVER_ON_THE_FLOOR | OUTDOORS) for name in COCO_NAMES)
 
 
 def class_entries(count: int) -> tuple[ClassEntry, ...]:
     """The classes of a detector with this many: COCO's for 80, else numbered names, all mapped."""
     return CLASSES if count == len(CLASSES) else tuple(ClassEntry(name=f"class {number}") for number in range(count))
+
+
+def of_home(detector: DetectorSpec) -> DetectorSpec:
+    """A detector of COCO's classes with those mapped by default that stand in homes; another one as it is."""
+    if tuple(entry.name for entry in detector.classes) != COCO_NAMES:
+        return detector
+    return msgspec.structs.replace(detector, classes=CLASSES)

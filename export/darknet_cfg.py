@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.reading import one_line, read_text
+from edgemap.runtime.frames.reading import one_line, read_text
 
 CFG_BYTES = 1 << 20
 SECTION_LIMIT = 2000

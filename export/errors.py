@@ -1,4 +1,4 @@
-"""The host side's known failures; each message is one line with what, where, and the numbers."""
+"""The host side's expected failures; each message is one line with what, where, and the numbers."""
 
 from edgemap.geometry.errors import EdgemapError
 

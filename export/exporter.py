@@ -5,22 +5,38 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
 from onnx import ModelProto
 
 from edgemap import __version__
 from edgemap.export import parity
+from edgemap.export.adopt import Tensor4, static_tensors
 from edgemap.export.backbones import ADOPTED, Backbone, adopted_backbone, darknet_backbone, trained_backbone
 from edgemap.export.bundle_writer import write_bundle
 from edgemap.export.calibration import read_calibration
 from edgemap.export.errors import ExportError
+from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor
+from edgemap.export.floor.features import tapped_network
+from edgemap.export.floor.merge import with_floor
 from edgemap.export.free_rows import free_rows
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, load_head
 from edgemap.export.odometry.flow import GRID_STRIDE, FlowHead
 from edgemap.export.odometry.paper import random_head
 from edgemap.export.onnx_export import head_to_onnx, seal
 from edgemap.geometry.odometry.flow_cells import CHANNELS
-from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.manifest import FORMAT, DetectorSpec, GeometrySpec, Manifest, OdometryHead, Parity, StateSpec
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.manifest import (
+    FORMAT,
+    DetectorSpec,
+    GeometrySpec,
+    Manifest,
+    OdometryHead,
+    Parity,
+    StateSpec,
+)
+from edgemap.runtime.network.network import Tensors
 
 OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
 
@@ -37,7 +53,7 @@ def export_backbone(
     sources: tuple[str, ...] = (),
     calibrate: Path | None = None,
 ) -> Path:
-    """Export a backbone and its odometry heads as a bundle folder; gives `out`.
+    """Export a backbone with its odometry heads and floor head as a bundle folder; gives `out`.
 
     backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
     trained here, whose bundle is named after its folder. weights: its .weights (for yolox-nano its .onnx) file;
@@ -49,11 +65,12 @@ def export_backbone(
     ExportError or another EdgemapError; then nothing is left at `out`.
     """
     calibration = None if calibrate is None else read_calibration(calibrate)
-    checkpoints = [load_head(path) for path in heads]
-    kinds = [checkpoint.kind for checkpoint in checkpoints]
+    floors = [load_floor(path) for path in heads if is_floor(path)]
+    checkpoints = [load_head(path) for path in heads if not is_floor(path)]
+    kinds = [*(checkpoint.kind for checkpoint in checkpoints), *("floor" for _ in floors)]
     if len(set(kinds)) != len(kinds):
         raise ExportError(f"--head: two heads of one kind ({', '.join(kinds)})")
-    if heads and feature is not None:
+    if checkpoints and feature is not None:
         raise ExportError(f"--feature {feature}: a trained head brings its own ({checkpoints[0].feature})")
     trained_here = is_trained(backbone)
     adopted = is_onnx(backbone)
@@ -75,6 +92,8 @@ def export_backbone(
         record = _head_record(checkpoint, part)
         odometry[checkpoint.kind] = record
         models[record.file] = head_to_onnx(checkpoint.head, record)
+    for floor in floors:
+        _join(part, floor)
     models[part.detector.file] = seal(free_rows(part.model, part.detector), part.detector)
     manifest = Manifest(
         format=FORMAT,
@@ -122,6 +141,31 @@ def is_trained(backbone: str) -> bool:
 def is_onnx(backbone: str) -> bool:
     """Whether a backbone, by name or file, is adopted from its ONNX graph and not built here."""
     return backbone.endswith(".onnx") or backbone in ADOPTED
+
+
+def _join(part: Backbone, floor: FloorCheckpoint) -> None:
+    """Give a backbone the output of a floor head. Raises ExportError where it reads another network's features."""
+    source, before = tapped_network(part.model, _tensors(part, floor.taps)), part.reference
+    part.model, part.detector = with_floor(part.model, part.detector, floor.head, floor.taps)
+    spec = part.detector.floor
+    assert spec is not None
+    part.measured |= {"floor": floor.measured | {"parameters": floor.head.parameters_count}}
+    part.sources += tuple(text for text in floor.sources if text not in part.sources)
+
+    def reference(picture: NDArray[np.float32]) -> Tensors:
+        features = source.run({part.detector.input.name: picture})
+        with torch.no_grad():
+            logits = floor.head(*(torch.from_numpy(features[name]) for name in floor.taps))
+        return before(picture) | {spec.name: logits.sigmoid().numpy()}
+
+    part.reference = reference
+
+
+def _tensors(part: Backbone, names: Sequence[str]) -> list[Tensor4]:
+    known = {tensor.name: tensor for tensor in static_tensors(part.model)}
+    if missing := [name for name in names if name not in known]:
+        raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
+    return [known[name] for name in names]
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:

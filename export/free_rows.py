@@ -8,9 +8,9 @@ import onnx
 import onnxruntime as ort
 from onnx import ModelProto
 
-from edgemap.runtime.engines import PROVIDERS, ROWS, session_options
-from edgemap.runtime.manifest import DetectorSpec
-from edgemap.runtime.network import Compute
+from edgemap.runtime.network.engines import PROVIDERS, ROWS, session_options
+from edgemap.runtime.network.manifest import DetectorSpec
+from edgemap.runtime.network.network import Compute
 
 
 def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
@@ -19,7 +19,7 @@ def free_rows(model: ModelProto, detector: DetectorSpec) -> ModelProto:
     The same model where they are not, or where something in it is of a fixed size (YOLOX's list of boxes).
     """
     height = detector.input.height
-    shapes = {item.name: item.shape for item in (*detector.heads, *detector.features)}
+    shapes = detector.outputs()
     if detector.input.resize == "stretch" or any(len(shape) != 4 for shape in shapes.values()):
         return model
     freed = copy.deepcopy(model)

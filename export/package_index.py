@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import urldefrag, urljoin
 
 from edgemap.export.sources import SourceArchive
-from edgemap.runtime.download import DownloadError, download, is_url
+from edgemap.runtime.network.download import DownloadError, download, is_url
 
 PAGE_BYTES = 8 << 20
 ARCHIVE_BYTES = 200 << 20

@@ -5,8 +5,8 @@ from __future__ import annotations
 import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper, version_converter
 
-from edgemap.runtime.decode import DFL_BINS
-from edgemap.runtime.manifest import HeadSpec, InputSpec
+from edgemap.runtime.network.decode import DFL_BINS
+from edgemap.runtime.network.manifest import HeadSpec, InputSpec
 
 STRIDES = (8, 16, 32, 64)
 SIDES = 4 * DFL_BINS

@@ -16,9 +16,9 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from edgemap.export.calibration import Calibration
 from edgemap.export.int8_report import int8_report
 from edgemap.export.onnx_export import IR_VERSION, default_opset, save_model, seal
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.manifest import (
+from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import (
     BundleVariant,
     DetectorSpec,
     read_manifest,
@@ -26,8 +26,8 @@ from edgemap.runtime.manifest import (
     verified_file,
     write_manifest,
 )
-from edgemap.runtime.network import Tensors
-from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.preprocess import Preprocessor
 
 FILE = "backbone.int8.onnx"
 MINIMUM_OPSET = 13  # scales per channel
@@ -61,7 +61,7 @@ def quantised(source: ModelProto, detector: DetectorSpec, tensors: Iterable[Tens
         model = version_converter.convert_version(model, MINIMUM_OPSET)
     for number, node in enumerate(model.graph.node):
         node.name = node.name or f"node_{number}"
-    heads = {head.name for head in detector.heads}
+    heads = _last(detector)
     features = [value for value in model.graph.output if value.name not in heads]
     for value in features:  # outputs that feed 8-bit layers would come out rounded; as inner tensors they do not
         model.graph.output.remove(value)
@@ -98,10 +98,15 @@ def float_nodes(model: ModelProto, detector: DetectorSpec) -> list[str]:
     was trained on float features, and gets the same bit for bit; a feature that is a head itself (the paper's) cannot.
     """
     makers = {name: node for node in model.graph.node for name in node.output}
-    heads = {head.name for head in detector.heads}
+    heads = _last(detector)
     features = {feature.name for feature in detector.features} - heads
     first = {node.name for node in [node for node in model.graph.node if node.op_type == "Conv"][:1]}
     return sorted(first | _leading_to(heads, makers, until="Conv") | _leading_to(features, makers))
+
+
+def _last(detector: DetectorSpec) -> set[str]:
+    """Outputs whose last convolution stays float32: boxes and the floor mask."""
+    return {head.name for head in detector.heads} | ({detector.floor.name} if detector.floor else set())
 
 
 def _leading_to(tensors: set[str], makers: dict[str, NodeProto], until: str | None = None) -> set[str]:

@@ -1,4 +1,4 @@
-"""Known models: where their files come from, upstream first, and the sums that the files must have."""
+"""Published models: where their files come from, upstream first, and the sums that the files must have."""
 
 from __future__ import annotations
 

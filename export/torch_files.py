@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.reading import convert, one_line
+from edgemap.runtime.frames.reading import convert, one_line
 
 FILE_BYTES = 512 << 20
 

@@ -23,7 +23,7 @@ LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
 
 
 class Training(ABC):
-    """One run in a folder. Rows are what each validation found; sums are of the losses since the last one."""
+    """One run in a folder. Rows hold the figures of each validation; sums those of the losses since the last one."""
 
     resume_format: str
 

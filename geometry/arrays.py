@@ -4,3 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def positive(matrix: Array, least: float = 0.0) -> Array:
+    """The nearest symmetric matrix with no eigenvalue below `least`."""
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+    return (vectors * np.maximum(values, least)) @ vectors.T

@@ -1,3 +1,3 @@
-from edgemap.runtime.extras import need
+from edgemap.runtime.frames.extras import need
 
 need("plot", "drawing", ("matplotlib",))

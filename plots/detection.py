@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.evaluation.detection import ScoredPicture, match_boxes
+from edgemap.runtime.frames.library_names import library_path
 
 TILE_PX, COLUMNS, TILES = 240, 5, 20
 FALSE, MISSED, TEXT = (60, 60, 255), (0, 200, 255), (255, 255, 255)  # BGR
@@ -54,7 +55,7 @@ class Mistakes:
         written = []
         for name, mistakes in (("false_boxes.png", self._false), ("misses.png", self._missed)):
             if mistakes:
-                cv2.imwrite(str(folder / name), _sheet(mistakes))
+                cv2.imwrite(library_path(folder / name), _sheet(mistakes))
                 written.append(folder / name)
         return written
 

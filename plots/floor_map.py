@@ -11,11 +11,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch, Polygon
 from numpy.typing import NDArray
 
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.walls import walls_of
+from edgemap.geometry.map_object import CHI2_95, MapObject
 from edgemap.geometry.objects.edits import Zone
-from edgemap.geometry.objects.map_object import CHI2_95, MapObject
 from edgemap.plots.style import (
     INK,
     Axes,
+    PlotError,
     end_where_the_data_ends,
     floor_axes,
     label_colours,
@@ -25,9 +28,11 @@ from edgemap.plots.style import (
     save,
     write_names,
 )
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
 
+FLOOR_RGBA, OBSTACLE_RGBA = (0.90, 0.93, 0.95, 1.0), (0.42, 0.46, 0.52, 1.0)
 WAY, LONE, ZONE = "#7f8a97", "#8d96a1", "#5d667218"
+MAXIMUM_DRAWN, MAXIMUM_NAMED, MAXIMUM_SIGHTINGS = 5000, 300, 5000  # a picture in some ten seconds; more is no picture
 LONGEST_AXIS_M = 3.0  # an ellipse larger than this does not stretch the drawing
 
 
@@ -48,26 +53,34 @@ def plot_map(
     trajectory: Trajectory | None = None,
     truth: Sequence[tuple[str, float, float]] = (),
     zones: Sequence[Zone] = (),
+    grid: OccupancyGrid | None = None,
 ) -> Path:
-    """Draw the three panels, or the centres alone where no sightings are known; the path.
+    """Draw the three panels, or the centres alone where there are no sightings; the path.
 
-    truth: label, x and y in metres of what really stands there, drawn as hollow marks over the centres.
+    truth: label, x and y in metres of what really stands there, drawn as hollow marks over the centres. grid: the
+    floor, drawn below everything.
     """
+    if len(objects) > MAXIMUM_DRAWN:
+        raise PlotError(f"{path}: {len(objects)} objects, at most {MAXIMUM_DRAWN} are drawn")
+    count, sightings = len(sightings), sightings[:: 1 + len(sightings) // MAXIMUM_SIGHTINGS]
     labels = [item.label for item in objects] + [seen.label for seen in sightings] + [label for label, _, _ in truth]
     colours = label_colours(labels)
     panels = 3 if sightings else 1
     everything = _everything(objects, sightings, trajectory, truth, zones)
+    if grid is not None:
+        everything = np.concatenate([everything, *(grid.centres_m(grid.cells == value) for value in (FREE, OCCUPIED))])
     width, height = _panel_size(everything)
-    figure, grid = plt.subplots(
+    figure, panels_of = plt.subplots(
         1, panels, figsize=(width * panels, height + 1.1), squeeze=False, sharex=True, sharey=True, layout="constrained"
     )
-    axes = list(grid[0])
+    axes = list(panels_of[0])
     for panel in axes:
+        _floor(panel, grid)
         _zones(panel, zones)
         _trajectory(panel, trajectory)
     if sightings:
         _points(axes[0], sightings, colours)
-        floor_axes(axes[0], f"(a) all {len(sightings)} sightings", "map")
+        floor_axes(axes[0], f"(a) all {count} sightings", "map")
         _clusters(axes[1], sightings, objects, colours)
         floor_axes(axes[1], f"(b) {len(objects)} clusters", "map")
     _centres(axes[-1], objects, colours)
@@ -81,7 +94,8 @@ def plot_map(
         handles=[*legend_marks(labels), *_legend_lines(objects, sightings, trajectory, truth, zones)],
         loc="outside lower center", ncols=max(2, int(width * panels / 1.6)), frameon=False, fontsize=9,
     )  # fmt: skip
-    names = [(item.name or item.id, float(item.position_m[0]), float(item.position_m[1])) for item in objects]
+    named = [item for item in objects if item.name or len(objects) <= MAXIMUM_NAMED][:MAXIMUM_NAMED]
+    names = [(item.name or item.id, float(item.position_m[0]), float(item.position_m[1])) for item in named]
     middles = [(zone.name, np.mean(zone.corners_m, axis=0)) for zone in zones]
     names += [(name, float(place[0]), float(place[1])) for name, place in middles]
     write_names(figure, axes[-1], names)
@@ -134,6 +148,21 @@ def _legend_lines(
     if zones:
         found.append(Patch(facecolor=ZONE, edgecolor=INK, linewidth=0.8, label="zone"))
     return found
+
+
+def _floor(axes: Axes, grid: OccupancyGrid | None) -> None:
+    """Free floor light, obstacles dark, walls as lines; unknown is the background."""
+    if grid is None:
+        return
+    rows, columns = grid.cells.shape
+    picture = np.zeros((columns, rows, 4))
+    picture[grid.cells.T == FREE], picture[grid.cells.T == OCCUPIED] = FLOOR_RGBA, OBSTACLE_RGBA
+    low, high = np.array([grid.x_m, grid.y_m]), np.array([columns, rows]) * grid.cell_m
+    extent = (low[1], low[1] + high[1], low[0], low[0] + high[0])
+    axes.imshow(picture, origin="lower", extent=extent, interpolation="nearest", zorder=0.2, aspect="equal")
+    for wall in walls_of(grid):
+        (x0, y0), (x1, y1) = wall.from_m, wall.to_m
+        axes.plot([y0, y1], [x0, x1], color=INK, linewidth=1.6, solid_capstyle="round", zorder=0.4)
 
 
 def _zones(axes: Axes, zones: Sequence[Zone]) -> None:

@@ -23,7 +23,7 @@ from edgemap.plots.style import (
     save,
     write_names,
 )
-from edgemap.runtime.overlay import draw_detections, draw_floor_grid
+from edgemap.runtime.step.overlay import draw_detections, draw_floor_grid
 
 
 def plot_frame(

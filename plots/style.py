@@ -18,17 +18,17 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.colours import SHAPES, label_colour, label_mark
-from edgemap.runtime.disk import write_atomically
-from edgemap.runtime.errors import DiskError
-from edgemap.runtime.report.labels import TEXT_PX, place_labels
+from edgemap.runtime.frames.colours import SHAPES, label_colour, label_mark
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.outputs.report.labels import TEXT_PX, place_labels
 
 mpl.use("Agg")
 mpl.rcParams["text.parse_math"] = False  # labels and ids come from files: a dollar sign is one
 
 __all__ = [
-    "Axes", "Figure", "end_where_the_data_ends", "floor_axes", "label_colours", "label_marker", "legend_marks", "plt",
-    "save", "write_names",
+    "Axes", "Figure", "PlotError", "end_where_the_data_ends", "floor_axes", "label_colours", "label_marker",
+    "legend_marks", "plt", "save", "write_names",
 ]  # fmt: skip
 
 

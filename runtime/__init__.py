@@ -1,33 +1,39 @@
 """From frames to a map on the robot. What programs that embed it need has its name here, imported when first used."""
 
+import sys
 from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.geometry.objects.floor_map import FloorMap
-    from edgemap.runtime.bundle import Bundle, load_bundle
-    from edgemap.runtime.cameras import Camera, open_camera
-    from edgemap.runtime.frame import Frame
-    from edgemap.runtime.loop_closing import LoopCloser
-    from edgemap.runtime.mapper import Mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
-    from edgemap.runtime.slam import SemanticSlam, StepResult
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.frames.frame import Frame
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.inputs.open import open_camera
+    from edgemap.runtime.motion.odometry import open_odometry
+    from edgemap.runtime.network.bundle import Bundle, load_bundle
+    from edgemap.runtime.network.store import bundle_folder
+    from edgemap.runtime.step.loop_closing import LoopCloser
+    from edgemap.runtime.step.mapper import Mapper
+    from edgemap.runtime.step.pipeline import Pipeline
+    from edgemap.runtime.step.slam import SemanticSlam, StepResult
 
 _HOMES = {
     "geometry.camera.floor": ("FloorCamera",),
     "geometry.objects.floor_map": ("FloorMap",),
-    "runtime.bundle": ("Bundle", "load_bundle"),
-    "runtime.cameras": ("Camera", "open_camera"),
-    "runtime.frame": ("Frame",),
-    "runtime.loop_closing": ("LoopCloser",),
-    "runtime.mapper": ("Mapper",),
-    "runtime.odometry": ("open_odometry",),
-    "runtime.pipeline": ("Pipeline",),
-    "runtime.slam": ("SemanticSlam", "StepResult"),
-    "runtime.store": ("bundle_folder",),
+    "runtime.network.bundle": ("Bundle", "load_bundle"),
+    "runtime.inputs.cameras.protocol": ("Camera",),
+    "runtime.inputs.open": ("open_camera",),
+    "runtime.frames.frame": ("Frame",),
+    "runtime.step.loop_closing": ("LoopCloser",),
+    "runtime.step.mapper": ("Mapper",),
+    "runtime.motion.odometry": ("open_odometry",),
+    "runtime.step.pipeline": ("Pipeline",),
+    "runtime.step.slam": ("SemanticSlam", "StepResult"),
+    "runtime.network.store": ("bundle_folder",),
 }
 _HOME = {name: f"edgemap.{module}" for module, names in _HOMES.items() for name in names}
 
@@ -44,6 +50,36 @@ def __getattr__(name: str) -> Any:
     value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value
+
+
+# Modules that plugins and programs import by documented names of before the rooms.
+_FORMER = {
+    "edgemap.runtime.cameras": "inputs.cameras",
+    "edgemap.runtime.cameras.imu_buffer": "inputs.cameras.imu_buffer",
+    "edgemap.runtime.cameras.protocol": "inputs.cameras.protocol",
+    "edgemap.runtime.errors": "frames.errors",
+    "edgemap.runtime.frame": "frames.frame",
+    "edgemap.runtime.odometry": "motion.odometry",
+    "edgemap.runtime.odometry.protocol": "motion.odometry.protocol",
+    "edgemap.runtime.step.session": "session",
+    "edgemap.runtime.supervision_boxes": "frames.supervision_boxes",
+}
+
+
+class _FormerNames(MetaPathFinder, Loader):
+    """Imports a module by a former name: the same module object, so its classes are the same."""
+
+    def find_spec(self, fullname: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
+        return ModuleSpec(fullname, self) if fullname in _FORMER else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return ModuleType(spec.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        sys.modules[module.__name__] = import_module(f"edgemap.runtime.{_FORMER[module.__name__]}")
+
+
+sys.meta_path.insert(0, _FormerNames())
 
 
 def __dir__() -> list[str]:

@@ -1,60 +1,124 @@
-"""Front end and back end for a camera, by one builder, and all three as one object to iterate over."""
+"""The whole product as one object: a camera, the front end and the back end, to iterate over or to push pictures to."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Generator, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+from numpy.typing import NDArray
+
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.attitude.open import open_attitude
-from edgemap.runtime.bundle import Bundle, load_bundle
-from edgemap.runtime.cameras import Camera, open_camera
-from edgemap.runtime.config import Config, load_config
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.loop import steps
-from edgemap.runtime.map_file import save_map
-from edgemap.runtime.mapper import new_mapper
-from edgemap.runtime.notebook import MapObjects
-from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.sinks.group import Sink
-from edgemap.runtime.slam import SemanticSlam, StepResult
-from edgemap.runtime.store import bundle_folder, default_bundle
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import BundleError, CameraError
+from edgemap.runtime.inputs.cameras.checked import CheckedCamera
+from edgemap.runtime.inputs.cameras.given import (
+    FramesCamera,
+    IntrinsicsLike,
+    MountLike,
+    PushedCamera,
+    as_intrinsics,
+    as_mount,
+)
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder, default_bundle
+from edgemap.runtime.outputs.notebook import MapObjects
+from edgemap.runtime.step.build import SlamOptions, build_slam
+from edgemap.runtime.step.config import Config, load_config
+from edgemap.runtime.step.grid_file import load_grid
+from edgemap.runtime.step.loop import steps
+from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, save_map
+from edgemap.runtime.step.map_store import find_map
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import SemanticSlam, StepResult
 
 
 class Session:
-    """Iterate for one `StepResult` a frame; `map` is the map so far. A context manager that closes the camera.
+    """Iterate for one `StepResult` a frame, or push pictures; `map` is the map so far. A context manager.
 
-    The loop is that of `edgemap run`: a camera fault ends nothing (strict: it is raised) and stands in the `faults` of
-    the next result; while a live camera is away wheels and gyro carry the pose, and `camera.state` says so. Iteration
-    that was left goes on where it was. sinks: where results go as well; they are closed with the last frame.
+    The loop is that of `edgemap run`: a camera fault does not end it (strict: it is raised) and is in the `faults` of
+    the next result. While a live camera is away, wheels and gyro update the pose, and `camera.state` reports it. A
+    loop that was left can be resumed. sinks: where results go as well; they are closed with the last frame.
     """
 
-    def __init__(self, camera: Camera, slam: SemanticSlam, sinks: Sequence[Sink] = (), strict: bool = False) -> None:
-        self.camera, self.slam = camera, slam
-        self._steps = steps(camera, slam, sinks, strict=strict)
+    def __init__(
+        self,
+        camera: Camera,
+        slam: SemanticSlam | Callable[[Camera], SemanticSlam],
+        sinks: Sequence[Sink] = (),
+        strict: bool = False,
+    ) -> None:
+        """slam: front end and back end, or what makes them once the first pushed picture is there."""
+        own = type(camera).__module__.startswith("edgemap.")
+        self.camera = camera if own else CheckedCamera(camera, str(camera.name))
+        self._slam, self._sinks, self._strict = slam, sinks, strict
+        self._steps: Generator[StepResult, None, None] | None = None
+
+    @property
+    def slam(self) -> SemanticSlam:
+        """Front end and back end. Raises CameraError before the first pushed picture."""
+        if not isinstance(self._slam, SemanticSlam):
+            raise CameraError("no picture has been pushed yet")
+        return self._slam
+
+    def push(
+        self,
+        image: NDArray[np.uint8],
+        stamp_s: float,
+        *,
+        imu: ImuSamples | NDArray[np.float64] | None = None,
+        wheels: SE2 | tuple[float, float, float] | None = None,
+    ) -> StepResult:
+        """One step with a picture of your own: BGR, uint8 (height, width, 3), at a stamp that rises.
+
+        imu: samples since the picture before: (N, 7) stamp_s, gyro x y z (rad/s), accelerometer x y z (m/s^2) in the
+        camera's optical axes. wheels: pose of the wheel odometry at the stamp, (x_m, y_m, yaw_rad), with every picture
+        or with none. Raises CameraError for what is no picture, and for a session that reads a camera.
+        """
+        if not isinstance(self.camera, PushedCamera):
+            raise CameraError(
+                f"this session reads {self.camera.name}: to push, open one with intrinsics= and mount= alone"
+            )
+        self.camera.give(image, stamp_s, imu, wheels)
+        if not isinstance(self._slam, SemanticSlam):
+            self._slam = self._slam(self.camera)
+        return next(self._running())
+
+    def _running(self) -> Generator[StepResult, None, None]:
+        """The loop, begun with the first step."""
+        if self._steps is None:
+            self._steps = steps(self.camera, self.slam, self._sinks, strict=self._strict)
+        return self._steps
 
     def __iter__(self) -> "Session":
         return self
 
     def __next__(self) -> StepResult:
         """The next frame's result. Raises CameraLostError for good, or what else `steps` does."""
-        return next(self._steps)
+        if isinstance(self.camera, PushedCamera):
+            raise CameraError("this session has no camera to read: push pictures, or open it with camera= or frames=")
+        return next(self._running())
 
     @property
     def map(self) -> MapObjects:
         """The objects as they stand now, ordered by id; in a notebook, the map from above."""
+        if not isinstance(self._slam, SemanticSlam):
+            return MapObjects()
         return MapObjects(self.slam.objects(), self.slam.mapper.trajectory)
 
     def save(self, path: str | Path) -> None:
         """Write the map as map.json, atomically. Raises MapError."""
-        save_map(Path(path), self.map, self.slam.mapper.annotations())
+        mapper = self.slam.mapper
+        save_map(Path(path), self.map, mapper.annotations(), mapper.grid.grid())
 
     def close(self) -> None:
         """Close the sinks and let go of the camera."""
         try:
-            self._steps.close()
+            if self._steps is not None:
+                self._steps.close()
         finally:
             self.camera.close()
 
@@ -68,79 +132,85 @@ class Session:
 
 
 def open_session(
-    camera: str | Camera = "demo",
+    camera: str | int | Path | Camera | None = None,
     bundle: str | Path | None = None,
     *,
+    frames: Iterable[NDArray[np.uint8] | tuple[float, NDArray[np.uint8]]] | None = None,
+    intrinsics: IntrinsicsLike | None = None,
+    mount: MountLike | None = None,
+    map: str | Path | None = None,
+    classes: Collection[str] | None = None,
     odometry: str = "hybrid",
-    mount: Mount | None = None,
     clustering: str = "default",
     loop_closure: bool = True,
     config: str | Path | Config | None = None,
     sinks: Sequence[Sink] = (),
     strict: bool = False,
 ) -> Session:
-    """Open what `edgemap run` would drive: a camera by its SPEC, a bundle by name or folder, and an empty map.
+    """Open what `edgemap run` would drive, or a loop of your own.
 
-    bundle: by default the one for this kind of pictures. mount: where the source brings none. config: a tree, or a file
-    of one. sinks, strict: see `Session`. Raises CameraError, BundleError, OdometryError or ConfigError in one line.
+    camera: a SPEC, the number of a webcam, a path, or a Camera. frames: any iterable of BGR pictures, uint8 (height,
+    width, 3), 10 a second, or of (stamp_s, picture). With neither, intrinsics and mount make a session for
+    `Session.push`; without those it is the demo. intrinsics: (fx, fy, cx, cy) in pixels, where the source brings none.
+    mount: (height_m, pitch_deg), positive looking down. map: a saved map to continue, as `run --map`. classes: those
+    that go on the map. bundle: by default the one for this kind of pictures. config: a tree, or a file of one. sinks,
+    strict: see `Session`. Raises CameraError, BundleError, MapError, OdometryError or ConfigError in one line.
     """
     tuned = config if isinstance(config, Config) else load_config(Path(config))[0] if config else Config()
-    source = open_camera(camera, recovery=tuned.camera) if isinstance(camera, str) else camera
+    if camera is not None and frames is not None:
+        raise CameraError("give camera= or frames=, not both")
+
+    def build(source: Camera) -> SemanticSlam:
+        return _slam_of(source, spec, bundle, classes, SlamOptions(odometry, clustering=clustering,
+                        loop_closure=loop_closure, forgets=map is not None), tuned, map)  # fmt: skip
+
+    spec = str(camera) if isinstance(camera, str | int | Path) else None
+    if camera is None and frames is None and intrinsics is not None:
+        if mount is None:
+            raise CameraError("pushed pictures: pass mount=(height_m, pitch_deg)")
+        return Session(PushedCamera(intrinsics, mount), build, sinks, strict)
+    if frames is not None:
+        source: Camera = FramesCamera(frames, intrinsics, mount)
+    elif camera is None or spec is not None:
+        spec = spec or "demo"
+        source = open_camera(spec, recovery=tuned.camera, mount=None if mount is None else as_mount(mount))
+    else:
+        source = camera  # type: ignore[assignment]
     try:
-        lens, camera_mount = source.intrinsics, mount or source.mount
-        if lens is None or camera_mount is None:
-            lacks = "intrinsics" if lens is None else "mount"
-            raise CameraError(
-                f"{source.name} brings no {lacks}: give its camera.yaml, or mount=Mount(height_m, pitch_rad)"
-            )
-        name = str(bundle) if bundle else default_bundle(camera if isinstance(camera, str) else source.name)[0]
-        loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
-        floor = FloorCamera(lens, camera_mount)
-        options = SlamOptions(odometry, clustering=clustering, loop_closure=loop_closure)
-        return Session(source, build_slam(source, loaded, floor, options, tuned), sinks, strict)
+        if intrinsics is not None:
+            source.intrinsics = as_intrinsics(intrinsics, *source.size)
+        if mount is not None:
+            source.mount = as_mount(mount)
+        return Session(source, build(source), sinks, strict)
     except BaseException:
         source.close()
         raise
 
 
-@dataclass(frozen=True, slots=True)
-class SlamOptions:
-    """What a run chooses, beside what is tuned. The defaults are those of `edgemap run`.
-
-    odometry: a SPEC. wheels, imu: whether those that the source brings are used. clustering: default or paper. forgets:
-    whether objects that are gone leave the map. mapped, confidence: the bundle's own where None.
-    """
-
-    odometry: str = "hybrid"
-    wheels: bool = True
-    imu: bool = True
-    clustering: str = "default"
-    loop_closure: bool = True
-    forgets: bool = False
-    allow_untrained: bool = False
-    mapped: Collection[str] | None = None
-    confidence: float | None = None
-
-
-def build_slam(
-    camera: Camera, bundle: Bundle, floor: FloorCamera, options: SlamOptions | None = None, config: Config | None = None
+def _slam_of(
+    source: Camera,
+    spec: str | None,
+    bundle: str | Path | None,
+    classes: Collection[str] | None,
+    options: SlamOptions,
+    tuned: Config,
+    saved: str | Path | None,
 ) -> SemanticSlam:
-    """An empty map and all that fills it. floor: the camera's lens and mount. Raises OdometryError."""
-    options, config = options or SlamOptions(), config or Config()
-    odometry = open_odometry(
-        options.odometry, bundle, camera, floor, options.allow_untrained, options.wheels, config.odometry
-    )
-    pipeline = Pipeline(
-        bundle,
-        floor,
-        odometry,
-        rule=replace(config.floor, mapped=options.mapped),
-        attitude=open_attitude(options.odometry, camera, floor, options.imu, config.attitude),
-        confidence=options.confidence,
-        health=config.health,
-        rest=config.rest,
-        height=config.height,
-    )
-    forgets = floor if options.forgets else None
-    mapper = new_mapper(config, options.clustering, options.odometry, options.loop_closure, forgets)
-    return SemanticSlam(pipeline, mapper)
+    lens, mount = source.intrinsics, source.mount
+    if lens is None or mount is None:
+        lacks = "intrinsics=(fx, fy, cx, cy)" if lens is None else "mount=(height_m, pitch_deg)"
+        raise CameraError(f"{source.name} brings no {lacks.partition('=')[0]}: pass {lacks}, or give its camera.yaml")
+    name = str(bundle) if bundle else default_bundle(spec or source.name)[0]
+    loaded = load_bundle(bundle_folder(name), pace="camera" if source.live else "files")
+    if classes is not None:
+        chosen = frozenset([classes] if isinstance(classes, str) else classes)
+        if unknown := sorted(chosen - set(loaded.names)):
+            raise BundleError(f"classes={', '.join(unknown)}: the bundle knows {', '.join(loaded.names)}")
+        options = replace(options, mapped=chosen)
+    slam = build_slam(source, loaded, FloorCamera(lens, mount), options, tuned)
+    place = None if saved is None else find_map(saved)
+    if place is not None and (place.exists or not place.lives):
+        objects, annotations = load_annotated_map(place.path)
+        guesses = [pose for pose in (load_last_pose(place.path), annotations.dock or SE2()) if pose is not None]
+        slam.mapper.relocalise_in(objects, annotations, load_grid(place.path), guesses)
+    return slam

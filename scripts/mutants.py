@@ -31,8 +31,9 @@ STORE = ROOT / ".mutants"
 # What a wrong line of would move objects unseen.
 TARGETS = (
     "geometry/camera", "geometry/objects", "geometry/observations", "geometry/odometry", "geometry/paper",
-    "geometry/registration", "geometry/slam", "geometry/se2.py", "runtime/pipeline.py", "runtime/mapper.py",
-    "runtime/loop_closing.py", "runtime/pose_journal.py", "runtime/relocalisation.py", "runtime/odometry/hybrid.py",
+    "geometry/registration", "geometry/slam", "geometry/se2.py", "runtime/step/pipeline.py", "runtime/step/mapper.py",
+    "runtime/step/loop_closing.py", "runtime/step/pose_journal.py", "runtime/step/relocalisation.py",
+    "runtime/motion/odometry/hybrid.py",
     "evaluation/objects.py", "evaluation/trajectory.py", "evaluation/odometry.py",
 )  # fmt: skip
 # Those that place objects; of the others, which drive cameras, files and pages, nothing is expected here.
@@ -41,7 +42,7 @@ TESTS = (
     "tests/runtime/calibration/test_floor_depth.py", "tests/runtime/calibration/test_tilt.py",
     *(f"tests/runtime/test_{name}.py" for name in (
         "attitude", "blind", "checked_mount", "edits", "hybrid", "loop_closing", "mapper", "odometry", "pipeline",
-        "pose_journal", "relocalisation", "rest", "resting", "scale_check",
+        "pose_journal", "relocalisation", "rest", "resting", "trust",
     )),
 )  # fmt: skip
 CPU_S = 40  # of one mutant's tests; those that would take longer are left out, slowest first

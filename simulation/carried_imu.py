@@ -16,10 +16,10 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.sensor_csv import write_imu_csv
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.robot.imu import ImuErrors, measured
 

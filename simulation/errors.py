@@ -1,4 +1,4 @@
-"""The simulation's known failures, and the one way to ask for what only the extra brings."""
+"""The simulation's expected failures, and the one way to ask for what only the extra brings."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import importlib
 from types import ModuleType
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.errors import MissingExtraError
-from edgemap.runtime.extras import install_hint
+from edgemap.runtime.frames.errors import MissingExtraError
+from edgemap.runtime.frames.extras import install_hint
 
 
 class SimulationError(EdgemapError):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.simulation.record import truth_of
 from edgemap.simulation.shots import shots
 from edgemap.simulation.studio import Shot
@@ -53,5 +53,5 @@ class SimCamera(CameraBase):
 
 
 def open_sim(seed: int, frames: int | None = None, name: str | None = None) -> SimCamera:
-    """The camera `sim:SEED`: 450 pictures unless told otherwise."""
+    """The camera `sim:SEED`: 450 pictures by default."""
     return SimCamera(name or f"sim:{seed}", draw_world(seed, frames or len(CONTRACT_STAMPS_S)))

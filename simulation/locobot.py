@@ -1,4 +1,4 @@
-"""The paper's private data set anew: a LoCoBot's RGB, depth and wheel odometry, to train on and to test on."""
+"""The paper's private data set, rendered: a LoCoBot's RGB, depth and wheel odometry, to train on and to test on."""
 
 from __future__ import annotations
 

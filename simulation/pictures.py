@@ -1,6 +1,7 @@
 """Training pictures for a detector: unrelated views of many homes in the `yolo` layout, all that is known of each.
 
 images/HOME_VIEW.jpg    labels/HOME_VIEW.txt    boxes.json (visible share and whole box of everything in view)
+floor/HOME_VIEW.png     1 floor, 2 wall, 0 other
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
-from edgemap.runtime.drives.yolo import COCO_NAMES, write_yolo_labels
+from edgemap.runtime.inputs.drives.yolo import COCO_NAMES, write_yolo_labels
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text
@@ -20,6 +22,7 @@ from edgemap.simulation.camera.exposure import light_levels, settled_gain
 from edgemap.simulation.camera.film import encoded, sensed
 from edgemap.simulation.camera.shake import shaken
 from edgemap.simulation.errors import require
+from edgemap.simulation.floor_labels import floor_labels
 from edgemap.simulation.pool import default_workers, ordered
 from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.renderer import Renderer
@@ -50,7 +53,7 @@ def render_pictures(
         require(module)
     settings = {"format": FORMAT, "per_home": per_home, "first_home": homes[0], "homes": len(homes)}
     settings |= {"home_step": homes.step} if homes.step > 1 else {}
-    store = PartStore(folder, settings, ("images", "labels"))
+    store = PartStore(folder, settings, ("images", "labels", "floor"))
     if store.complete:
         progress(per_home * len(homes), per_home * len(homes))
         return
@@ -90,7 +93,10 @@ def _render_home(task: tuple[Path, int, int]) -> int:
         frame = renderer.frame(view, mix, EXPOSURE * gain, shown.movers)
         boxes = picture_boxes(renderer, view, apartment, shown.movers)
         picture = sensed(frame.picture, frame.depth_m, lens, mount, shown.velocity, shown.effects, gain, rng)
-        _write(folder, f"{home:06d}_{number:0{digits}d}", encoded(picture, shown.effects.jpeg_quality), boxes, lens)
+        name = f"{home:06d}_{number:0{digits}d}"
+        _write(folder, name, encoded(picture, shown.effects.jpeg_quality), boxes, lens)
+        labels = floor_labels(frame, view, lens, apartment.plan.height_m)
+        write_bytes(folder / "floor" / f"{name}.png", cv2.imencode(".png", labels)[1].tobytes())
         frames.append(boxes)
     renderer.close()
     models = {item.model.key for item in apartment.furniture} | {key for shown in views for key in shown.passers}

@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.drives.locobot import write_locobot
-from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.drives.sensor_csv import write_imu_csv
-from edgemap.runtime.drives.write import write_drive
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.floor_plan import PLAN_NAME
+from edgemap.runtime.inputs.drives.locobot import write_locobot
+from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
+from edgemap.runtime.inputs.drives.write import write_drive
 from edgemap.simulation.apartment.credits import credits_text
 from edgemap.simulation.changes import moved_record
+from edgemap.simulation.floor_plan import write_floor_plan
 from edgemap.simulation.robot.imu import imu_samples
 from edgemap.simulation.robot.wheels import wheel_odometry
 from edgemap.simulation.shots import shots
@@ -55,6 +57,8 @@ def record(
     settings = _settings(world, layout, video, depth)
     store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
     if store.complete:
+        if not locobot and not (folder / PLAN_NAME).is_file():  # rendered before plans were written
+            write_floor_plan(world, store)
         progress(world.frames, world.frames)
         return
     missing = store.missing(range(world.frames))
@@ -74,6 +78,7 @@ def record(
         objects = object_records(world.apartment, world.poses()[0], boxes)
         tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
         rows = wheel.tolist()
+        write_floor_plan(world, store)
         write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
         if world.imu:
             rng = np.random.default_rng([world.seed, 9])

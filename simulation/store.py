@@ -53,7 +53,7 @@ class PartStore:
 
     @staticmethod
     def part_of(folder: Path, number: int) -> Path:
-        """The file whose presence says that a part is done, and which holds its truth."""
+        """The file that marks a part as done and holds its truth."""
         return folder / _PARTS / f"{number:06d}.json"
 
     def missing(self, numbers: Sequence[int]) -> list[int]:

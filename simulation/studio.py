@@ -9,14 +9,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.camera.exposure import gains
 from edgemap.simulation.camera.film import encoded, sensed
 from edgemap.simulation.camera.shake import shaken
 from edgemap.simulation.errors import require
+from edgemap.simulation.floor_labels import floor_labels
 from edgemap.simulation.light_script import LightScript
-from edgemap.simulation.render.light import bake
+from edgemap.simulation.render.light import BakeSettings, bake
 from edgemap.simulation.render.movers import Mover
 from edgemap.simulation.render.renderer import Renderer
 from edgemap.simulation.render.scene import LightMix, LitScene
@@ -47,11 +49,11 @@ class Shot:
         return np.asarray(cv2.imdecode(np.frombuffer(self.picture, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)
 
 
-def lit_home(world: World) -> LitScene:
+def lit_home(world: World, settings: BakeSettings | None = None) -> LitScene:
     """The home of a world with its light: the slow part, once per world."""
     for module in ("moderngl", "embreex", "PIL"):
         require(module)
-    return bake(build_scene(world.apartment, world.home_seed), world.home_seed)
+    return bake(build_scene(world.apartment, world.home_seed), world.home_seed, settings)
 
 
 def light_mix(script: LightScript, stamp_s: float) -> LightMix:
@@ -75,10 +77,7 @@ class Studio:
         world, effects = self._world, self._world.effects
         rng = np.random.default_rng([world.seed, index, 4])
         stamp_s = index / world.camera.rate_hz
-        pose, velocity = self._moment(stamp_s)
-        mount = shaken(world.camera.mount, effects.shake_rad, velocity, rng)
-        tilt = None if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
-        view = View.of_base(pose, mount) if tilt is None else View.of_base(pose, mount, lean(tilt), float(tilt[2]))
+        view, mount, velocity = self._view(stamp_s, rng)
         gain, movers = float(self._gains[index]), self._movers(stamp_s)
         frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE * gain, movers)
         boxes = picture_boxes(self._renderer, view, world.apartment, movers)
@@ -95,6 +94,22 @@ class Studio:
             Mover(FIRST_MOVER_ID + number, mesh, walker.pose_home(stamp_s))
             for number, (mesh, walker) in enumerate(zip(self._people, self._world.walkers, strict=True))
         )
+
+    def floor_labels(self, index: int) -> NDArray[np.uint8]:
+        """Where floor and walls are in one picture, as `simulation.floor_labels`, (H, W)."""
+        world, stamp_s = self._world, index / self._world.camera.rate_hz
+        view, _, _ = self._view(stamp_s, np.random.default_rng([world.seed, index, 4]))
+        frame = self._renderer.frame(view, light_mix(world.light, stamp_s), EXPOSURE, self._movers(stamp_s))
+        return floor_labels(frame, view, world.camera.intrinsics, world.apartment.plan.height_m)
+
+    def _view(self, stamp_s: float, rng: np.random.Generator) -> tuple[View, Mount, NDArray[np.float64]]:
+        """Where the camera is, how it is mounted as it shakes, and the velocity of the base."""
+        world = self._world
+        pose, velocity = self._moment(stamp_s)
+        mount = shaken(world.camera.mount, world.effects.shake_rad, velocity, rng)
+        tilt = None if world.tilts is None else world.tilts.at(np.array([stamp_s]))[0]
+        view = View.of_base(pose, mount) if tilt is None else View.of_base(pose, mount, lean(tilt), float(tilt[2]))
+        return view, mount, velocity
 
     def _moment(self, stamp_s: float) -> tuple[SE2, NDArray[np.float64]]:
         """Pose at a stamp, and velocity there: forward and left m/s, yaw rad/s."""

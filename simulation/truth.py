@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
+from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.placed import ALIVE
 from edgemap.simulation.render.movers import Mover

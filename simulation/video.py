@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from edgemap.runtime.frames.library_names import library_path
 from edgemap.simulation.errors import require
 
 QUALITY_CRF = 32  # VP9's constant quality: some 6 kB a picture of 640x480 that hardly shows it
@@ -20,7 +21,7 @@ def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: floa
     Raises MissingExtraError where PyAV is absent.
     """
     av = require("av")
-    with av.open(str(path), "w", format="mp4") as container:
+    with av.open(library_path(path), "w", format="mp4") as container:
         stream = container.add_stream("libvpx-vp9", rate=Fraction(rate_hz).limit_denominator(1000))
         stream.pix_fmt, stream.options = "yuv420p", {"crf": str(QUALITY_CRF), "b": "0", "cpu-used": "2"}
         stream.thread_count = 1

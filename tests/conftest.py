@@ -8,6 +8,11 @@ from pathlib import Path
 
 import pytest
 
+# Two workers on two cores: threads of torch and BLAS that wait for one another took a third of the processor time.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    for library in ("OMP", "OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
 # A test run in the background of a shell script ignores Ctrl-C, and so would every command that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -34,6 +39,18 @@ def edgemap():
 
 
 @pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """One chromium for all tests; skips where there is none."""
+    from support.browser import Browser, find_chromium
+
+    if find_chromium() is None:
+        pytest.skip("no chromium: apt-get install chromium")
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="session")
 def real_bundles(shared_data, tmp_path_factory, edgemap):
     """yolov3-tiny and yolox-nano as `edgemap export` writes them from the real weights."""
     folder, weights = tmp_path_factory.mktemp("bundles"), shared_data / "weights"
@@ -48,8 +65,7 @@ def realsense_recording(tmp_path_factory):
     """Sixty pictures of noise recorded by librealsense itself: the `.db3`, the RGB pictures, the stamps in seconds."""
     pytest.importorskip("pyrealsense2")
     import numpy as np
-
-    from edgemap.benchmarks.reliability.record_realsense import record_whole
+    from reliability.record_realsense import record_whole
 
     random = np.random.default_rng(5)
     pictures = [random.integers(0, 256, (480, 640, 3), dtype=np.uint8) for _ in range(60)]

@@ -3,6 +3,7 @@
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,7 +22,7 @@ def shown_commands():
     """Every `edgemap …` command line in code blocks and code spans, comments cut off."""
     found = []
     for page in PAGES:
-        text = page.read_text()
+        text = page.read_text().replace("\\\n", " ")
         blocks = "\n".join(re.findall(r"```sh\n(.*?)```", text, re.S)) + "\n"
         spans = re.findall(r"`((?:\.venv/bin/)?edgemap [^`\n]+)`", text)
         for line in [*blocks.splitlines(), *spans]:
@@ -62,6 +63,7 @@ def test_shown_python_runs(block, tmp_path):
     those that come along: what is tested is the block, not a network."""
     for name in ("edgemap-nano", "edgemap-pico"):
         write_painted(tmp_path / "cache" / "bundles" / name, [("chair", 32.0, 33.0, 14.0, 42.0, 0.9)], odometry=False)
+    shutil.copy(ROOT / "runtime" / "inputs" / "demo" / "video.mp4", tmp_path / "drive.mp4")
     result = subprocess.run(
         [sys.executable, "-c", block], cwd=tmp_path, env={**os.environ, "EDGEMAP_CACHE": str(tmp_path / "cache")},
         capture_output=True, text=True, timeout=200, check=False,

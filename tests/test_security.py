@@ -6,8 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-
-from edgemap.benchmarks.reliability.parts import PARTS
+from reliability.parts import PARTS
 
 ROOT = Path(__file__).parents[1]
 CLAIMS = [

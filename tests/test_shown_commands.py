@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -14,7 +15,7 @@ from test_readme import shown_commands
 
 from edgemap.cli import COMMANDS, main
 
-DEMO = Path(__file__).parents[1] / "runtime" / "demo"
+DEMO = Path(__file__).parents[1] / "runtime" / "inputs" / "demo"
 FRAMES = 12  # of a run that does not say how many
 ELSEWHERE = {
     r"realsense|/dev/video|camera 0\b|rpicam|camera ros2:": "a device, or a program, that is not here",
@@ -45,11 +46,19 @@ def desk(tmp_path_factory):
         main(["run", "--frames", "150", "--out", "runs/20260101T000000Z", "--record", "drive.mcap"])
     for name in ("first", "runs/kitchen", "home", "monday", "tuesday"):
         shutil.copytree(folder / "runs" / "20260101T000000Z", folder / name)
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    drawn = json.loads((folder / "home" / "map.json").read_text())
+    drawn["zones"] = [
+        {"id": f"zone-{n}", "name": name, "corners_m": square} for n, name in ((1, "stairs"), (2, "hall"))
+    ]
+    (folder / "home" / "map.json").write_text(json.dumps(drawn))
     shutil.copy(folder / "home" / "map.json", folder)
+    shutil.copy(DEMO / "video.mp4", folder / "phone.mp4")
     shutil.copy(folder / "drive.mcap", folder / "cut.mcap")
     shutil.copy(DEMO / "video.mp4", folder / "drive.mp4")
     shutil.copy(DEMO / "wheel.csv", folder)
     shutil.copy(DEMO / "camera.yaml", folder)
+    shutil.copy(DEMO / "camera.yaml", folder / "first")
     (folder / "tuned.yaml").write_text("config: {}\n")
     (folder / "pictures").mkdir()
     film = cv2.VideoCapture(str(DEMO / "video.mp4"))

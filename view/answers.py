@@ -9,10 +9,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from edgemap.geometry.objects.map_object import MapObject, radius_m
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.rooms import rooms_of
+from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
 from edgemap.geometry.objects.queries import inside_polygon
-from edgemap.runtime.map_file import object_record, zone_record
-from edgemap.runtime.slam import StepResult
+from edgemap.geometry.objects.zone_watch import ZoneEvent
+from edgemap.runtime.outputs.verdict.causes import cause_of_fault
+from edgemap.runtime.outputs.verdict.verdict import is_doubtful
+from edgemap.runtime.step.map_file import object_record, wall_records, zone_record
+from edgemap.runtime.step.slam import StepResult
 from edgemap.view.page import Fault, LivePage, Moment
 from edgemap.view.status import pose_sigma, status, step_ms
 
@@ -62,8 +67,13 @@ def frame_answer(result: StepResult) -> dict[str, Any]:
 
 
 def map_object_answer(item: MapObject) -> dict[str, Any]:
-    """One object as in map.json, with the radius of a circle that takes as much floor."""
-    return object_record(item) | {"radius_m": round(radius_m(item), 3)}
+    """One object as in map.json, with its footprint (width, depth) and the radius of a circle that takes as much."""
+    footprint_m = [round(side, 3) for side in footprint_of(item)]
+    return object_record(item) | {
+        "doubtful": is_doubtful(item),
+        "radius_m": round(radius_m(item), 3),
+        "footprint_m": footprint_m,
+    }
 
 
 def object_answer(item: MapObject, moment: Moment) -> dict[str, Any]:
@@ -89,9 +99,45 @@ def zones_answer(page: LivePage) -> list[dict[str, Any]]:
     ]
 
 
+def floor_answer(grid: OccupancyGrid | None) -> dict[str, Any]:
+    """The floor as it was seen: `runs` of cells row by row, each a value (0 free, 100 obstacle, -1 unknown) and how
+    many follow one another; row 0 has the smallest y, its first cell the smallest x. `walls` as in map.json. No rows
+    before any floor is known."""
+    if grid is None:
+        return {"x_m": 0.0, "y_m": 0.0, "cell_m": 0.05, "rows": 0, "columns": 0, "runs": [], "walls": []}
+    cells = grid.cells.ravel()
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[0] + 1))
+    runs = np.column_stack([cells[starts], np.diff(starts, append=len(cells))])
+    rows, columns = grid.cells.shape
+    return {
+        "x_m": round(grid.x_m, 4),
+        "y_m": round(grid.y_m, 4),
+        "cell_m": grid.cell_m,
+        "rows": rows,
+        "columns": columns,
+        "runs": runs.ravel().tolist(),
+        "walls": wall_records(grid),
+    }
+
+
+def rooms_answer(grid: OccupancyGrid | None) -> list[dict[str, Any]]:
+    """The rooms of the floor as it was seen: their corners, counter-clockwise, as a zone has them, and their area."""
+    rooms = () if grid is None else rooms_of(grid)
+    return [
+        {"corners_m": [[round(x, 3), round(y, 3)] for x, y in room.corners_m], "area_m2": round(room.area_m2, 2)}
+        for room in rooms
+    ]
+
+
 def fault_answer(fault: Fault) -> dict[str, Any]:
-    """A fault with the frame it began at."""
-    return {"frame": fault.frame, "text": fault.text}
+    """A fault with the frame it began at, and what to do about it: empty where nothing is known to help."""
+    cause = cause_of_fault(fault.text)
+    return {"frame": fault.frame, "text": fault.text, "remedy": cause.remedy if cause else ""}
+
+
+def event_answer(event: ZoneEvent) -> dict[str, Any]:
+    """An object that came into a zone or left it."""
+    return {"stamp_s": event.stamp_s} | event.record()
 
 
 def boxes(result: StepResult) -> list[dict[str, Any]]:

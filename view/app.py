@@ -6,12 +6,14 @@ from pathlib import Path
 
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
+from edgemap.view import answers
 from edgemap.view.api import Api
 from edgemap.view.guard import Guard
 from edgemap.view.page import LivePage
@@ -49,7 +51,16 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
 
     routes = [Route(path, file) for path in files]
     routes += [*Api(page, pictures, vitals).routes(), WebSocketRoute("/api/stream", socket)]
-    return Guard(_Sealed(Starlette(routes=routes)), token, cookie)
+    return Guard(_Sealed(Starlette(routes=routes, exception_handlers={HTTPException: _refused})), token, cookie)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    """An address or a method that is not there: of the API as every refusal of it, else as text."""
+    status, headers = (error.status_code, error.headers) if isinstance(error, HTTPException) else (500, None)
+    text = f"{request.method} {request.url.path[:60]!a} is not in this API" if status in (404, 405) else str(error)
+    if request.url.path.startswith("/api/"):
+        return Response(answers.plain({"error": text}), status, headers, media_type="application/json")
+    return PlainTextResponse(f"{text}\n", status, headers)
 
 
 class _Sealed:
@@ -74,6 +85,7 @@ def _headers(host: str) -> dict[str, str]:
     policy = f"default-src 'self'; connect-src 'self' ws://{host} wss://{host}; img-src 'self' blob: data:"
     return {
         "Content-Security-Policy": f"{policy}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+        "Cross-Origin-Resource-Policy": "same-origin",
         "X-Content-Type-Options": "nosniff",
         "Referrer-Policy": "no-referrer",
         "Cache-Control": "no-store",

@@ -21,8 +21,8 @@ class Guard:
 
     Host must be an address, localhost or this machine's own name: a foreign name that was made to point here (DNS
     rebinding) is refused. Origin, where a browser sends one, must be the page's own, so no other site's script talks
-    to the socket. The token comes in a cookie, as `?token=`, or as `Authorization: Bearer`; `/?token=` sets the cookie
-    and drops the token from the address bar.
+    to the socket; nor does another site show the picture (Sec-Fetch-Site). The token comes in a cookie, as `?token=`,
+    or as `Authorization: Bearer`; `/?token=` sets the cookie and drops the token from the address bar.
     """
 
     def __init__(self, app: ASGIApp, token: str, cookie: str) -> None:
@@ -50,6 +50,8 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in (f"http://{host}".lower(), f"https://{host}".lower()):
             return PlainTextResponse("requests from other sites are refused\n", 403)
+        if _from_another_site(scope, headers):
+            return PlainTextResponse("requests from other sites are refused\n", 403)
         if not self._token:
             return None
         asked = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
@@ -73,6 +75,15 @@ class Guard:
             return name in self._names or bool(ipaddress.ip_address(name))
         except ValueError:
             return False
+
+
+def _from_another_site(scope: Scope, headers: dict[str, str]) -> bool:
+    """Whether another site's page asks: by a script, a picture or a frame. Its links to the page itself may be
+    followed. Source: W3C, Fetch Metadata Request Headers; programs that are no browser send none."""
+    if headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
+        return False
+    followed = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+    return not (followed and scope["path"] == "/" and scope.get("method") == "GET")
 
 
 def own_names() -> frozenset[str]:

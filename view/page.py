@@ -11,14 +11,18 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.budget import Effort
-from edgemap.runtime.edits import Edits
-from edgemap.runtime.map_file import map_text, save_map
-from edgemap.runtime.pose_journal import PoseJournal
-from edgemap.runtime.report.crops import BestCrops
-from edgemap.runtime.slam import StepResult
+from edgemap.geometry.objects.zone_watch import ZoneEvent, ZoneWatch
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.inputs.budget import Effort
+from edgemap.runtime.outputs.report.crops import BestCrops
+from edgemap.runtime.outputs.verdict.verdict import Verdict
+from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.map_file import map_text, save_map
+from edgemap.runtime.step.pose_journal import PoseJournal
+from edgemap.runtime.step.slam import StepResult
 from edgemap.view.pause import Pause
 from edgemap.view.tail import Tail
 
@@ -69,6 +73,10 @@ class LivePage:
         self.crops = BestCrops() if crops is None else crops
         self.edits = edits or Edits()
         self.edits.listeners.append(self.edited)
+        self.searching: Callable[[], bool] = bool  # whether the robot has yet to be found in a saved map
+        self.verdict: Callable[[], Verdict | None] = lambda: None  # how far the map can be trusted
+        self.keep_mount: Callable[[float, float], Path] | None = None  # height, m, and pitch, degrees, into camera.yaml
+        self.goals: list[Callable[[SE2], None]] = []  # who drives to a pose
         self.effort: Callable[[], Effort] = Effort  # what a budget has the run do
         self.newest: Moment | None = None
         self.revision = 0
@@ -77,6 +85,8 @@ class LivePage:
         self.trail: Tail[tuple[float, float]] = Tail(20_000)
         self.sightings: Tail[tuple[str, str, float, float]] = Tail(20_000)
         self.faults: Tail[Fault] = Tail(100)
+        self.events: Tail[ZoneEvent] = Tail(100)
+        self._zone_watch = ZoneWatch()
         self._trail_s: deque[float] = deque(maxlen=20_000)
         self._sightings_base: deque[tuple[float, float, float]] = deque(maxlen=20_000)  # stamp_s, x_m, y_m
         self._moved_m = 0.0
@@ -100,6 +110,8 @@ class LivePage:
             x_base_m, y_base_m = placed.sighting.position_base_m
             self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
         self.newest = Moment(result, objects, result.annotations, now_s)
+        for event in self._zone_watch.update(objects, result.annotations.zones, result.frame.stamp_s):
+            self.events.append(event)
         fault = "; ".join(result.observed.faults)
         if fault != self._last_fault:
             self._last_fault = fault
@@ -152,6 +164,11 @@ class LivePage:
         """Zones and deleted objects."""
         return self.newest.annotations if self.newest else NO_ANNOTATIONS
 
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The floor as a step of the last second showed it."""
+        return self.newest.result.grid if self.newest else None
+
     def rate_hz(self) -> float | None:
         """Steps per second over the last ones; None before the second."""
         arrivals = list(self._arrivals_s)
@@ -170,7 +187,7 @@ class LivePage:
     def save(self) -> Path:
         """Write the map of this moment into the run folder, beside map.json, where it stays. Raises MapError."""
         path = self.folder / f"map-{self.newest.result.frame.index if self.newest else 0:06d}.json"
-        save_map(path, self.objects, self.annotations)
+        save_map(path, self.objects, self.annotations, self.grid)
         return path
 
     def _send_again(self, trajectory: PoseJournal) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from edgemap.runtime.cameras.around import CameraAround
-from edgemap.runtime.cameras.fault import FrameTimeout
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.frame import Frame
+from edgemap.runtime.frames.fault import FrameTimeout
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.around import CameraAround
+from edgemap.runtime.inputs.cameras.protocol import Camera
 
 LOOK_EVERY_S, HELD_S = 0.05, 0.25  # while held: between two looks, and until the reader may do something else
 

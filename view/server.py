@@ -13,7 +13,7 @@ from collections.abc import Callable
 import psutil
 import uvicorn
 
-from edgemap.runtime.reading import print_message
+from edgemap.runtime.frames.reading import print_message
 from edgemap.view.app import make_app
 from edgemap.view.connections import WaitingLimited
 from edgemap.view.errors import ViewError

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from edgemap.runtime.slam import StepResult
+from edgemap.runtime.step.slam import StepResult
 from edgemap.view.page import LivePage
 
 SILENT_S = 2.0  # without a step
@@ -17,7 +17,12 @@ SLOW_SHARE = 0.85  # of the camera's rate; below it pictures are dropped or come
 NEWS_S = 15.0  # a reported fault stays among the problems this long
 UNSURE_M, UNSURE_RAD = 0.5, math.radians(15.0)  # one sigma of the pose at which the map cannot be trusted
 
+UNKNOWN_RAD = math.radians(90.0)  # of the heading: it may point anywhere
+
 Level = Literal["ok", "degraded", "fault"]
+
+# What the end of a run is shown as, by how far its map can be trusted.
+LEVELS: dict[str, Level] = {"good": "ok", "care": "degraded", "unreliable": "fault"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +49,9 @@ def problems(page: LivePage) -> list[Alert]:
     elif age_s > SILENT_S:
         found.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s."))
     found += _of_step(page, moment.result)
+    if page.searching():
+        text = "Looking for the robot's place in the saved map. Until it is found, this map stands alone."
+        found.append(Alert("degraded", "pose", text))
     last = page.last_fault
     if last is not None and time.monotonic() - last.reported_s < NEWS_S:
         found.append(Alert("degraded", "report", _sentence(last.text)))
@@ -52,9 +60,12 @@ def problems(page: LivePage) -> list[Alert]:
 
 def status(page: LivePage) -> dict[str, Any]:
     """level, the problems in order, and one headline that says it all."""
-    found = problems(page)
+    found, verdict = problems(page), page.verdict()
     level: Level = found[0].level if found else "ok"
-    return {"level": level, "headline": found[0].text if found else _calm(page), "problems": found}
+    if page.state == "finished" and verdict is not None:
+        level = LEVELS[verdict.level]
+    answer = {"level": level, "headline": found[0].text if found else _calm(page), "problems": found}
+    return answer | ({"verdict": verdict.document()} if verdict else {})
 
 
 def pose_sigma(result: StepResult) -> tuple[float, float]:
@@ -87,14 +98,16 @@ def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
         found.append(Alert("degraded", "speed", text))
     away_m, turned_rad = pose_sigma(result)
     if away_m > UNSURE_M or turned_rad > UNSURE_RAD:
-        text = f"The position is uncertain: ± {away_m:.1f} m, ± {math.degrees(turned_rad):.0f}°."
+        heading = "heading unknown" if turned_rad > UNKNOWN_RAD else f"± {math.degrees(turned_rad):.0f}°"
+        text = f"The position is uncertain: ± {away_m:.1f} m, {heading}."
         found.append(Alert("degraded", "pose", text))
     return found
 
 
 def _calm(page: LivePage) -> str:
     if page.state == "finished":
-        return "The run is over. This is the map it saved."
+        verdict = page.verdict()
+        return "The run is over. " + (_sentence(verdict.line.capitalize()) if verdict else "This is the map it saved.")
     if page.state == "paused":
         return "Paused."
     if page.newest is None:

@@ -11,10 +11,20 @@ from typing import Any
 import cv2
 import psutil
 
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.slam import StepResult
-from edgemap.view.answers import fault_answer, frame_answer, map_object_answer, plain, zones_answer
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.step.slam import StepResult
+from edgemap.view.answers import (
+    event_answer,
+    fault_answer,
+    floor_answer,
+    frame_answer,
+    map_object_answer,
+    plain,
+    zones_answer,
+)
 from edgemap.view.page import LivePage
 from edgemap.view.status import pose_sigma, status
 
@@ -73,8 +83,11 @@ class Cursor:
         self._with_sightings = False
         self._frame: Frame | None = None
         self._zones: list[dict[str, Any]] | None = None  # as sent
+        self._dock: SE2 | str | None = "unsent"  # as sent
+        self._grid: OccupancyGrid | None = None  # as sent
         self._objects: dict[str, MapObject] = {}
         self._trail = self._sightings = self._faults = self._epoch = 0
+        self._events = -1  # none before the first update: they are over
 
     def want_sightings(self, wanted: bool) -> None:
         """Send every sighting from the first on, or none."""
@@ -85,13 +98,17 @@ class Cursor:
         self.revision = page.revision
         moved, self._epoch = self._epoch != page.epoch, page.epoch
         if moved:
-            self._trail, self._sightings, self._objects, self._zones = 0, 0, {}, None
+            self._trail, self._sightings, self._objects, self._zones, self._grid = 0, 0, {}, None, None
         moment = page.newest
         trail, self._trail = page.trail.since(self._trail, MAXIMUM_ITEMS)
         faults, self._faults = page.faults.since(self._faults, MAXIMUM_ITEMS)
+        events, self._events = page.events.since(
+            self._events if self._events >= 0 else page.events.total, MAXIMUM_ITEMS
+        )
         document: dict[str, Any] = {
             "number": number, "state": page.state, "camera_state": page.camera_state(), "moved": moved,
             "status": status(page), "trail": trail, "faults": [fault_answer(fault) for fault in faults],
+            "events": [event_answer(event) for event in events],
             "vitals": vitals.now(),
         }  # fmt: skip
         if self._with_sightings:
@@ -101,6 +118,11 @@ class Cursor:
             zones = zones_answer(page)
             if zones != self._zones:
                 document["zones"] = self._zones = zones
+            dock = page.annotations.dock
+            if moved or self._dock == "unsent" or dock != self._dock:
+                self._dock, document["dock"] = dock, dock and list(dock.vector())
+            if (grid := moment.result.grid) is not None and grid is not self._grid:
+                document["floor"], self._grid = floor_answer(grid), grid
             document |= _step(moment.result) | self._object_changes(moment.objects)
             document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - moment.arrived_s}
             if moment.result.frame is not self._frame:

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from edgemap.runtime.decode import DFL_BINS
-from edgemap.runtime.manifest import DetectorSpec, HeadSpec
+from edgemap.runtime.network.decode import DFL_BINS
+from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
 
 RADIUS = 2.5  # cells between a cell's centre and that of a box it may answer for, per axis
 
 
 @dataclass(frozen=True)
 class Rows:
-    """What all cells of all heads say, one row for each (N of them; a cell with three anchors has three).
+    """What all cells of all heads predict, one row for each (N of them; a cell with three anchors has three).
 
     scores: (B, N, C) logits of the score by which the runtime ranks: objectness times class probability where there is
     an objectness. boxes: (B, N, 4) xyxy, px of the input. bins: (B, N, 4, 8) logits of the sides, of `dfl` heads alone.

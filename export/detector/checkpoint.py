@@ -11,18 +11,19 @@ from onnx import ModelProto
 
 from edgemap.export.adopt import load_onnx
 from edgemap.export.errors import ExportError
+from edgemap.export.floor.merge import without_floor
 from edgemap.export.onnx_export import seal
 from edgemap.export.torch_files import read_torch, save_whole
-from edgemap.runtime.errors import BundleError
-from edgemap.runtime.manifest import Manifest, check_shapes, read_manifest, verified_file
-from edgemap.runtime.reading import decode_json, one_line
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.reading import decode_json, one_line
+from edgemap.runtime.network.manifest import Manifest, check_shapes, read_manifest, verified_file
+from edgemap.runtime.network.store import bundle_folder
 
 FORMAT = "edgemap.detector/2"
 
 
 def save_detector(model: ModelProto, manifest: Manifest, path: Path) -> None:
-    """Write the graph with what its bundle will say of it."""
+    """Write the graph with the facts that its bundle will hold."""
     graph = bytearray(seal(model, manifest.detector).SerializeToString(deterministic=True))
     document = {
         "format": FORMAT,
@@ -35,6 +36,7 @@ def save_detector(model: ModelProto, manifest: Manifest, path: Path) -> None:
 def load_detector(name: str) -> tuple[ModelProto, Manifest]:
     """The graph and manifest of a `best.pt`, or of a bundle, by name or folder; rows that it leaves open are closed.
 
+    A floor head is left out: it belongs to a detector as it is, and export joins it again.
     Raises ExportError or BundleError.
     """
     if name.endswith(".pt"):
@@ -43,12 +45,13 @@ def load_detector(name: str) -> tuple[ModelProto, Manifest]:
         folder = bundle_folder(name)
         manifest = read_manifest(folder)
         model = load_onnx(verified_file(folder, manifest, manifest.detector.file))
-    shapes = {item.name: item.shape for item in (*manifest.detector.heads, *manifest.detector.features)}
+    shapes = manifest.detector.outputs()
     shapes[manifest.detector.input.name] = (1, 3, manifest.detector.input.height, manifest.detector.input.width)
     for value in (*model.graph.input, *model.graph.output):
         for axis, size in zip(value.type.tensor_type.shape.dim, shapes.get(value.name, ()), strict=False):
             axis.dim_value = size
-    return model, manifest
+    model, detector = without_floor(model, manifest.detector)
+    return model, msgspec.structs.replace(manifest, detector=detector)
 
 
 def is_detector(path: Path) -> bool:

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.reading import one_line
+from edgemap.runtime.frames.reading import one_line
 
 Operator = Callable[..., Any]
 

@@ -1,4 +1,4 @@
-"""The training losses: of labelled pictures, and of staying with what another network says of a picture.
+"""The training losses: of labelled pictures, and of staying close to another network's predictions.
 
 All of it is dense, masked sums over every cell: no value decides a shape, so a GPU never waits for the processor.
 """
@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from edgemap.export.detector.assign import Assignment, Targets, assign
 from edgemap.export.detector.boxes import Rows, generalised_iou
-from edgemap.runtime.decode import DFL_BINS
+from edgemap.runtime.network.decode import DFL_BINS
 
 # Weights of the parts, and how negatives count where scores are of classes alone, as in PicoDet's own training (Yu et
 # al. 2021). Scores with an objectness were trained with plain cross entropy: with that little weight on negatives they

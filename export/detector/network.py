@@ -15,11 +15,11 @@ from edgemap.export.detector.boxes import Rows, read_heads
 from edgemap.export.detector.checkpoint import load_detector, save_detector
 from edgemap.export.detector.graph import Graph
 from edgemap.export.torch_files import finite
-from edgemap.runtime.manifest import Manifest
+from edgemap.runtime.network.manifest import Manifest
 
 
 class TorchNetwork(nn.Module):
-    """BGR pictures (B, 3, H, W), 0..255, to what a bundle's heads say of them.
+    """BGR pictures (B, 3, H, W), 0..255, to the outputs of a bundle's heads.
 
     Batch normalisation is folded into the convolutions of a bundle's graph: there are no statistics, and a batch of any
     size will do. all_layers: else the layers before the features that odometry heads read keep their weights, so that
@@ -57,7 +57,7 @@ class TorchNetwork(nn.Module):
         return read_heads(outputs, self.detector, (image.shape[2], image.shape[3]))
 
     def save(self, path: Path, measured: dict[str, Any]) -> None:
-        """Write `best.pt`. measured: what to say of its training."""
+        """Write `best.pt`. measured: figures of its training."""
         manifest = msgspec.structs.replace(self.manifest, measured=measured)
         save_detector(self.graph.model(), manifest, path)
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from edgemap.export.detector.teach import Teacher, taught_pictures
 from edgemap.export.errors import ExportError
-from edgemap.runtime.drives.drive import SEEN_SHARE, LabelledBoxes
-from edgemap.runtime.drives.labelled import LabelledPictures
-from edgemap.runtime.drives.open import READERS, open_drive
-from edgemap.runtime.drives.pictures import read_picture
+from edgemap.runtime.inputs.drives.drive import SEEN_SHARE, LabelledBoxes
+from edgemap.runtime.inputs.drives.labelled import LabelledPictures
+from edgemap.runtime.inputs.drives.open import READERS, open_drive
+from edgemap.runtime.inputs.drives.pictures import read_picture
 
 KEPT_SIZE = 1.15  # longer side of a kept picture, of the network's input: stretched to it, the shorter one is drawn out
 UNTAUGHT = LabelledBoxes(np.zeros((0, 4)), (), np.zeros(0))

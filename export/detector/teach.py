@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.observations.detections import Detections
-from edgemap.runtime.bundle import Bundle
-from edgemap.runtime.decode import Decoder, Detector
-from edgemap.runtime.drives.drive import LabelledBoxes
-from edgemap.runtime.drives.pictures import list_pictures, read_picture
-from edgemap.runtime.drives.yolo import DOUBT_SCORE, predicted_boxes
+from edgemap.runtime.inputs.drives.drive import LabelledBoxes
+from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.inputs.drives.yolo import DOUBT_SCORE, predicted_boxes
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.decode import Decoder, Detector
 
 SAME_OVERLAP = 0.55  # IoU of boxes of one class that are one object to two teachers
 

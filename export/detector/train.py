@@ -64,9 +64,9 @@ class DetectorSettings:
 class Trainer(Training):
     """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
 
-    start: the network to train. known: whom to stay with where labels say nothing, where that is not the start. train:
-    examples as `load_examples` gives. validation: sets of them by name; the network with the highest mean of their
-    AP50 is the best. Under `torchrun` every process takes its share of each epoch.
+    start: the network to train. known: the reference network to stay close to without labels; the start by default.
+    train: examples as `load_examples` gives. validation: sets of them by name; the network with the highest mean of
+    their AP50 is the best. Under `torchrun` every process takes its share of each epoch.
     """
 
     resume_format = "edgemap.detector-run/2"
@@ -162,7 +162,7 @@ class Trainer(Training):
         average_into(self.average, self.network, 1.0 - 1.0 / min(AVERAGE_STEPS, 10 + self.steps / 4))
 
     def _distance(self, images: torch.Tensor, rows: Rows, targets: Targets, found: Assignment) -> torch.Tensor:
-        """From what the network that is kept to says where labels say nothing, per cell that sees or gets a box."""
+        """From the reference network's predictions where there are no labels, per cell with a box."""
         if not self.settings.keep:
             return torch.zeros((), device=self.device)
         with torch.no_grad(), self._narrow():

@@ -11,8 +11,8 @@ import torch
 from edgemap.evaluation.detection import ScoredPicture, average_precision
 from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
-from edgemap.runtime.decode import Decoder
-from edgemap.runtime.preprocess import Preprocessor
+from edgemap.runtime.network.decode import Decoder
+from edgemap.runtime.network.preprocess import Preprocessor
 
 BATCH = 16
 CONFIDENCE, NMS_IOU = 0.005, 0.6
@@ -20,7 +20,7 @@ CONFIDENCE, NMS_IOU = 0.005, 0.6
 
 @torch.no_grad()
 def validate(network: TorchNetwork, examples: Sequence[Example]) -> dict[str, Any]:
-    """`average_precision` of a network over examples, of the classes that their labels tell."""
+    """`average_precision` of a network over examples, of the classes that their labels name."""
     detector, device = network.detector, next(network.parameters()).device
     prepare, decode = Preprocessor(detector.input), Decoder(detector, CONFIDENCE, NMS_IOU)
     scored = []

@@ -13,8 +13,8 @@ from edgemap.export.errors import ExportError
 from edgemap.export.odometry.flow import FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PARAMETER_LIMIT, PaperHead
 from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
-from edgemap.runtime.manifest import Deviation, Span
-from edgemap.runtime.reading import Name, Share, one_line
+from edgemap.runtime.frames.reading import Name, Share, one_line
+from edgemap.runtime.network.manifest import Deviation, Span
 
 FORMAT = "edgemap.head/1"
 Kind = Literal["paper", "flow"]
@@ -22,7 +22,7 @@ Kind = Literal["paper", "flow"]
 
 @dataclass(frozen=True)
 class HeadCheckpoint:
-    """A head with all that a bundle says about it.
+    """A head with the facts that a bundle holds of it.
 
     feature: which tensor of the backbone it reads, in export's words (`head`, `neck`, `stride4`, …). sigma: standard
     deviations of forward_m, left_m, yaw_rad of one step. envelope, measured, window: as in the manifest. trained: false

@@ -26,11 +26,11 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras.pictures import drive_camera
-from edgemap.runtime.drives import Drive, open_drive
-from edgemap.runtime.engines import PROVIDERS, session_options
-from edgemap.runtime.network import Compute
-from edgemap.runtime.preprocess import Preprocessor, cell_grid
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.drives import Drive, open_drive
+from edgemap.runtime.network.engines import PROVIDERS, session_options
+from edgemap.runtime.network.network import Compute
+from edgemap.runtime.network.preprocess import Preprocessor, cell_grid
 
 FORMAT = "edgemap.features/1"
 PLAIN = AugmentedView()  # the pictures as they are
@@ -171,7 +171,7 @@ class FeatureStore:
 
 
 def usual_views(specs: Sequence[str]) -> int:
-    """How many views besides of each of these drives a flow head is trained on where nobody says."""
+    """Default number of additional views of each of these drives."""
     if len(specs) > FEW_DRIVES:
         return 0
     lenses = [open_drive(spec).intrinsics for spec in specs]

@@ -1,4 +1,4 @@
-"""What the flow head is taught: the motion, from both looks, with an honest covariance."""
+"""The flow head's loss: the motion, from both searches, with a consistent covariance."""
 
 from __future__ import annotations
 

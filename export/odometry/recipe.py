@@ -41,7 +41,7 @@ class Recipe:
 
     @staticmethod
     def envelope(drives: Sequence[FeatureDrive]) -> dict[str, tuple[float, float]]:
-        """What the training has seen: camera height m, pitch deg, half the field of view, frame times, speeds."""
+        """The range of the training data: camera height m, pitch deg, half the field of view, frame times, speeds."""
         heights = [float(drive.mount[0, 11]) for drive in drives]
         pitches = [math.degrees(-math.asin(float(np.clip(drive.mount[0, 8], -1.0, 1.0)))) for drive in drives]
         views = [2.0 * math.degrees(math.atan(float(np.abs(drive.cells[0, 0]).max()))) for drive in drives]

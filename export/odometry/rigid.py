@@ -1,4 +1,4 @@
-"""Where a moving base makes points of the picture go, and the motion that explains what was seen: least squares.
+"""Where a moving base makes points of the picture go, and the least-squares motion that explains it.
 
 Everything is in normalised image points ("bearings") of cells on a grid, so that one network serves any lens and mount.
 Batches: B pictures, N cells. The unknowns are the base's motion since the previous frame (x, y, yaw rad; lengths in the

@@ -27,9 +27,9 @@ Unroll = Callable[[Any, ClipBatch, list[Tensor] | None], tuple[Tensor, Tensor | 
 def estimate(
     head: nn.Module, unroll: Unroll, drive: FeatureDrive, window: int = 0
 ) -> tuple[list[SE2], np.ndarray | None]:
-    """A head's motions of one drive, one fewer than frames, and their covariances where it tells any.
+    """A head's motions of one drive, one fewer than frames, and their covariances where it has any.
 
-    window: motions after which the state starts anew from the last frame; 0 for never.
+    window: motions after which the state starts again from the last frame; 0 for never.
     """
     shelf = Shelf((), next(head.parameters()).device)
     state: list[Tensor] | None = None

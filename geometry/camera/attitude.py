@@ -19,12 +19,14 @@ class GyroRotation:
     """The camera's rotation from the previous frame to this one, by a gyro whose bias is taken out.
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
-    change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad.
+    change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad. proved: whether
+    an odometry has confirmed its sign and scale, or the camera swings, which none measures as well.
     """
 
     rotation: Array
     yaw_rad: float
     sigma_rad: float
+    proved: bool = True
 
     @property
     def angle_rad(self) -> float:
@@ -59,11 +61,12 @@ class SeenRotation:
 @dataclass(frozen=True, slots=True, eq=False)
 class MountSeen:
     """A mount's angles as pictures and forces show them. sigma_rad: standard deviations of roll and pitch, (2,). used:
-    the mount that attitudes are about, as given but for angles that are wrong."""
+    the mount that attitudes are about, as given but for angles that are wrong. given: as it was given."""
 
     mount: Mount
     sigma_rad: Array
     used: Mount
+    given: Mount
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,20 @@ class Mount:
         """Where the lens is in the base frame, (3,) in metres; the base's origin is on the floor."""
         return np.array([self.forward_m, self.left_m, self.height_m])
 
+    def floor_by_tilt(self, point_base_m: Array) -> Array:
+        """Derivative (2, 2) by roll and pitch, m per rad, of where a ray meets the floor, (2,), base frame."""
+        x, y = (point_base_m - [self.forward_m, self.left_m]).tolist()
+        h = self.height_m
+        return np.array([[x * y, -(h * h + x * x)], [h * h + y * y, -x * y]]) / h
+
+
+@dataclass(frozen=True, slots=True)
+class HeightSeen:
+    """A lens's height above the floor as a drive shows it, and its standard deviation, metres."""
+
+    height_m: float
+    sigma_m: float
+
 
 @lru_cache(maxsize=64)
 def rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:

@@ -1,4 +1,4 @@
-"""When sightings are one object, and what that one is: its position, covariance and size from its pools."""
+"""When landmarks are one object, and what that one is: its position, covariance and size."""
 
 import math
 from collections.abc import Sequence
@@ -7,107 +7,143 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.arrays import Array
+from edgemap.geometry.map_object import MapObject, SightingSums
 from edgemap.geometry.objects.class_posterior import OverlapRule
-from edgemap.geometry.objects.map_object import MapObject, SightingSums
-from edgemap.geometry.objects.observation_pool import ObservationPool, mean_variance
+from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """When sightings are the same object.
+    """What landmarks need to be an object on the map.
 
-    gate: squared Mahalanobis distance up to which two pools or clusters join; 13.82 holds 99.9 % of true pairs in the
-    plane. max_distance_m: never farther than this. correlated: neighbouring frames repeat each other's error, so this
-    many sightings weigh as one. systematic_m, systematic_extent_share: standard deviation of what no number of
-    sightings takes away (a box's lower edge is not the footprint), at least, and as a share of the footprint's longer
-    side. min_count (of what its sightings count, see FloorRule), min_confidence: what an object needs to show
-    on the map (chosen on simulated homes). forget_after: frames after which one that does not is dropped.
-    maximum_pools: of one object, the least recent ones of more are joined. budget: pools that moved, or were only seen
-    better, associated again in one frame. still_m: what moves by less needs no association; grown: nor what was not yet
-    seen so many times as often as when it was associated last.
+    min_count (of what its sightings count, see FloorRule), min_confidence: of all its sightings (chosen on simulated
+    homes). forget_after: frames after which a landmark that is no object is dropped.
     real_log_odds, real_slope, real_score: that an object is real, after one full sighting with a mean score of 0.5, per
     e-fold of full sightings, and per unit of the mean score's log-odds, as a box's score is about its precision on
     photographs (logistic regression on the 199 objects that two detectors map in seven tuning drives).
     """
 
-    gate: float = 13.82
-    max_distance_m: float = 1.5
-    correlated: float = 4.0
-    systematic_m: float = 0.08
-    systematic_extent_share: float = 0.15
     min_count: int = 4
     min_confidence: float = 0.6
     forget_after: int = 3000
-    maximum_pools: int = 8
-    budget: int = 8
-    still_m: float = 0.02
-    grown: float = 1.25
     real_log_odds: float = -3.05
     real_slope: float = 0.98
     real_score: float = 1.5
     overlap: OverlapRule = field(default_factory=OverlapRule)
 
-    def systematic_of(self, extent_m: float) -> float:
-        """Standard deviation, metres, that no number of sightings takes away from an object of this size."""
-        return max(self.systematic_m, self.systematic_extent_share * extent_m)
-
 
 class Estimate:
-    """One object, fused from its pools: information-weighted mean of their places, plus what they all share.
+    """One object of several landmarks: information-weighted mean of their positions, plus what they all share.
 
     position_m: (2,) in the map frame. saved: the earlier map's object that is part of it, which shows whatever the
     evidence.
     """
 
-    def __init__(self, pools: Sequence[ObservationPool], rule: AssociationRule) -> None:
+    def __init__(self, landmarks: Sequence[Landmark], side_m2: float) -> None:
         self.sums = SightingSums()
-        for pool in pools:
-            self.sums.join(pool.sums)
-        self._pools, self._rule = pools, rule
-        self.saved = next((pool.saved for pool in pools if pool.saved is not None), None)
-        first = min(pools, key=lambda pool: (pool.saved is None, pool.sums.first_seen_s))
-        self._first_m2 = first.first_m2
-        first_m2_mean = mean_variance(first.first_m2)
-        xx, xy, yy = np.array([pool.information for pool in pools]).T
-        vx, vy = np.array([pool.vector for pool in pools]).T
-        determinant = xx * yy - xy * xy
-        x_m, y_m = (yy * vx - xy * vy) / determinant, (xx * vy - xy * vx) / determinant
-        scale = np.minimum([float(pool.sums.count) for pool in pools], rule.correlated) / determinant
-        drift_m2 = np.maximum(np.array([pool.variance_m2 for pool in pools]) - first_m2_mean, 0.0)
-        a, b, c = yy * scale + drift_m2, -xy * scale, xx * scale + drift_m2
-        determinant = a * c - b * b
-        xx, xy, yy = c / determinant, -b / determinant, a / determinant
-        information = np.array([[xx.sum(), xy.sum()], [xy.sum(), yy.sum()]])
-        self._own_m2 = np.linalg.inv(information)
-        self.position_m = self._own_m2 @ [(xx * x_m + xy * y_m).sum(), (xy * x_m + yy * y_m).sum()]
+        for landmark in landmarks:
+            self.sums.join(landmark.sums)
+        self.saved = next((one.saved for one in landmarks if one.saved is not None), None)
+        first = min(landmarks, key=lambda one: (one.saved is None, one.sums.first_seen_s))
+        drift_m2 = [
+            max(one.variance_m2 - (first.first_m2[0, 0] + first.first_m2[1, 1]) / 2.0, 0.0) for one in landmarks
+        ]
+        own_m2 = np.array([one.own_m2 for one in landmarks]) + np.array(drift_m2)[:, None, None] * np.eye(2)
+        information = np.linalg.inv(own_m2)
+        fused_m2 = np.linalg.inv(information.sum(axis=0))
+        positions_m = np.array([one.position_m for one in landmarks])
+        self.position_m: Array = fused_m2 @ np.einsum("nij,nj->i", information, positions_m)
+        shared = np.average([one.shared_m2 for one in landmarks], axis=0, weights=[one.sums.count for one in landmarks])
+        self.covariance_m2: Array = fused_m2 + np.eye(2) * side_m2 + shared + first.first_m2
+        self._landmarks = landmarks
 
-    def shows(self, others: Sequence[SightingSums] = ()) -> bool:
+    def shows(self, rule: AssociationRule, others: Sequence[SightingSums] = ()) -> bool:
         """Whether there is enough evidence to put it on the map. others: sightings of it under other labels."""
         weight = self.sums.weight + sum(sums.weight for sums in others)
         confidence = -math.expm1(self.sums.miss + sum(sums.miss for sums in others))
-        enough = weight >= self._rule.min_count and confidence >= self._rule.min_confidence
-        return self.saved is not None or enough
+        return self.saved is not None or (weight >= rule.min_count and confidence >= rule.min_confidence)
 
-    def covariance(self) -> Array:
-        """(2, 2) m^2 in the map frame: own part, plus mount and first pose, which no number of sightings shrinks."""
-        extent_m = sum(pool.extent_m * pool.sums.count for pool in self._pools) / self.sums.count
-        shared = sum((pool.shared for pool in self._pools), np.zeros((2, 2))) / sum(p.weight for p in self._pools)
-        own = self._own_m2 + np.eye(2) * self._rule.systematic_of(extent_m) ** 2
-        return own + shared + self._first_m2
-
-    def as_object(self, identity: str, label: str) -> MapObject:
+    def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
         """The object as a map shows it; its confidence is the probability that such an object is real, and no less than
         what an earlier map says."""
-        plain = self.sums.as_object(identity, label, self.position_m, self.covariance())
-        return replace(plain, confidence=max(self._real(), self.saved.confidence if self.saved else 0.0))
+        plain = self.sums.as_object(identity, label, self.position_m, self.covariance_m2)
+        return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
 
-    def _real(self) -> float:
+    def _real(self, rule: AssociationRule) -> float:
         """Probability that an object with such sightings of this run is real."""
-        rule, sums = self._rule, SightingSums()
-        for pool in self._pools:
-            if pool.saved is None:
-                sums.join(pool.sums)
+        sums = SightingSums()
+        for landmark in self._landmarks:
+            if landmark.saved is None:
+                sums.join(landmark.sums)
         if sums.count == 0:
             return 0.0
         log_odds = rule.real_log_odds + rule.real_slope * math.log(max(sums.weight, 1.0))
         return 1.0 / (1.0 + math.exp(-log_odds - rule.real_score * sums.score_log_odds))
+
+
+def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:
+    """Landmarks of one label as objects: the closest two join first, until none may. What was seen in one frame never
+    does; what loop closure linked (`roots`) does at any distance within reach."""
+    count = len(landmarks)
+    if count == 1:
+        return [list(landmarks)]
+    number = {one.number: row for row, one in enumerate(landmarks)}
+    apart = np.eye(count, dtype=bool)
+    for row, one in enumerate(landmarks):
+        apart[row, [number[other] for other in one.beside if other in number]] = True
+    saved = [row for row, one in enumerate(landmarks) if one.saved is not None]
+    apart[np.ix_(saved, saved)] = True
+    apart |= apart.T
+    sums, place = _sums(landmarks), np.array([*np.zeros((6, count)), roots], dtype=np.float64)
+    place[:6] = _placed(sums, rule)
+    groups = [[one] for one in landmarks]
+    distance = np.where(apart, np.inf, _distances(place, place, rule))
+    while True:
+        kept, gone = divmod(int(distance.argmin()), count)
+        if distance[kept, gone] == np.inf:
+            return [group for group in groups if group]
+        groups[kept] += groups[gone]
+        groups[gone] = []
+        sums[:, kept] += sums[:, gone]
+        place[:6, [kept]] = _placed(sums[:, [kept]], rule)
+        apart[kept] |= apart[gone]
+        apart[:, kept] |= apart[:, gone]
+        distance[gone] = distance[:, gone] = np.inf
+        own = _distances(place[:, [kept]], place, rule)[0]
+        own[[row for row, group in enumerate(groups) if not group]] = np.inf
+        distance[kept] = distance[:, kept] = np.where(apart[kept], np.inf, own)
+
+
+def _sums(landmarks: Sequence[Landmark]) -> Array:
+    """(8, N): information xx, xy, yy; that times position x, y; count; extent and pose variance, each times count."""
+    own = np.array([one.own_m2 for one in landmarks])
+    information = np.linalg.inv(own)
+    vector = (information @ np.array([one.position_m for one in landmarks])[:, :, None])[:, :, 0]
+    count = np.array([one.sums.count for one in landmarks], dtype=np.float64)
+    extent = np.array([one.extent_m for one in landmarks])
+    variance = np.array([one.variance_m2 for one in landmarks])
+    columns = (information[:, 0, 0], information[:, 0, 1], information[:, 1, 1], *vector.T)
+    return np.array([*columns, count, extent * count, variance * count], dtype=np.float64)
+
+
+def _placed(sums: Array, rule: LandmarkRule) -> Array:
+    """(6, N): position, own covariance xx, xy, yy and pose variance."""
+    xx, xy, yy, vx, vy, count, extent, variance = sums
+    scale = 1.0 / (xx * yy - xy * xy)
+    side_m2 = rule.side_m**2 + (rule.side_share * extent / count) ** 2
+    return np.array([
+        (yy * vx - xy * vy) * scale, (xx * vy - xy * vx) * scale,
+        yy * scale + side_m2, -xy * scale, xx * scale + side_m2, variance / count,
+    ])  # fmt: skip
+
+
+def _distances(here: Array, there: Array, rule: LandmarkRule) -> Array:
+    """Squared Mahalanobis distances of M places (7, M) to N, (M, N): under both own covariances and what the pose
+    drifted between the two, zero for one landmark; infinite beyond the gate and the reach."""
+    here, there = here[:, :, None], there[:, None, :]
+    dx, dy = there[0] - here[0], there[1] - here[1]
+    drift_m2 = np.abs(there[5] - here[5])
+    xx, xy, yy = here[2] + there[2] + drift_m2, here[3] + there[3], here[4] + there[4] + drift_m2
+    found = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    found = np.where(here[6] == there[6], 0.0, found)
+    return np.where((found <= rule.gate) & (dx * dx + dy * dy <= rule.reach_m**2), found, np.inf)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
 
 CELL_M = 1.0

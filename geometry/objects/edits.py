@@ -1,9 +1,11 @@
-"""What people say of a map: names, confirmations, deletions, joins and zones, beside what was measured.
+"""What people say of a map: names, confirmations, corrections, deletions, joins, zones and the dock, beside what was
+measured.
 
 Edits never touch the measured map: they are laid over it when it is read, so the same drive makes the same measured
 map with and without them.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -11,16 +13,35 @@ from typing import Literal
 import numpy as np
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.association import AssociationRule
-from edgemap.geometry.objects.map_object import MapObject, ObjectMap, id_order
+from edgemap.geometry.map_object import MapObject, ObjectMap, id_order
+from edgemap.geometry.objects.class_posterior import least_spacing_m
+from edgemap.geometry.objects.corrections import Correction, added_object, fault_of
 from edgemap.geometry.objects.merge import fused
+from edgemap.geometry.observations.class_extents import HEIGHT_M, footprint_m
 from edgemap.geometry.registration.alignment import Alignment
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.landmarks import LandmarkRule
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 Corners = tuple[tuple[float, float], ...]
-EditKind = Literal["rename", "confirm", "delete", "merge", "restore", "zone", "drop_zone"]
+EditKind = Literal[
+    "rename",
+    "confirm",
+    "correct",
+    "add",
+    "delete",
+    "merge",
+    "restore",
+    "zone",
+    "drop_zone",
+    "dock",
+    "drop_dock",
+    "pose",
+]
 
-MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME = 100, 200, 80
+MAXIMUM_CORNERS, MAXIMUM_ZONES, LONGEST_NAME, MAXIMUM_ADDED = 100, 200, 80, 1000
+ADDED = "-added"  # between label and number of the id of an object that a person has added
+USUAL_WIDTH_M = 0.5  # of an added object whose class has no usual size
 MINIMUM_ZONE_M2 = 0.01
 
 
@@ -39,14 +60,17 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class Annotations:
-    """What a map holds beside its objects. deleted: objects that a person has taken out, so that they stay out."""
+    """What a map holds beside its objects. deleted: objects that a person has taken out, so that they stay out. dock:
+    where the robot's base stands when it charges."""
 
     zones: tuple[Zone, ...] = ()
     deleted: tuple[MapObject, ...] = ()
+    dock: SE2 | None = None
 
     def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
         """All that a saved map has measured: its objects, the deleted ones too, without what people have said."""
-        return [replace(item, name="", confirmed=False) for item in (*saved, *self.deleted)]
+        plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
+        return [replace(item, **plain) for item in (*saved, *self.deleted)]
 
     def with_zones(self, zones: Sequence[Zone], alignment: Alignment) -> "Annotations":
         """Another map's zones added, in this one's frame and with the next free ids."""
@@ -66,8 +90,11 @@ class Edit:
     """One thing that a person did.
 
     rename: `id` is called `name`; empty takes the name away. confirm: a person has seen `id` there (`on`) or takes that
-    back. delete: `id` is not there. merge: `id` is the same object as `into`. restore: takes back delete and merge of
-    `id`. zone: a zone `id`, or a new one where it is empty, has `name` and `corners_m`. drop_zone: zone `id` goes.
+    back. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where given. add: an object with them
+    stands there, that nobody has detected. delete: `id` is not there. merge: `id` is the same object as `into`.
+    restore: takes back delete, merge and correct of `id`. zone: a zone `id`, or a new one where it is empty, has `name`
+    and `corners_m`. drop_zone: zone `id` goes. dock: the dock is at `pose`; drop_dock: there is none. pose: the robot
+    is at `pose` now, with standard deviations `sigmas`. Poses: x, y, yaw; m, m, rad.
     """
 
     do: EditKind
@@ -76,6 +103,12 @@ class Edit:
     on: bool = True
     into: str = ""
     corners_m: Corners = ()
+    label: str = ""
+    place_m: tuple[float, float] | None = None
+    size_m: tuple[float, float, float] | None = None
+    yaw_rad: float | None = None
+    pose: tuple[float, float, float] | None = None
+    sigmas: tuple[float, float, float] | None = None
 
 
 @dataclass(slots=True)
@@ -94,6 +127,11 @@ class MapEdits:
     confirmed: set[str] = field(default_factory=set)
     deleted: dict[str, frozenset[str]] = field(default_factory=dict)  # with the labels that it was detected as
     joined: dict[str, str] = field(default_factory=dict)
+    corrections: dict[str, Correction] = field(default_factory=dict)
+    added: dict[str, MapObject] = field(default_factory=dict)
+    dock: SE2 | None = None
+    _saved_dock: SE2 | None = None  # of a map in which the robot has yet to find itself
+    _dock_anchor_s: float | None = None  # stamp of the pose nearest to the dock, where it was set in this run
     _zones: dict[str, _DrawnZone] = field(default_factory=dict)
     _issued: int = 0
     _version: int = 0
@@ -112,8 +150,11 @@ class MapEdits:
                 edits.names[item.id] = item.name
             if item.confirmed:
                 edits.confirmed.add(item.id)
+            if item.corrected:
+                edits.corrections[item.id] = Correction.of(item)
         edits.deleted = {item.id: _labels(item) for item in annotations.deleted}
         edits._zones = {zone.id: _DrawnZone(zone) for zone in annotations.zones}
+        edits.dock = annotations.dock
         edits._issued = max((id_order(zone.id)[1] for zone in annotations.zones), default=0)
         return edits
 
@@ -136,12 +177,16 @@ class MapEdits:
             if self._zones.pop(edit.id, None) is None:
                 raise EditError(f"no zone {edit.id!r}")
             return edit.id
+        if edit.do in ("dock", "drop_dock"):
+            return self._put_dock(edit, anchors)
         if edit.do == "restore":
-            if edit.id not in self.deleted and edit.id not in self.joined:
-                raise EditError(f"{edit.id!r} was neither deleted nor merged")
-            self.deleted.pop(edit.id, None)
-            self.joined.pop(edit.id, None)
+            if not any(edit.id in some for some in (self.deleted, self.joined, self.corrections)):
+                raise EditError(f"{edit.id!r} was neither deleted nor merged nor corrected")
+            # The last thing first: an object that was corrected and then deleted comes back corrected.
+            next(some for some in (self.deleted, self.joined, self.corrections) if edit.id in some).pop(edit.id)
             return edit.id
+        if edit.do == "add":
+            return self._add(edit, anchors)
         shown = {item.id: item for item in self.shown(measured)}
         for identity in (edit.id, edit.into) if edit.do == "merge" else (edit.id,):
             if identity not in shown:
@@ -151,6 +196,8 @@ class MapEdits:
         elif edit.do == "confirm":
             self.confirmed = {one for one in self.confirmed if self._root(one, measured) != edit.id}
             self.confirmed |= {edit.id} if edit.on else set()
+        elif edit.do == "correct":
+            self._correct(edit, measured, anchors)
         elif edit.do == "delete":
             self.deleted[edit.id] = _labels(shown[edit.id])
         elif edit.id == edit.into:
@@ -162,7 +209,7 @@ class MapEdits:
     def shown(self, measured: ObjectMap) -> list[MapObject]:
         """The measured map's objects as people have edited it; the very same list where nobody has."""
         objects = measured.objects()
-        if not (self.names or self.confirmed or self.deleted or self.joined):
+        if not (self.names or self.confirmed or self.deleted or self.joined or self.corrections or self.added):
             self._hidden = ()
             return objects
         if self._seen is None or self._seen[0] != self._version or self._seen[1] is not objects:
@@ -174,8 +221,9 @@ class MapEdits:
         """Zones and deleted objects as they stand; the very same as long as they do."""
         if self.deleted:
             self.shown(measured)
-        if (self.zones, self._hidden) != (self._annotations.zones, self._annotations.deleted):
-            self._annotations = Annotations(self.zones, self._hidden)
+        now = Annotations(self.zones, self._hidden, self.dock)
+        if now != self._annotations:
+            self._annotations = now
         return self._annotations
 
     def kept(self, measured: ObjectMap) -> frozenset[str]:
@@ -192,19 +240,33 @@ class MapEdits:
             if drawn.anchors_s is not None:
                 places = correction.moved_points(drawn.anchors_s, drawn.zone.corners_m)
                 drawn.zone = replace(drawn.zone, corners_m=_corners(places))
+        self.corrections = {one: said.moved(correction) for one, said in self.corrections.items()}
+        if self.dock is not None and self._dock_anchor_s is not None:
+            anchor_s, pose = np.array([self._dock_anchor_s]), self.dock.vector()[None]
+            self.dock = SE2(*correction.moved_poses(anchor_s, pose)[0].tolist())
+        self._version += 1
 
     def enter(self, zones: Sequence[Zone], alignment: Alignment) -> None:
-        """This run's zones move into a saved map's frame, and that map's zones come first."""
+        """This run's zones, corrections and dock move into a saved map's frame, and that map's zones come first."""
         own = self._zones
         self._zones = {zone.id: _DrawnZone(zone) for zone in zones}
         for identity, drawn in own.items():
             places = alignment.pose_a_b.apply(np.array(drawn.zone.corners_m))
             self._zones[identity] = _DrawnZone(replace(drawn.zone, corners_m=_corners(places)), drawn.anchors_s)
+        for identity, said in self.corrections.items():
+            if said.anchor_s is not None and said.place_m is not None:
+                x_m, y_m = alignment.pose_a_b.apply(np.array(said.place_m)).tolist()
+                self.corrections[identity] = replace(said, place_m=(x_m, y_m))
+        if self.dock is None or self._dock_anchor_s is None:
+            self.dock = self._saved_dock
+        else:
+            self.dock = alignment.pose_a_b @ self.dock
         self._version += 1
 
     def take_zones(self) -> tuple[Zone, ...]:
-        """The zones, which leave: until the robot has found itself in their map they have no place."""
+        """The zones, which leave with the dock: until the robot has found itself in their map they have no place."""
         zones, self._zones = self.zones, {}
+        self._saved_dock, self.dock = self.dock, None
         return zones
 
     def _rename(self, identity: str, name: str, measured: ObjectMap) -> None:
@@ -213,6 +275,41 @@ class MapEdits:
         self.names = {one: name_of for one, name_of in self.names.items() if self._root(one, measured) != identity}
         if name:
             self.names[identity] = name
+
+    def _correct(self, edit: Edit, measured: ObjectMap, anchors: Callable[[Corners], np.ndarray]) -> None:
+        said = _correction(edit, anchors)
+        if said == Correction():
+            raise EditError(f"nothing of {edit.id!r} is to be corrected: give a label, a position, a size or a yaw")
+        roots = {one: self._root(one, measured) for one in self.corrections}
+        for one in [one for one, root in roots.items() if root == edit.id]:
+            said = self.corrections.pop(one).updated(said)
+        self.corrections[edit.id] = said
+
+    def _add(self, edit: Edit, anchors: Callable[[Corners], np.ndarray]) -> str:
+        said = _correction(edit, anchors)
+        if not said.label or said.place_m is None:
+            raise EditError("a new object needs a label and a position")
+        if said.size_m is None:
+            width_m, depth_m = footprint_m(said.label, USUAL_WIDTH_M)
+            said = replace(said, size_m=(width_m, depth_m, HEIGHT_M.get(said.label, (USUAL_WIDTH_M, 0.0))[0]))
+        if len(self.added) >= MAXIMUM_ADDED:
+            raise EditError(f"{MAXIMUM_ADDED} objects are added already")
+        # Never an id that the measured map gives: it numbers its own classes only.
+        taken = [id_order(one)[1] for one in {*self.added, *self.corrections, *self.names} if ADDED in one]
+        identity = f"{said.label}{ADDED}-{max(taken, default=0) + 1}"
+        self.added[identity] = added_object(identity, said, said.anchor_s or 0.0)
+        self.corrections[identity] = said
+        self.confirmed.add(identity)
+        return identity
+
+    def _put_dock(self, edit: Edit, anchors: Callable[[Corners], np.ndarray]) -> str:
+        if edit.do == "drop_dock":
+            self.dock = None
+            return "dock"
+        if edit.pose is None or not all(map(math.isfinite, edit.pose)):
+            raise EditError("a dock needs a pose: x, y and yaw")
+        self.dock, self._dock_anchor_s = SE2(*edit.pose), float(anchors((edit.pose[:2],))[0])
+        return "dock"
 
     def _put_zone(self, edit: Edit, anchors: Callable[[Corners], np.ndarray]) -> str:
         if edit.id and edit.id not in self._zones:
@@ -247,9 +344,24 @@ class MapEdits:
             identity = joins[identity]
         return identity
 
+    def _with_added(self, objects: list[MapObject], joins: dict[str, str]) -> tuple[list[MapObject], dict[str, str]]:
+        """The measured objects and those that people have added; one of a label that was detected where another was
+        added is that one."""
+        if not self.added:
+            return objects, joins
+        known, joins = {item.id for item in objects}, dict(joins)
+        added = [self.corrections[one].apply(item) for one, item in self.added.items() if one not in known]
+        for ours in added:
+            for item in objects:
+                near_m = float(np.linalg.norm(item.position_m - ours.position_m))
+                if item.id not in joins and item.label == ours.label and near_m < least_spacing_m(ours, item):
+                    joins[item.id] = ours.id
+        return [*objects, *added], joins
+
     def _lay_over(self, objects: list[MapObject], measured: ObjectMap) -> None:
         joins = self._joins(measured)
         out = {self._root(identity, measured, joins): labels for identity, labels in self.deleted.items()}
+        objects, joins = self._with_added(objects, joins)
         there, groups, hidden = {item.id for item in objects}, dict[str, list[MapObject]](), list[MapObject]()
         for item in objects:
             root = self._root(item.id, measured, joins) if joins else item.id
@@ -260,27 +372,52 @@ class MapEdits:
                 groups.setdefault(root, []).append(item)
         names = {self._root(identity, measured, joins): name for identity, name in self.names.items()}
         confirmed = {self._root(identity, measured, joins) for identity in self.confirmed}
+        said = {self._root(identity, measured, joins): one for identity, one in self.corrections.items()}
         shown, made = [], {}
         for root, parts in groups.items():
             parts.sort(key=lambda item: (item.id != root, id_order(item.id)))
             name, is_confirmed = names.get(root, ""), root in confirmed
-            key = (*map(id, parts), name, is_confirmed)
+            key = (*map(id, parts), name, is_confirmed, said.get(root))
             kept_item = self._made.get(root)
-            item = kept_item[1] if kept_item is not None and kept_item[0] == key else _edited(parts, name, is_confirmed)
+            is_same = kept_item is not None and kept_item[0] == key
+            item = kept_item[1] if kept_item and is_same else _edited(parts, name, is_confirmed, said.get(root))
             made[root] = (key, item, parts)  # the parts are kept alive, so that an id() stays theirs
             shown.append(item)
         self._made, self._shown = made, sorted(shown, key=lambda item: id_order(item.id))
         self._hidden = tuple(hidden)
 
 
-def _edited(parts: list[MapObject], name: str, confirmed: bool) -> MapObject:
-    """One object of those that are it, the first one's id kept."""
+def joined(parts: Sequence[MapObject]) -> MapObject:
+    """Objects that are one, the first one's id kept; its label is the likeliest by all of them."""
     item = parts[0]
     for part in parts[1:]:
-        item = fused(item, part, AssociationRule())
+        item = fused(item, part, LandmarkRule())
+    if len(parts) > 1 and item.labels:
+        item = replace(item, label=max(item.labels, key=lambda label: (item.labels[label], label == item.label)))
+    return item
+
+
+def _edited(parts: list[MapObject], name: str, confirmed: bool, said: Correction | None) -> MapObject:
+    """One object of those that are it, with what people have said of it."""
+    item = joined(parts)
+    if said is not None:
+        item = said.apply(item)
     if (name, confirmed) == (item.name, item.confirmed):
         return item
     return replace(item, name=name, confirmed=confirmed, confidence=1.0 if confirmed else item.confidence)
+
+
+def _correction(edit: Edit, anchors: Callable[[Corners], np.ndarray]) -> Correction:
+    """What an edit says of an object. Raises EditError."""
+    anchor_s = None if edit.place_m is None else float(anchors((edit.place_m,))[0])
+    said = Correction(edit.label, edit.place_m, edit.size_m, edit.yaw_rad, anchor_s)
+    if fault := fault_of(said):
+        raise EditError(fault)
+    if edit.label and (
+        len(edit.label) > LONGEST_NAME or not edit.label.isprintable() or edit.label.strip() != edit.label
+    ):
+        raise EditError(f"a label has at most {LONGEST_NAME} printable characters and no space at its ends")
+    return said
 
 
 def _labels(item: MapObject) -> frozenset[str]:

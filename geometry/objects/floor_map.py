@@ -1,86 +1,75 @@
-"""The default clustering: sightings that are one object under both covariances, whatever their order.
+"""The default clustering: landmarks that are one object under both covariances.
 
 Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. What is one
-object is decided again, for all that is linked with a frame's sightings, from the pools that all sightings ever went
-into. Objects that turn out to be one merge, and the older id stays; the larger part of one that turns out to be two
-keeps its id. Everything moves with the pose that it was seen from.
+object is decided again around every landmark that is new, was seen from one more keyframe, or moved. Objects that turn
+out to be one merge, and the older id stays; the larger part of one that turns out to be two keeps its id. Everything
+moves with the keyframes that observed it.
 """
 
 import math
 from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import combinations, islice
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.association import AssociationRule, Estimate
+from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
-from edgemap.geometry.objects.map_object import MapObject, id_order
-from edgemap.geometry.objects.observation_pool import (
-    SAVED_SIDE,
-    VIEW_M,
-    ObservationPool,
-    keys_of,
-    move_views,
-    outermost,
-)
-from edgemap.geometry.objects.pool_index import PoolIndex
-from edgemap.geometry.observations.class_extents import footprint_m
 from edgemap.geometry.observations.sighting import PlacedSighting
-from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
+from edgemap.geometry.slam.landmarks import Landmark
+from edgemap.geometry.slam.pose_graph import GraphRule, PoseGraph
+from edgemap.geometry.slam.pruning import drop_keyframes
+from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
+VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
+DIRECTIONS = 24  # from an object; for each the farthest position that it was seen from is reported
 
 
 @dataclass(slots=True, eq=False)
 class _Object:
-    """Sightings of one label that are one object. pools: what it is made of. presence: probability that it
-    still stands there.
-    estimate: None until asked for."""
+    """Landmarks of one label that are one object. presence: probability that it still stands there. estimate: None
+    until asked for."""
 
     id: str
     label: str
-    pools: list[ObservationPool]
+    landmarks: list[Landmark]
     presence: float = 1.0
     estimate: Estimate | None = None
 
-    def estimated(self, rule: AssociationRule) -> Estimate:
-        """Position and covariance from its pools."""
-        if self.estimate is None:
-            self.estimate = Estimate(self.pools, rule)
-        return self.estimate
-
 
 class FloorMap:
-    """Objects by association, fed frame by frame; deterministic ids such as `chair-3` in order of appearance."""
+    """Objects of landmarks, fed frame by frame; deterministic ids such as `chair-3` in order of appearance. graph: the
+    landmarks and the trajectory that observed them."""
 
     movable = True
 
-    def __init__(self, rule: AssociationRule | None = None) -> None:
-        self.rule = rule or AssociationRule()
+    def __init__(self, rule: AssociationRule | None = None, graph: GraphRule | None = None) -> None:
+        self.rule, self.graph = rule or AssociationRule(), PoseGraph(graph)
         self.merged: dict[str, str] = {}
-        self._pools: dict[str, PoolIndex] = {}
         self._objects: dict[str, _Object] = {}
-        self._owner: dict[ObservationPool, _Object] = {}
+        self._owner: dict[int, _Object] = {}  # by landmark
+        self._labels: defaultdict[str, dict[int, Landmark]] = defaultdict(dict)
         self._issued: Counter[str] = Counter()
         self._frames = 0
-        self._pending: dict[ObservationPool, None] = {}
         self._changed: dict[str, None] = {}
         self._overlaps = Overlaps(self.rule.overlap)
-        self._landmarks: Mapping[int, int] = {}  # of tracks
         self._shown: dict[str, MapObject] = {}
         self._order: list[tuple[tuple[str, int], str]] = []  # of what is shown, sorted
         self._ordered: list[MapObject] = []  # in that order
         self._listed: list[MapObject] | None = []
 
     @classmethod
-    def after(cls, saved: Sequence[MapObject], rule: AssociationRule | None = None) -> "FloorMap":
+    def after(
+        cls, saved: Sequence[MapObject], rule: AssociationRule | None = None, graph: GraphRule | None = None
+    ) -> "FloorMap":
         """An empty map whose ids go on where an earlier map's end, so that none is given twice."""
-        floor_map = cls(rule)
+        floor_map = cls(rule, graph)
         for item in saved:
             label, number = id_order(item.id)
             floor_map._issued[label] = max(floor_map._issued[label], number)
@@ -91,6 +80,7 @@ class FloorMap:
         cls,
         saved: Sequence[MapObject],
         rule: AssociationRule | None = None,
+        graph: GraphRule | None = None,
         before: "FloorMap | None" = None,
         merged: Mapping[str, str] | None = None,
     ) -> "FloorMap":
@@ -99,33 +89,55 @@ class FloorMap:
         before, merged: the map that this run has made so far and what its ids became, where it had to find its place.
         Raises MapError for an id given twice.
         """
-        floor_map = cls.after(saved, rule)
+        floor_map = cls.after(saved, rule, graph)
         if len({item.id for item in saved}) < len(saved):
             raise MapError(f"{len(saved)} objects share {len({item.id for item in saved})} ids: the map is damaged")
         if before is not None:
             floor_map._issued |= before._issued
             floor_map.merged = {old: (merged or {}).get(new, new) for old, new in before.merged.items()}
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
-        for number, item in enumerate(saved):
-            systematic_m = floor_map.rule.systematic_of(max(footprint_m(item.label, item.width_m)))
-            pool = ObservationPool.of_saved(number, item, systematic_m, floor_map.rule.correlated)
-            floor_map._index(item.label).add(pool)
-            floor_map._objects[item.id] = floor_map._owner[pool] = _Object(item.id, item.label, [pool])
+        for item in saved:
+            landmark = floor_map.graph.add_saved(item)
+            floor_map._labels[item.label][landmark.number] = landmark
+            known = _Object(item.id, item.label, [landmark])
+            floor_map._objects[item.id] = floor_map._owner[landmark.number] = known
             floor_map._change(item.id)
         return floor_map
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
         """Take in all sightings of one frame; the id of each one's object."""
         self._frames += 1
-        ids = [""] * len(sightings)
+        before = {number: (one.last, len(one.beside)) for number, one in self._in_view(sightings).items()}
+        landmarks = self.graph.observe(sightings, self._frames)
         for label in dict.fromkeys(placed.label for placed in sightings):
-            rows = [row for row, placed in enumerate(sightings) if placed.label == label]
-            for row, identity in zip(rows, self._update_label(label, [sightings[r] for r in rows]), strict=True):
-                ids[row] = identity
-        self._associate_pending()
-        if self._frames % self.rule.forget_after == 0:
-            self._forget()
-        return ids
+            own = [one for one in landmarks if one.label == label]
+            for one in own:
+                self._labels[label][one.number] = one
+            changed = [one for one in own if before.get(one.number) != (one.last, len(one.beside))]
+            if changed:
+                self._group(label, changed)
+            for one in own:
+                self._change(self._owner[one.number].id)
+        return [self._owner[one.number].id for one in landmarks]
+
+    def bound(self) -> None:
+        """Keep the map's size, whatever the length of the drive: landmarks that are no objects and were not seen for
+        long, visits to one object, keyframes. Not while a closure is under way."""
+        since = self._frames - self.rule.forget_after
+        self._refresh()
+        for item in list(self._objects.values()):
+            unseen = max(one.updated for one in item.landmarks) <= since
+            if unseen and self._overlaps.best(item.id) not in self._shown:
+                self._remove(item.id)
+        in_view = set(self.graph.landmarks.in_view(self.graph.trajectory.odometer_m))
+        for item in self._objects.values():
+            own = [one for one in item.landmarks if one.saved is None]
+            while len(own) > self.graph.rule.visits and self._join_oldest(item, [o for o in own if o not in in_view]):
+                own = [one for one in item.landmarks if one.saved is None]
+        gone = {number for number, one in self.graph.landmarks.all.items() if one.gone}
+        if gone:
+            self.graph.remove(gone)
+        drop_keyframes(self.graph)
 
     def objects(self) -> list[MapObject]:
         """Objects with enough evidence, one in each place, ordered by id."""
@@ -146,47 +158,15 @@ class FloorMap:
         self._refresh()
         return self._overlaps.best(identity)
 
-    def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:
-        """Everything moves with the pose that it was seen from, or with the landmark that it turned out to be where
-        poses of that time are dropped. What turns out to be one merges, and what turns out to be two parts, as when it
-        is sighted: a bounded number of pools in each frame."""
-        landmarks = landmarks or LandmarkCorrection()
-        self._recognise(landmarks.of_track)
-        for index in self._pools.values():
-            pools = [pool for pool in index.pools if pool is not None and pool.key[2] != SAVED_SIDE]
-            if not pools:
-                continue
-            rows, stamps = [pool.row for pool in pools], np.array([pool.anchor_s for pool in pools])
-            before = index.place[:2, rows].T
-            after = correction.moved_points(stamps, before)
-            pose_m2 = correction.point_covariances(stamps, after)
-            by_m = after - before
-            for at, pool in enumerate(pools):
-                if pool.anchor_s < landmarks.since_s and pool.landmark in landmarks.moves_m:
-                    by_m[at] = landmarks.moves_m[pool.landmark]
-            changed = np.abs(by_m).max(axis=1) > 0.0
-            far = np.abs(by_m).max(axis=1) > self.rule.still_m
-            for at in np.flatnonzero(changed).tolist():
-                pool = pools[at]
-                pool.move(by_m[at], pose_m2[at])
-                index.set(pool.row)
-                self._change(self._owner[pool].id)
-                if far[at]:
-                    self._pending[pool] = None
-            move_views([pools[at] for at in np.flatnonzero(changed).tolist()], correction)
-        self._associate_pending()
-
-    def _recognise(self, landmarks: Mapping[int, int]) -> None:
-        """Tracks turned out to be landmarks that were seen before, or not to be: their pools are those landmarks'."""
-        self._landmarks = landmarks
-        for index in self._pools.values():
-            for pool in index.pools:
-                if pool is not None and pool.landmark >= 0:
-                    known = landmarks.get(pool.key[3], landmarks.get(pool.landmark, pool.landmark))
-                    if known != pool.landmark:
-                        pool.landmark = known
-                        index.set(pool.row)
-                        self._pending[pool] = None
+    def moved(self) -> None:
+        """The trajectory moved, and everything with the keyframes that observed it: what is one object is decided
+        again."""
+        for label, landmarks in self._labels.items():
+            own = [one for one in landmarks.values() if one.keyframes]
+            if own:
+                self._group(label, own)
+                for one in own:
+                    self._change(self._owner[one.number].id)
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Scale an object's confidence by how probably it still stands there."""
@@ -201,123 +181,65 @@ class FloorMap:
         for candidate in self._overlaps.members.get(identity, ()):
             self._remove(candidate.id)
 
-    def forget_run(self, kept: Collection[str]) -> None:
-        """Forget all sightings so far, but those of an earlier map and of objects with these shown ids."""
-        for item in [item for item in self._objects.values() if self.shown_as(item.id) not in kept]:
-            for pool in [pool for pool in item.pools if pool.key[2] != SAVED_SIDE]:
-                self._remove_pool(item, pool)
-            if not item.pools:
-                del self._objects[item.id]
-            self._change(item.id)
+    def retilt(self, tilt_rad: Array) -> None:
+        """What was placed by the mount moves as its angles change by roll and pitch (2,); a saved map's stays."""
+        self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
+        self.graph.place(list(self.graph.landmarks.all.values()))
+        self.moved()
 
-    def _index(self, label: str) -> PoolIndex:
-        if label not in self._pools:
-            self._pools[label] = PoolIndex(self.rule)
-        return self._pools[label]
+    def _in_view(self, sightings: Sequence[PlacedSighting]) -> dict[int, Landmark]:
+        """Landmarks that these sightings may be of."""
+        near = self.graph.landmarks.in_view(self.graph.trajectory.odometer_m) if sightings else []
+        return {one.number: one for one in near}
 
-    def _update_label(self, label: str, sightings: list[PlacedSighting]) -> list[str]:
-        index, pools = self._index(label), []
-        for key, placed in zip(keys_of(sightings), sightings, strict=True):
-            known = index.row_of.get(key)
-            pool = ObservationPool(key, placed.sighting.extent_m) if known is None else index.pool(known)
-            pool.landmark = self._landmarks.get(placed.track, placed.track)
-            pool.add(placed, self._frames)
-            index.add(pool) if known is None else index.set(pool.row)
-            pools.append(pool)
-        changed = False
-        for pool in pools:
-            known = len(pool.beside)
-            pool.beside.update(dict.fromkeys(other for other in pools if other is not pool))
-            changed |= len(pool.beside) > known or pool not in self._owner
-        changed |= sum(index.link(pool.row) for pool in pools) > 0
-        if changed:
-            self._associate(label, pools)
-        else:
-            for pool in pools:
-                self._change(self._owner[pool].id)
-                if pool.sums.count >= pool.due:
-                    self._pending[pool] = None
-        return [self._owner[pool].id for pool in pools]
-
-    def _associate_pending(self) -> None:
-        """Associate again some of what moved, or was only seen better."""
-        for pool in list(self._pending)[: self.rule.budget]:
-            if pool in self._pending:
-                label = self._owner[pool].label
-                own = [other for other in self._owner[pool].pools if other in self._pending]
-                for other in own:
-                    del self._pending[other]
-                    self._pools[label].link(other.row)
-                self._associate(label, own)
-
-    def _associate(self, label: str, pools: list[ObservationPool]) -> None:
-        """Decide again what is one object, for all that these pools are linked with."""
-        index, rows = self._pools[label], {pool.row for pool in pools}
-        affected = sorted(self._around(index, rows), key=lambda row: index.pool(row).key)
-        before = {owner.id: owner for row in affected if (owner := self._owner.get(index.pool(row)))}
-        groups = [[index.pool(row) for row in group] for group in self._groups(index, affected)]
-        for pool in (pool for group in groups for pool in group):
-            pool.due = math.ceil(pool.sums.count * self.rule.grown)
-        groups.sort(key=lambda group: min((pool.sums.first_seen_s, pool.key) for pool in group))
+    def _group(self, label: str, changed: Sequence[Landmark]) -> None:
+        """Decide again what is one object, for all within reach of these landmarks."""
+        affected = self._around(label, changed)
+        before = {owner.id: owner for one in affected if (owner := self._owner.get(one.number))}
+        rule = self.graph.rule.landmarks
+        groups = grouped(affected, [self.graph.root(one.number) for one in affected], rule)
+        groups.sort(key=lambda group: min((one.sums.first_seen_s, one.number) for one in group))
         homes = self._homes(groups, list(before))
         for group, names in zip(groups, homes, strict=True):
             identity = names[0] if names else self._new_id(label)
-            known = before.get(identity)
-            if known is None or len(names) > 1 or known.pools != group or any(pool.row in rows for pool in group):
-                presence = max((before[name].presence for name in names), default=1.0)
-                known = self._objects[identity] = _Object(identity, label, group, presence)
-                self._change(identity)
-            for pool in group:
-                self._owner[pool] = known
-            self._bound(index, known)
+            presence = max((before[name].presence for name in names), default=1.0)
+            known = self._objects[identity] = _Object(identity, label, group, presence)
+            self._change(identity)
+            for one in group:
+                self._owner[one.number] = known
         self._rename({name: names[0] for names in homes for name in names[1:]})
 
-    def _around(self, index: PoolIndex, rows: Iterable[int]) -> set[int]:
-        """All that is linked with these rows, and the rest of the objects that it is part of."""
-        found, size = set(rows), 0
-        while len(found) > size:
-            size = len(found)
-            owners = [owner for row in found if (owner := self._owner.get(index.pool(row)))]
-            found.update(pool.row for owner in owners for pool in owner.pools)
-            found = index.connected(found)
-        return found
+    def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
+        """These landmarks, all within reach of one of them, and the rest of the objects that these are part of."""
+        landmarks = list(self._labels[label].values())
+        if len(landmarks) == len(changed):
+            return landmarks
+        reach_m = self.graph.rule.landmarks.reach_m
+        places, seeds = (np.array([one.position_m for one in these]) for these in (landmarks, changed))
+        near = (np.abs(places[:, None] - seeds[None]).max(axis=2) <= reach_m).any(axis=1)
+        found = {landmarks[row].number for row in np.flatnonzero(near).tolist()} | {one.number for one in changed}
+        owners = {owner.id: owner for number in found if (owner := self._owner.get(number))}
+        found |= {one.number for owner in owners.values() for one in owner.landmarks}
+        return [one for one in landmarks if one.number in found]
 
-    def _groups(self, index: PoolIndex, rows: list[int]) -> list[list[int]]:
-        """These rows as objects, each connected part by itself."""
-        left, found = dict.fromkeys(rows), []
-        while left:
-            part = sorted(index.connected({next(iter(left))}), key=lambda row: index.pool(row).key)
-            for row in part:
-                del left[row]
-            found += index.agglomerated(part)
-        return found
+    def _join_oldest(self, item: _Object, own: Sequence[Landmark]) -> bool:
+        """The two oldest of these visits to an object become one; whether there were two."""
+        for kept, gone in combinations(sorted(own, key=lambda one: one.number), 2):
+            if not kept.is_apart(gone):
+                self.graph.join(kept, gone)
+                item.landmarks.remove(gone)
+                del self._labels[item.label][gone.number], self._owner[gone.number]
+                self._change(item.id)
+                return True
+        return False
 
-    def _bound(self, index: PoolIndex, item: _Object) -> None:
-        """Join the pools of an object that were not seen for longest, each with the nearest of the others."""
-        while len(item.pools) > self.rule.maximum_pools:
-            own = [pool for pool in item.pools if pool.saved is None]
-            gone = min(own, key=lambda pool: (pool.updated, pool.key))
-            others = [p for p in own if p is not gone and not p.is_apart(gone) and p.updated < self._frames]
-            if not others:
-                return
-            here = index.place[:2, gone.row]
-            near = [float(np.abs(index.place[:2, pool.row] - here).sum()) for pool in others]
-            pair = gone, others[near.index(min(near))]
-            kept, gone = sorted(pair, key=lambda pool: (-pool.weight, pool.key))  # with its time and its landmark
-            if kept.landmark not in self._landmarks and gone.landmark != gone.key[3]:
-                kept.landmark = gone.landmark
-            index.join(kept.row, gone.row)
-            item.pools.remove(gone)
-            del self._owner[gone]
-            self._pending.pop(gone, None)
-
-    def _homes(self, groups: list[list[ObservationPool]], ids: list[str]) -> list[list[str]]:
+    def _homes(self, groups: list[list[Landmark]], ids: list[str]) -> list[list[str]]:
         """For each group the ids that it goes on with, oldest first: an id goes where most of its sightings are."""
         shares: dict[str, Counter[int]] = {identity: Counter() for identity in ids}
         for number, group in enumerate(groups):
-            for pool in group:
-                if (owner := self._owner.get(pool)) is not None:
-                    shares[owner.id][number] += pool.sums.count
+            for one in group:
+                if (owner := self._owner.get(one.number)) is not None:
+                    shares[owner.id][number] += one.sums.count
         homes: list[list[str]] = [[] for _ in groups]
         for identity in sorted(ids, key=id_order):
             share = shares[identity]
@@ -337,31 +259,25 @@ class FloorMap:
             merged = {old: renamed.get(new, new) for old, new in self.merged.items()} | renamed
             self.merged = dict(islice(merged.items(), max(len(merged) - MERGED_IDS, 0), None))
 
-    def _forget(self) -> None:
-        """Drop what never gathered enough evidence and has not been seen for long, so that a long drive stays quick."""
-        since = self._frames - self.rule.forget_after
-        self._refresh()
-        for item in list(self._objects.values()):
-            unseen = max(pool.updated for pool in item.pools) <= since
-            if unseen and self._overlaps.best(item.id) not in self._shown:
-                self._remove(item.id)
-
     def _remove(self, identity: str) -> None:
         item = self._objects.pop(identity)
-        for pool in list(item.pools):
-            self._remove_pool(item, pool)
+        for one in item.landmarks:
+            one.gone = True
+            del self._owner[one.number], self._labels[item.label][one.number]
         self._change(identity)
-
-    def _remove_pool(self, item: _Object, pool: ObservationPool) -> None:
-        item.pools.remove(pool)
-        self._pools[item.label].remove(pool.row)
-        del self._owner[pool]
-        self._pending.pop(pool, None)
 
     def _change(self, identity: str) -> None:
         self._changed[identity] = None
         if (item := self._objects.get(identity)) is not None:
             item.estimate = None
+
+    def _estimate(self, item: _Object) -> Estimate:
+        """Position and covariance from its landmarks."""
+        if item.estimate is None:
+            extent_m = sum(one.extent_m * one.sums.count for one in item.landmarks)
+            extent_m /= sum(one.sums.count for one in item.landmarks)
+            item.estimate = Estimate(item.landmarks, self.graph.rule.landmarks.side_m2(extent_m))
+        return item.estimate
 
     def _refresh(self) -> None:
         """What the map shows, for all that changed since it was last asked for."""
@@ -372,7 +288,7 @@ class FloorMap:
             if item is None:
                 self._overlaps.remove(identity)
             else:
-                own = item.estimated(self.rule)
+                own = self._estimate(item)
                 width_m, evidence = own.sums.width_m / own.sums.count, own.sums.weight * own.sums.confidence
                 self._overlaps.set(Candidate(identity, item.label, own.position_m, width_m, evidence))
         self._changed = {}
@@ -394,19 +310,40 @@ class FloorMap:
     def _as_map_object(self, members: list[Candidate]) -> MapObject | None:
         """Candidates in one place as one object; None where they have not enough evidence together."""
         items = [self._objects[candidate.id] for candidate in members]
-        best, estimates = items[0], [item.estimated(self.rule) for item in items]
+        best, estimates = items[0], [self._estimate(item) for item in items]
         named: dict[str, float] = defaultdict(float)
         for item, own in zip(items, estimates, strict=True):
             named[item.label] += own.sums.weight
         others = [own.sums for item, own in zip(items[1:], estimates[1:], strict=True) if item.label != best.label]
         estimate = estimates[0]
-        if not estimate.shows(others):
+        if not estimate.shows(self.rule, others):
             return None
         labels = label_posterior(named, self._overlaps.rule)
-        if estimate.saved is not None and len(best.pools) == 1:  # not seen since
+        if estimate.saved is not None and len(best.landmarks) == 1:  # not seen since
             confidence = estimate.saved.confidence * best.presence
             return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
-        plain = estimate.as_object(best.id, best.label)
-        views = sorted(set[tuple[int, int]]().union(*(pool.views for pool in best.pools)))
-        places = outermost([((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in views], plain.position_m)
+        plain = estimate.as_object(best.id, best.label, self.rule)
+        places = outermost(self._views(best.landmarks), plain.position_m)
         return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)
+
+    def _views(self, landmarks: Sequence[Landmark]) -> list[tuple[float, float]]:
+        """Middles of the squares that landmarks were seen from."""
+        saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
+        views = np.array([view for one in landmarks for view in one.views]).reshape(-1, 3)
+        poses = self.graph.trajectory.vectors()[views[:, 0].astype(np.intp)] if len(views) else np.zeros((0, 3))
+        local = np.column_stack([views[:, 1:], np.zeros(len(views))])
+        places = np.concatenate([composed(poses, local)[:, :2], np.array(saved).reshape(-1, 2)])
+        squares = set(map(tuple, np.floor(places / VIEW_M).astype(np.intp).tolist()))
+        return [((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in sorted(squares)]
+
+
+def outermost(places_m: Sequence[tuple[float, float]], position_m: Array) -> tuple[tuple[float, float], ...]:
+    """Of places (x, y) that an object at (2,) was seen from, the farthest in each direction, in the order given: from
+    the nearer ones it was seen over the same floor."""
+    x_m, y_m = position_m
+    farthest: dict[int, tuple[float, int]] = {}
+    for row, (from_x_m, from_y_m) in enumerate(places_m):
+        dx_m, dy_m = from_x_m - x_m, from_y_m - y_m
+        direction = int((math.atan2(dy_m, dx_m) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS
+        farthest[direction] = max(farthest.get(direction, (-1.0, 0)), (dx_m * dx_m + dy_m * dy_m, row))
+    return tuple(places_m[row] for row in sorted(row for _, row in farthest.values()))

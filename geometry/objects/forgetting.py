@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.map_object import MapObject, ObjectMap
+from edgemap.geometry.map_object import MapObject, ObjectMap
+from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.visibility import ViewRule, expected_boxes, in_plain_view, iou
 from edgemap.geometry.se2 import SE2
 
 NEAR_M = 20.0  # nothing farther is sighted

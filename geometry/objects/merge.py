@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from edgemap.geometry.objects.association import AssociationRule
-from edgemap.geometry.objects.class_posterior import least_spacing_m
-from edgemap.geometry.objects.map_object import MapObject, id_order
-from edgemap.geometry.objects.observation_pool import positive
+from edgemap.geometry.arrays import Array, positive
+from edgemap.geometry.map_object import MapObject, id_order
+from edgemap.geometry.objects.class_posterior import SAME_LABEL
 from edgemap.geometry.observations.class_extents import extent_m
 from edgemap.geometry.registration.alignment import Alignment, Pairs, jacobian
+from edgemap.geometry.slam.landmarks import LandmarkRule
 
 CHI2_99 = 9.21
 
@@ -26,7 +26,7 @@ def moved(item: MapObject, alignment: Alignment) -> MapObject:
 
 
 def merge_maps(
-    first: Sequence[MapObject], second: Sequence[MapObject], alignment: Alignment, rule: AssociationRule | None = None
+    first: Sequence[MapObject], second: Sequence[MapObject], alignment: Alignment, rule: LandmarkRule | None = None
 ) -> tuple[list[MapObject], dict[str, str]]:
     """One map in the first one's frame, ordered by id, and the second map's ids to what they became.
 
@@ -35,7 +35,7 @@ def merge_maps(
     wrong, and positions are weighted by their information. Objects of one label that would stand in one another are
     one, though their covariances disagree: the fused one is as unsure as they differ.
     """
-    rule = rule or AssociationRule()
+    rule = rule or LandmarkRule()
     here = [moved(item, alignment) for item in second]
     partner = {j: i for i, j in (*alignment.pairs, *_overlapping(first, here, alignment.pairs))}
     found = {item.id: item for item in first}
@@ -61,22 +61,34 @@ def merge_maps(
 
 def _overlapping(first: Sequence[MapObject], second: Sequence[MapObject], pairs: Pairs) -> Pairs:
     """Unpaired objects of both maps, in one frame, that cannot stand side by side: nearest first, one to one."""
-    ours = [i for i in range(len(first)) if i not in {i for i, _ in pairs}]
-    theirs = [j for j in range(len(second)) if j not in {j for _, j in pairs}]
-    near = sorted(
-        (float(np.linalg.norm(first[i].position_m - second[j].position_m)), i, j)
-        for i in ours
-        for j in theirs
-        if first[i].label == second[j].label
-    )
+    paired, near = ({i for i, _ in pairs}, {j for _, j in pairs}), list[tuple[float, int, int]]()
+    for label in {item.label for item in first} & {item.label for item in second}:
+        ours, theirs = (
+            [row for row, item in enumerate(items) if item.label == label and row not in gone]
+            for items, gone in zip((first, second), paired, strict=True)
+        )
+        (a, extents_a), (b, extents_b) = (
+            _standing([items[row] for row in rows]) for items, rows in ((first, ours), (second, theirs))
+        )
+        distances_m = np.linalg.norm(a[:, None] - b[None], axis=-1)
+        spacing_m = SAME_LABEL * np.minimum(extents_a[:, None], extents_b[None])
+        near += [(float(distances_m[i, j]), ours[i], theirs[j]) for i, j in np.argwhere(distances_m < spacing_m)]
     found: dict[int, int] = {}
-    for distance_m, i, j in near:
-        if distance_m < least_spacing_m(first[i], second[j]) and i not in found and j not in found.values():
+    taken: set[int] = set()
+    for _, i, j in sorted(near):
+        if i not in found and j not in taken:
             found[i] = j
+            taken.add(j)
     return tuple(found.items())
 
 
-def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObject:
+def _standing(objects: Sequence[MapObject]) -> tuple[Array, Array]:
+    """Positions (N, 2) and extents (N,), metres."""
+    positions_m = np.array([item.position_m for item in objects]).reshape(-1, 2)
+    return positions_m, np.array([extent_m(item.label, item.width_m) for item in objects])
+
+
+def fused(ours: MapObject, theirs: MapObject, rule: LandmarkRule) -> MapObject:
     """One object of two sightings of it by different maps, in one frame; id and label of the first.
 
     The part of a footprint that no box shows is the same error in both maps: it does not shrink. Where the two differ
@@ -86,8 +98,7 @@ def fused(ours: MapObject, theirs: MapObject, rule: AssociationRule) -> MapObjec
     chi2 = float(difference @ np.linalg.solve(ours.covariance_m2 + theirs.covariance_m2, difference))
     if chi2 > CHI2_99:
         ours, theirs = (replace(item, covariance_m2=item.covariance_m2 * chi2 / 2.0) for item in (ours, theirs))
-    systematic_m = max(rule.systematic_m, rule.systematic_extent_share * extent_m(ours.label, ours.width_m))
-    floor_m2 = np.eye(2) * systematic_m**2
+    floor_m2 = np.eye(2) * rule.side_m2(extent_m(ours.label, ours.width_m))
     a, b = (np.linalg.inv(positive(item.covariance_m2 - floor_m2, least=1e-4)) for item in (ours, theirs))
     own_m2 = np.linalg.inv(a + b)
     smallest = min(np.trace(ours.covariance_m2), np.trace(theirs.covariance_m2))

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, MutableMapping
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Zone
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.objects.merge import merge_maps, moved
-from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligning
+from edgemap.geometry.objects.merge import CHI2_99, fused, merge_maps, moved
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, aligned_near, aligning
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.landmarks import LandmarkRule
 
 UNITS_OF_WORK = 300  # of one alignment: some 60 million distances between objects, about a second
+TOTAL_UNITS = 600  # of one merge: two new robots of large maps; more wait for the next one
+FREQUENT_UNITS = 150  # lately: who costs more joins after all others, whose alignments then stay known
+WAITING = "waits for its turn: aligning it takes more work than one merge has left"
+NEARLY = 0.8  # of the objects that matched before
+STEEPEST = 4.0  # times the information of the median robot: more no single robot weighs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,20 +60,79 @@ class PlaceMap:
 Alignments = MutableMapping[tuple[str, ...], Alignment | str]
 
 
+class MergeStopped(MapError):
+    """A merge that was asked to stop."""
+
+
+@dataclass(slots=True)
+class MergeBudget:
+    """What merges may cost, robot by robot, in units of alignment; one serves many merges.
+
+    arrived: when each robot's map came, as a growing number. stopped: asked at every unit. waiting: robots whose
+    alignment had to be put off. lately: units that each robot has cost, halved at every merge. members: each robot's
+    part in the place as the merge before left it: a map that has changed a little is looked for there first.
+    """
+
+    arrived: dict[str, int] = field(default_factory=dict)
+    stopped: Callable[[], bool] = lambda: False
+    each: int = UNITS_OF_WORK
+    total: int = TOTAL_UNITS
+    waiting: set[str] = field(default_factory=set)
+    lately: Counter[str] = field(default_factory=Counter)
+    members: dict[str, MergedRobot] = field(default_factory=dict)
+    _spent: Counter[str] = field(default_factory=Counter)
+
+    def begin(self) -> None:
+        """Another merge."""
+        self.lately = Counter({name: units // 2 for name, units in self.lately.items() if units > 1})
+        self._spent.clear()
+        self.waiting.clear()
+
+    def payer(self, name: str, members: Collection[str]) -> str:
+        """Who pays for the alignment of a robot: itself, until it has joined once, and then whose map is the newest."""
+        if name not in self.members:
+            return name
+        return max({name, *members}, key=lambda one: (self.arrived.get(one, 0), one))
+
+    def left(self, payer: str) -> int:
+        """Units that one robot may still cost."""
+        return min(self.each - self._spent[payer], self.total - self._spent.total())
+
+    def spend(self, payer: str) -> None:
+        """One unit. Raises MergeStopped."""
+        self._spent[payer] += 1
+        self.lately[payer] += 1
+        if self.stopped():
+            raise MergeStopped("stopped")
+
+    def last(self, name: str) -> bool:
+        """Whether a robot joins after all others."""
+        return self.lately[name] > FREQUENT_UNITS
+
+
 def merge_place(
-    maps: Mapping[str, RobotMap], reference: RobotMap | None = None, known: Alignments | None = None
+    maps: Mapping[str, RobotMap],
+    reference: RobotMap | None = None,
+    known: Alignments | None = None,
+    budget: MergeBudget | None = None,
 ) -> PlaceMap:
     """One map from each robot's latest map, by name: it depends on these alone, so nothing ever counts twice.
 
     Maps are joined as `align` and `merge_maps` do, richest first; those that fit onto each other are a group, and the
     group of most robots is the place. Its frame is that of `reference`, a map of the place made before, which is
     merged too; without one that of its first robot by name. known: alignments found in the call before, and
-    those of this one when it returns.
+    those of this one when it returns. budget: of the work; without one every alignment has its `UNITS_OF_WORK`. What it
+    leaves undone is in its `waiting`, and is tried again. Raises MergeStopped.
+
+    No robot decides alone: where two or more have an object, none weighs more than `STEEPEST` times the median one, and
+    where three or more have it, who contradicts the median is left out.
     """
     before, found = dict(known or {}), dict[tuple[str, ...], Alignment | str]()
-    fleet = _Registration({**maps, "": reference} if reference else dict(maps), before, found)
+    budget = budget or MergeBudget(each=1 << 40, total=1 << 40)
+    budget.begin()
+    fleet = _Registration({**maps, "": reference} if reference else dict(maps), before, found, budget)
     groups = list[_Group]()
-    for name in sorted(fleet.maps, key=lambda name: (name != "", -len(fleet.maps[name].objects), name)):
+    for name in fleet.ordered(fleet.maps):
         if not any(name in group.members for group in groups):
             groups.append(fleet.grown(_Group.of(name, fleet.maps[name]), _outside(fleet.maps, groups)))
     if not groups:
@@ -80,7 +150,8 @@ def merge_place(
     for name, member in place.members.items():
         if name and member.pose_place_map is not None:
             members[name] = replace(member, pose_place_map=to_reference.pose_a_b @ member.pose_place_map)
-    objects = tuple(moved(item, to_reference) for item in place.objects)
+    budget.members = {name: member for name, member in members.items() if member.pose_place_map is not None}
+    objects = tuple(moved(balanced(place.parts[item.id]), to_reference) for item in place.objects)
     return PlaceMap(
         objects, NO_ANNOTATIONS.with_zones(place.annotations.zones, to_reference), dict(sorted(members.items()))
     )
@@ -92,23 +163,62 @@ def _outside(maps: Mapping[str, RobotMap], groups: list[_Group]) -> list[str]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
-    """Maps that fit onto each other, merged in the first one's frame. keys: of the maps, in the order of merging."""
+    """Maps that fit onto each other, merged in the first one's frame. keys: of the maps, in the order of merging.
+    parts: what each robot has of an object, by id, in that frame."""
 
     keys: tuple[str, ...]
     objects: list[MapObject]
     annotations: Annotations
     members: dict[str, MergedRobot]
+    parts: dict[str, tuple[MapObject, ...]]
 
     @classmethod
     def of(cls, name: str, single: RobotMap) -> _Group:
         annotations = NO_ANNOTATIONS.with_zones(single.zones, Alignment.exact(SE2()))
-        return cls((single.key,), list(single.objects), annotations, {name: MergedRobot(SE2())})
+        parts = {item.id: (item,) for item in single.objects}
+        return cls((single.key,), list(single.objects), annotations, {name: MergedRobot(SE2())}, parts)
 
     def joined(self, name: str, single: RobotMap, alignment: Alignment) -> _Group:
-        objects, _ = merge_maps(self.objects, single.objects, alignment)
+        objects, became = merge_maps(self.objects, single.objects, alignment)
+        parts = dict(self.parts)
+        for item in single.objects:
+            identity = became[item.id]
+            parts[identity] = (*parts.get(identity, ()), replace(moved(item, alignment), id=identity))
         member = MergedRobot(alignment.pose_a_b, len(alignment.pairs), alignment.shared)
         zones = self.annotations.with_zones(single.zones, alignment)
-        return _Group((*self.keys, single.key), objects, zones, self.members | {name: member})
+        return _Group((*self.keys, single.key), objects, zones, self.members | {name: member}, parts)
+
+
+def balanced(parts: Sequence[MapObject]) -> MapObject:
+    """One object of what several robots have of it, in one frame; id of the first. See `merge_place`."""
+    if len(parts) == 1:
+        return parts[0]
+    median_m2, count = (
+        sorted(values)[len(parts) // 2]
+        for values in ([float(np.trace(item.covariance_m2)) for item in parts], [item.count for item in parts])
+    )
+    raised = [
+        replace(
+            item,
+            count=min(item.count, int(STEEPEST * count)),
+            covariance_m2=item.covariance_m2
+            * max(1.0, median_m2 / STEEPEST / max(float(np.trace(item.covariance_m2)), 1e-12)),
+        )
+        for item in parts
+    ]
+    if len(parts) > 2:
+        middle = np.median([item.position_m for item in raised], axis=0)
+        spread = np.eye(2) * median_m2 / 2.0
+        kept = [item for item in raised if _chi2(item.position_m - middle, item.covariance_m2 + spread) <= CHI2_99]
+        raised = kept or raised
+    result = raised[0]
+    for item in raised[1:]:
+        result = fused(result, item, LandmarkRule())
+    return replace(result, id=parts[0].id, count=sum(item.count for item in parts))
+
+
+def _chi2(difference: np.ndarray, covariance_m2: np.ndarray) -> float:
+    return float(difference @ np.linalg.solve(covariance_m2, difference))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +226,15 @@ class _Registration:
     maps: dict[str, RobotMap]
     before: Alignments
     found: Alignments
+    budget: MergeBudget
+
+    def ordered(self, names: Collection[str]) -> list[str]:
+        """Who costs much lately last, then the richest first."""
+        return sorted(names, key=lambda name: (name != "", self.budget.last(name), -len(self.maps[name].objects), name))
 
     def grown(self, group: _Group, names: Collection[str]) -> _Group:
         """A group with all that fit onto it; who does not at first may fit onto what the others add."""
-        waiting = sorted(names, key=lambda name: (-len(self.maps[name].objects), name))
+        waiting = self.ordered(names)
         size = 0
         while size < len(group.members):
             size = len(group.members)
@@ -132,16 +247,39 @@ class _Registration:
         """How a map lies in a group, or why that is not certain."""
         key = (*group.keys, self.maps[name].key)
         if key not in self.found:
-            self.found[key] = self.before[key] if key in self.before else self._aligned(group, name)
+            fit = self.before[key] if key in self.before else self._aligned(group, name)
+            if fit is WAITING:
+                self.budget.waiting.add(name)
+                return fit
+            self.found[key] = fit
         return self.found[key]
 
+    def _near(self, group: _Group, name: str) -> Alignment | None:
+        """How a map lies in a group where nearly as many objects match as in the merge before, at the same place."""
+        base, last = (self.budget.members.get(one) for one in (next(iter(group.members)), name))
+        if base is None or last is None or base.pose_place_map is None or last.pose_place_map is None:
+            return None
+        guess = base.pose_place_map.inverse() @ last.pose_place_map
+        with suppress(AlignmentError):
+            found = aligned_near([guess], group.objects, self.maps[name].objects)
+            if len(found.pairs) >= NEARLY * max(last.pairs, base.pairs):
+                return found
+        return None
+
     def _aligned(self, group: _Group, name: str) -> Alignment | str:
-        work = aligning(group.objects, self.maps[name].objects)
+        payer, mine = self.budget.payer(name, group.members), self.maps[name].objects
+        if (near := self._near(group, name)) is not None:
+            self.budget.spend(payer)
+            return near
+        work, allowed = aligning(group.objects, mine), min(UNITS_OF_WORK, self.budget.left(payer))
         try:
-            for _ in range(UNITS_OF_WORK):
+            for _ in range(allowed):
+                self.budget.spend(payer)
                 next(work)
         except StopIteration as end:
             return end.value
         except AlignmentError as error:
             return str(error)
-        return f"too many motions to try between {len(group.objects)} and {len(self.maps[name].objects)} objects"
+        if allowed < UNITS_OF_WORK:
+            return WAITING
+        return f"too many motions to try between {len(group.objects)} and {len(mine)} objects"

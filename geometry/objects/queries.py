@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 
 _EDGE_M = 1e-9  # this near to a polygon's side, a point counts as inside
 

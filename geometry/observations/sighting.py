@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise, floor_covariances
+from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
@@ -33,6 +34,7 @@ class Sighting:
     longer side of its class's usual footprint.
     distance_m: horizontal, from the lens. detection: index into the frame's Detections. weight: how much it counts
     towards making an object, 0..1; faint ones only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
+    pictures: of 0.1 s that it stands for, so that evidence grows with time in view and not with the rate.
     """
 
     label: str
@@ -48,34 +50,36 @@ class Sighting:
     frame: int = 0
     stamp_s: float = 0.0
     weight: float = 1.0
+    pictures: float = 1.0
 
-    def placed(self, pose_map_base: SE2, pose_covariance: Array, track: int = -1) -> "PlacedSighting":
-        """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame."""
+    def placed(self, pose_map_base: SE2, pose_covariance: Array, mount: Mount | None = None) -> "PlacedSighting":
+        """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame.
+        mount: by whose angles it was placed, None where something else tells them in each frame."""
         rotation = pose_map_base.rotation()
-        position = pose_map_base.apply(self.position_base_m)
         return PlacedSighting(
-            sighting=self,
-            position_map_m=position,
-            covariance_m2=rotation @ self.covariance_m2 @ rotation.T,
-            shared_m2=rotation @ self.shared_m2 @ rotation.T,
-            lever_m=position - [pose_map_base.x_m, pose_map_base.y_m],
-            pose_covariance=pose_covariance,
-            track=track,
+            self,
+            pose_map_base.apply(self.position_base_m),
+            rotation @ self.covariance_m2 @ rotation.T,
+            rotation @ self.shared_m2 @ rotation.T,
+            pose_map_base,
+            pose_covariance,
+            mount,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedSighting:
-    """A sighting in the map frame. lever_m: (2,) from the robot to the object, how yaw errors reach it. track: number
-    under which the pose graph follows it, -1 where nothing does."""
+    """A sighting in the map frame: position (2,), covariances (2, 2) of the sighting and of the mount, the pose that it
+    was seen from with its covariance (3, 3). mount: by whose angles it was placed, None where each frame has its own.
+    """
 
     sighting: Sighting
     position_map_m: Array
     covariance_m2: Array
     shared_m2: Array
-    lever_m: Array
+    pose_map_base: SE2
     pose_covariance: Array
-    track: int = -1
+    mount: Mount | None = None
 
     @property
     def label(self) -> str:
@@ -84,7 +88,8 @@ class PlacedSighting:
 
     def from_pose(self, pose_covariance: Array) -> Array:
         """What a pose covariance (3, 3) means for this object's position, (2, 2) m^2."""
-        wrt_pose = np.array([[1.0, 0.0, -self.lever_m[1]], [0.0, 1.0, self.lever_m[0]]])
+        x_m, y_m = self.position_map_m - [self.pose_map_base.x_m, self.pose_map_base.y_m]
+        wrt_pose = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m]])
         return wrt_pose @ pose_covariance @ wrt_pose.T
 
 

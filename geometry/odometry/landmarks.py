@@ -65,30 +65,25 @@ def displacement(before: Viewpoint, camera_before: FloorCamera, after: Viewpoint
     return base @ before.tilt.rotation() @ camera_before.mount.rotation_base_optical()
 
 
-DEPTH_SHARE, DEPTH_SHARE_PER_M = 0.01, 0.004  # relative standard deviation of a measured depth
-
-
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it was
-    estimated; scale: of the common scale of known points off the floor in one picture, relative; common: share of the
-    unknown of new points' depths that is common to them; unknown: of
-    the inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
-    next; yaw_rad: of the rotation since the last picture where a gyro measures it; depth_share: of a measured depth,
-    relative, per unit of it."""
+    estimated; scale: of the common scale of known points off the floor in one picture, relative; unknown: of the
+    inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
+    next; yaw_rad: of the rotation since the last picture where a gyro measures it; gate: share
+    of the usual gates, squared, within which a track fits."""
 
     track_rad: float
     drift_rad: float
     tilt_rad: float = math.radians(0.2)
     floor_tilt_rad: float = math.radians(0.1)
     scale: float = 0.05
-    common: float = 0.0
     unknown_mean: float = 0.2
     unknown: float = 0.3
     rise_m: float = 1e-4
     yaw_rad: float = math.inf
-    depth_share: float = DEPTH_SHARE_PER_M
+    gate: float = 1.0
 
 
 @dataclass(slots=True, eq=False)
@@ -98,7 +93,7 @@ class Landmarks:
     anchor_m (N, 3): where the lens was. ray (N, 3): unit direction. inverse_m (N,): one over the distance along it,
     variance (N,) of that. floor (N,): taken for floor. on_floor (N,): the inverse depth that it would have as floor,
     for those below the horizon whose depth is to show whether they are; 0 for others. age (N,): pictures since it was
-    first seen. measured (N,): of a depth that a depth camera measured.
+    first seen.
     """
 
     anchor_m: Array
@@ -108,14 +103,13 @@ class Landmarks:
     floor: NDArray[np.bool_]
     on_floor: Array
     age: NDArray[np.int64]
-    measured: NDArray[np.bool_]
 
     @classmethod
     def none(cls) -> Landmarks:
         """No landmark."""
         none, vectors = np.zeros(0), np.zeros((0, 3))
         empty = np.zeros(0, bool)
-        return cls(vectors, vectors, none, none, empty, none, np.zeros(0, int), empty)
+        return cls(vectors, vectors, none, none, empty, none, np.zeros(0, int))
 
     def __len__(self) -> int:
         return len(self.inverse_m)
@@ -136,12 +130,11 @@ def new_landmarks(
     noise: Noise,
     reach_m: float,
     trusting: bool | NDArray[np.bool_] = True,
-    depth_m: Array | None = None,
 ) -> Landmarks:
     """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach.
 
     trusting: whether they (N,) count as floor at once; else their depth must show it first, since a table is seen below
-    the horizon too. depth_m: (N,) along the optical axis where a depth camera measured it, else NaN.
+    the horizon too.
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
@@ -155,19 +148,9 @@ def new_landmarks(
     rotation = _rotation_z(view.pose)
     anchor = rotation @ lens + [view.pose.x_m, view.pose.y_m, 0.0]
     count = len(rays)
-    measured = np.zeros(count, dtype=bool)
-    if depth_m is not None:
-        measured = np.isfinite(depth_m)
-        by_depth = 1.0 / np.where(measured, depth_m * np.linalg.norm(rays, axis=1) / rays[:, 2], 1.0)
-        relative = DEPTH_SHARE + noise.depth_share * np.where(measured, depth_m, 0.0)
-        inverse, variance = (
-            np.where(measured, by_depth, inverse),
-            np.where(measured, (relative * by_depth) ** 2, variance),
-        )
-        floor = floor & ~measured
     return Landmarks(
         np.broadcast_to(anchor, (count, 3)), base @ rotation.T, inverse, variance, floor,
-        np.where(reached & ~floor & ~measured, on_floor, 0.0), np.zeros(count, dtype=np.int64), measured,
+        np.where(reached & ~floor, on_floor, 0.0), np.zeros(count, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -255,11 +238,10 @@ def locate(
     view, log_scale = start if known_yaw else _rotated_to(projection, seen, start, sure), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
     residual, inverse = seen, np.eye(7)
-    off_floor = np.where(landmarks.floor | landmarks.measured, 0.0, landmarks.inverse_m)
+    off_floor = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
-    common = _common_scale_sigma(landmarks, noise)
-    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, common**-2])
+    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
     damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
     across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone; worst: ere they lose weight
     before, how = rolling or (SE2(), None)
@@ -270,7 +252,7 @@ def locate(
         white, jacobian = _whitened(projection, residual, off_floor, landmarks.variance, sigma2)
         distance2 = (white**2).sum(axis=0)
         counts = projection.ahead & (sure | (scale <= 1.0))
-        weights = np.where(counts, np.clip(1.0 - distance2 / (TUKEY * scale**2), 0.0, 1.0) ** 2, 0.0)
+        weights = np.where(counts, np.clip(1.0 - distance2 / (TUKEY * noise.gate * scale**2), 0.0, 1.0) ** 2, 0.0)
         weighted = jacobian * weights
         information = (weighted @ jacobian.transpose(0, 2, 1)).sum(axis=0) + damped
         gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
@@ -291,7 +273,7 @@ def locate(
         view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
-    shows, measured = landmarks.floor | landmarks.measured, None
+    shows, measured = landmarks.floor, None
     if how is not None and worst > LATERAL_GATE:
         slid = locate(landmarks, seen, camera, start, noise, doubtful)
         lateral = how.lateral(before.inverse() @ slid.view.pose)
@@ -303,16 +285,6 @@ def locate(
     elif how is not None and float(weights[shows].sum()) > SHOWS_LATERAL:
         measured = across_m, variance_m2 * excess
     return Located(view, inverse[:6, :6] * (excess * conflict), weights, residual, projection, log_scale, measured)
-
-
-def _common_scale_sigma(landmarks: Landmarks, noise: Noise) -> float:
-    """Standard deviation, relative, of the common scale of points off the floor: what stands in one view is about
-    equally far, so that new points err together."""
-    free = ~(landmarks.floor | landmarks.measured)
-    if not free.any():
-        return noise.scale
-    relative = np.sqrt(landmarks.variance[free]) / np.maximum(landmarks.inverse_m[free], 1e-3)
-    return math.hypot(noise.scale, noise.common * min(float(np.median(relative)), 1.0))
 
 
 SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
@@ -345,7 +317,7 @@ def with_neighbours_depth(
     unknown = UNKNOWN_NEIGHBOURS / (total + UNKNOWN_NEIGHBOURS)
     mean = np.maximum((1.0 - unknown) * mean + unknown * noise.unknown_mean, new.on_floor)
     variance = scatter2 + (UNLIKE_NEIGHBOURS * mean) ** 2 + unknown * noise.unknown**2
-    kept = new.floor | new.measured
+    kept = new.floor
     return replace(new, inverse_m=np.where(kept, new.inverse_m, mean), variance=np.where(kept, new.variance, variance))
 
 
@@ -357,8 +329,9 @@ def refined(
     Each inverse depth is updated by what was seen (scalar Kalman update). A floor landmark that fits only as a point
     off the floor becomes one, also below it, as the scale may be wrong; what fits neither is not kept.
     """
+    gate *= noise.gate
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age
-    kept = landmarks.floor | landmarks.measured
+    kept = landmarks.floor
     landmarks = replace(landmarks, inverse_m=landmarks.inverse_m * np.where(kept, 1.0, 1.0 + found.scale))
     slope2 = (found.projection.by_inverse**2).sum(axis=1)
     along = (found.projection.by_inverse * found.residual).sum(axis=1)
@@ -370,7 +343,7 @@ def refined(
     across2 = total2 - along**2 / np.maximum(slope2, 1e-12)
     off_floor = ~fits & landmarks.floor & found.projection.ahead & (across2 < gate * sigma2)
     off_floor &= (as_point > 0.0) & (as_point < 10.0)
-    gain = np.where(landmarks.measured, 0.0, landmarks.variance / innovation2)
+    gain = landmarks.variance / innovation2
     inverse = landmarks.inverse_m + gain * along
     variance = landmarks.variance * (1.0 - gain * slope2)
     after = Landmarks(
@@ -381,7 +354,6 @@ def refined(
         landmarks.floor & ~off_floor,
         np.where(off_floor, landmarks.inverse_m, landmarks.on_floor),
         landmarks.age + 1,
-        landmarks.measured,
     )
     return _classified(after, noise), (fits & (inverse > -0.05)) | off_floor
 

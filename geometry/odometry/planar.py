@@ -1,9 +1,8 @@
-"""Planar motion from tracked floor points: RANSAC over SE(2), with its covariance."""
+"""Planar motion from tracked floor points: RANSAC over SE(2)."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +10,6 @@ from numpy.typing import NDArray
 from edgemap.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanarMotion:
-    """motion: of the base from the previous frame to this one. covariance: (3, 3) in (m, m, rad). inliers: (N,)."""
-
-    motion: SE2
-    covariance: Array
-    inliers: NDArray[np.bool_]
 
 
 def fit_se2(from_m: Array, to_m: Array, weights: Array) -> SE2:
@@ -39,13 +29,11 @@ def fit_se2(from_m: Array, to_m: Array, weights: Array) -> SE2:
 
 def planar_motion(
     previous_m: Array, current_m: Array, sigmas_m: Array, rng: np.random.Generator, rounds: int = 64
-) -> PlanarMotion | None:
+) -> SE2 | None:
     """Motion of the base from static floor points seen before and after: previous = motion . current.
 
     previous_m, current_m: (N, 2) in the base frame of each time. sigmas_m: (N,) standard deviation of a pair's
-    residual. None where fewer than six points agree. The covariance is that of the weighted least squares, scaled by
-    the inliers' residuals where they are larger than expected (chi-square per degree of freedom), and by how few they
-    are.
+    residual. None where fewer than six points agree.
     """
     count = len(previous_m)
     if count < 6:
@@ -77,17 +65,4 @@ def planar_motion(
         inliers = (residual**2).sum(axis=1) < (3.0 * sigmas_m) ** 2
         if inliers.sum() < 6:
             return None
-    return PlanarMotion(motion, _covariance(motion, current_m, residual, inliers, weights), inliers)
-
-
-def _covariance(motion: SE2, current_m: Array, residual: Array, inliers: NDArray[np.bool_], weights: Array) -> Array:
-    rotated = current_m[inliers] @ motion.rotation().T
-    w = weights[inliers]
-    jacobian = np.zeros((len(w), 2, 3))
-    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
-    jacobian[:, 0, 2], jacobian[:, 1, 2] = -rotated[:, 1], rotated[:, 0]
-    information = np.einsum("n,nij,nik->jk", w, jacobian, jacobian)
-    degrees = max(2 * len(w) - 3, 1)
-    chi2 = float((w[:, None] * residual[inliers] ** 2).sum()) / degrees
-    share = len(inliers) / inliers.sum()
-    return np.linalg.inv(information + 1e-9 * np.eye(3)) * max(chi2, 1.0) * share
+    return motion

@@ -1,16 +1,14 @@
 """`--clustering paper`: single linkage per label at 1 m over all sightings (paper, section 3.7)."""
 
 from collections import Counter
-from collections.abc import Collection
 
 import numpy as np
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.map_object import MapObject, SightingSums, id_order
+from edgemap.geometry.map_object import MapObject, SightingSums, id_order
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.paper.single_linkage import SingleLinkage
-from edgemap.geometry.slam.keyframes import LandmarkCorrection, TrajectoryCorrection
 
 Root = tuple[int, int]
 
@@ -63,7 +61,7 @@ class PaperMap:
         """The id itself: objects of two labels are never one."""
         return identity
 
-    def moved(self, correction: TrajectoryCorrection, landmarks: LandmarkCorrection | None = None) -> None:  # noqa: ARG002
+    def moved(self) -> None:
         """Raises MapError: sightings stay where they were placed."""
         raise MapError("the paper's clustering keeps every sighting where it was placed: run it without loop closure")
 
@@ -71,7 +69,7 @@ class PaperMap:
         """Raises MapError: see `drop`."""
         self.drop(identity)
 
-    def forget_run(self, kept: Collection[str]) -> None:  # noqa: ARG002
+    def retilt(self, tilt_rad: Array) -> None:  # noqa: ARG002
         """Raises MapError: see `drop`."""
         self.drop("all")
 

@@ -15,11 +15,15 @@ from scipy.special import bdtrc
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.registration.hypotheses import best_modes, hypotheses
-from edgemap.geometry.se2 import SE2
+from edgemap.geometry.se2 import SE2, wrap_angle
 
+GUESS_TURN_RAD = math.radians(20.0)  # between a guessed start and what its objects show
 Pairs = tuple[tuple[int, int], ...]
+
+UNITS_OF_WORK = 5000  # of one alignment that somebody waits for: some ten seconds
+MAXIMUM_PAIRS = 1_000_000  # of objects of both maps: 1,000 each
 
 
 class AlignmentError(MapError):
@@ -32,14 +36,17 @@ class AlignmentRule:
 
     gate: squared Mahalanobis distance of a pair of objects, 9.21 holds 99 % of true pairs. reach_m: no pair is farther
     apart. least_pairs: fewer are never enough. chance: greatest expected number of alignments as good as this one
-    between unrelated maps. rival_share, rival_margin: a clearly different alignment may explain at most this share of
-    the best one's objects, and at least this many fewer. rounds: of refinement.
+    between unrelated maps. guess_chance: the same where the start was guessed beforehand (last pose, dock): a robot
+    that was carried off while it was switched off is rare, and is found by its objects as before. rival_share,
+    rival_margin: a clearly different alignment may explain at most this share of the best one's objects, and at least
+    this many fewer. rounds: of refinement.
     """
 
     gate: float = 9.21
     reach_m: float = 1.0
     least_pairs: int = 4
     chance: float = 0.001
+    guess_chance: float = 0.01
     rival_share: float = 0.8
     rival_margin: int = 2
     rounds: int = 10
@@ -69,11 +76,12 @@ class Alignment:
 def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None) -> Alignment:
     """Find the second map's place in the first one's frame. Raises AlignmentError where that is not certain."""
     work = aligning(first, second, rule)
-    while True:
-        try:
+    try:
+        for _ in range(UNITS_OF_WORK):
             next(work)
-        except StopIteration as end:
-            return end.value
+    except StopIteration as end:
+        return end.value
+    raise AlignmentError(f"too many motions to try between {len(first)} and {len(second)} objects")
 
 
 def aligning(
@@ -85,6 +93,11 @@ def aligning(
     many of the other objects fall as near to one of their label at random.
     """
     rule = rule or AlignmentRule()
+    if len(first) * len(second) > MAXIMUM_PAIRS:
+        raise AlignmentError(
+            f"maps of {len(first)} and {len(second)} objects are too large to compare: "
+            f"{MAXIMUM_PAIRS:,} pairs of objects at most"
+        )
     shared = _shared(first, second)
     if shared < rule.least_pairs:
         raise AlignmentError(
@@ -132,6 +145,47 @@ def realigned(
     if fit is None or len(fit.pairs) < max(rule.least_pairs, len(alignment.pairs) - rule.rival_margin):
         raise AlignmentError(f"{len(alignment.pairs)} objects matched, and no longer do")
     return replace(alignment, pose_a_b=fit.pose, covariance=fit.covariance, pairs=fit.pairs)
+
+
+def aligned_near(
+    guesses: Sequence[SE2], first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
+) -> Alignment:
+    """The alignment that one of a few guessed poses of the second map in the first one's frame gives.
+
+    A guess that was made before anybody looked is one hypothesis among few, where `align` tries thousands: fewer
+    objects prove it. Chance is the number of guesses, times the probability that as many of the second map's objects
+    fall onto one of their label at random. Raises AlignmentError where no guess is certain.
+    """
+    rule = rule or AlignmentRule()
+    found: list[Alignment] = []
+    for guess in guesses:
+        fit = _refined(guess, first, second, rule)
+        if fit is None:
+            continue
+        moved_m = math.hypot(fit.pose.x_m - guess.x_m, fit.pose.y_m - guess.y_m)
+        if moved_m > rule.reach_m or abs(wrap_angle(fit.pose.yaw_rad - guess.yaw_rad)) > GUESS_TURN_RAD:
+            continue
+        near = [_probability(theirs, fit.pose, first, rule) for theirs in second]
+        chance = len(guesses) * float(bdtrc(len(fit.pairs) - 1, len(second), float(np.mean(near))))
+        pairs = [np.linalg.norm(first[i].position_m - fit.pose.apply(second[j].position_m)) for i, j in fit.pairs]
+        rms_m = math.sqrt(float(np.mean(np.square(pairs))))
+        found.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, chance, rms_m))
+    best = min(found, key=lambda one: one.chance, default=None)
+    if best is None or best.chance > rule.guess_chance:
+        told = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
+        raise AlignmentError(f"no guessed start fits ({told}; at most {rule.guess_chance:g} is accepted)")
+    return best
+
+
+def _probability(theirs: MapObject, pose: SE2, first: Sequence[MapObject], rule: AlignmentRule) -> float:
+    """That an object put anywhere in the first map falls as near to one of its label as a pair may be apart."""
+    span = np.ptp([item.position_m for item in first], axis=0) + 1.0
+    rotation, area_m2 = pose.rotation(), 0.0
+    for ours in first:
+        if ours.label == theirs.label:
+            covariance = ours.covariance_m2 + rotation @ theirs.covariance_m2 @ rotation.T
+            area_m2 += math.pi * min(rule.reach_m**2, rule.gate * math.sqrt(float(np.linalg.det(covariance))))
+    return min(1.0, area_m2 / float(np.prod(span)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 
 SHORTEST_M = 0.7  # nearer objects constrain the rotation too little
@@ -95,7 +95,7 @@ def _scores(
     """For each motion how many objects it explains, near ones in full and those at the gate not at all, (N,)."""
     a, b = _positions(first), _positions(second)
     pair_m2 = _variances(first)[:, None] + _variances(second)[None]
-    same = np.array([[ours.label == theirs.label for theirs in second] for ours in first])
+    same = np.array([ours.label for ours in first])[:, None] == np.array([theirs.label for theirs in second])[None]
     scores = np.zeros(len(motions.yaw_rad))
     size = max(CHUNK // max(len(first) * len(second), 1), 1)
     for start in range(0, len(scores), size):
@@ -110,7 +110,8 @@ def _scores(
         near[(apart2 > reach_m**2) | ~same[None]] = 0.0
         near = np.maximum(near, 0.0)
         scores[start : start + size] = np.minimum(near.max(axis=1).sum(axis=1), near.max(axis=2).sum(axis=1))
-        yield
+        for _ in range(max(1, len(first) * len(second) // CHUNK)):  # one motion of large maps is several units
+            yield
     return scores
 
 

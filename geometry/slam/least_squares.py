@@ -1,5 +1,6 @@
 """Trajectory and landmarks as one sparse least-squares problem: banded poses, landmarks by Schur complement."""
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 
@@ -14,30 +15,34 @@ Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
 CONVERGED_M = 1e-4  # a step that moves nothing by more ends the iteration
+TOGETHER = 2  # iterations in one unit of work
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryFactors:
     """K poses one after another. motions (K - 1, 3): from each to the next, (m, m, rad) in the earlier one's frame;
-    information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3)."""
+    information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3). gains (2,):
+    standard deviations of the share by which all paths, and all rotations, are too long."""
 
     motions: Array
     information: Array
     first: Array
     first_information: Array
+    gains: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservationFactors:
     """N observations of landmarks. pose, landmark (N,): rows of them; position_m (N, 2): in the pose's frame;
     information (N, 2, 2), in that frame too; bias_m (N, 2): how one standard deviation of the mount's error, which all
-    observations share, moves each."""
+    observations share, moves each; range_m (N, 2): the same of the range error that all of one landmark share."""
 
     pose: Rows
     landmark: Rows
     position_m: Array
     information: Array
     bias_m: Array
+    range_m: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,71 +59,79 @@ class LandmarkFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. bias: of the mount, in its standard deviations.
-    landmark_covariance (2 L, 2 L): of all landmarks together; pose_covariances (K, 3, 3). chi2 (N,), link_chi2 (M,):
-    squared Mahalanobis length of each observation's and each link's residual."""
+    """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. biases (L + 3,): of each landmark's range, of
+    the odometry's paths and rotations, and of the mount, in standard deviations. landmark_covariance (2 L, 2 L): of all
+    landmarks together; pose_covariances (K, 3, 3). chi2 (N,), link_chi2 (M,): squared Mahalanobis length of each
+    observation's and each link's residual. log_evidence: log-likelihood of all that was measured (Laplace), up to a
+    constant of its factors."""
 
     poses: Array
     landmarks: Array
-    bias: float
+    biases: Array
     landmark_covariance: Array
     pose_covariances: Array
     chi2: Array
     link_chi2: Array
+    log_evidence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """All factors of a drive. stated: the odometry with the covariances by which those of the poses are told. kernel:
-    squared residual at which an observation or a link weighs half (Cauchy)."""
+    """All factors of a drive. kernel: squared residual at which an observation or a link weighs half (Cauchy).
+    freedom: degrees of freedom of the odometry's errors (Student's t; infinite: Gaussian), which slip now and then."""
 
     odometry: OdometryFactors
     observations: ObservationFactors
     landmarks: LandmarkFactors
-    stated: OdometryFactors
     kernel: float = 9.0
+    freedom: float = math.inf
 
 
 def solve(
-    problem: Problem, poses: Array, landmarks: Array, bias: float = 0.0, iterations: int = 6, covariances: bool = True
+    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6, covariances: bool = True
 ) -> Generator[None, None, Solution]:
     """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every unit of work, each of bounded size.
 
     Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
     landmarks. covariances: whether those of the poses are wanted.
     """
-    count, size = len(poses), 2 * len(landmarks)
-    for _ in range(max(iterations, 1)):
-        system = _System(problem, poses, landmarks, bias)
+    size = 2 * len(landmarks)
+    for iteration in range(max(iterations, 1)):
+        system = _System(problem, poses, landmarks, biases)
         step, steps = system.step()
         poses, landmarks = poses + step.reshape(-1, 3), landmarks + steps[:size].reshape(-1, 2)
-        bias += float(steps[size])
-        yield
+        biases = biases + steps[size:]
+        if iteration % TOGETHER == 0:
+            yield
         if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < CONVERGED_M:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
-    corner = cho_solve(system.schur, np.eye(size + 1))
-    blocks = np.zeros((count, 3, 3))
+    corner = cho_solve(system.schur, np.eye(len(steps)))
+    blocks = np.zeros((len(poses), 3, 3))
+    evidence = system.log_evidence()
     if covariances:
-        stated = _System(replace(problem, odometry=problem.stated), poses, landmarks, bias)
+        odometry = replace(problem.odometry, gains=(0.0, 0.0))  # as it states itself: closing adds no covariance
+        stated = _System(replace(problem, odometry=odometry, freedom=math.inf), poses, landmarks, biases)
         stated.step()
-        yield
         blocks = stated.pose_covariances()
         yield
-    return Solution(poses, landmarks, bias, corner[:size, :size], blocks, system.chi2, system.link_chi2)
+    chi2, links = system.chi2, system.link_chi2
+    return Solution(poses, landmarks, biases, corner[:size, :size], blocks, chi2, links, evidence)
 
 
 class _System:
     """Normal equations: poses' band (6, 3 K), what lies between poses and corner (sparse), and the corner, dense: all
-    landmarks, then the bias."""
+    landmarks, each one's range error, the odometry's gains, the mount's."""
 
-    def __init__(self, problem: Problem, poses: Array, landmarks: Array, bias: float) -> None:
-        self._poses, self._landmarks, self._bias = poses, landmarks, bias
-        self._count, self._size = len(poses), 2 * len(landmarks) + 1
+    def __init__(self, problem: Problem, poses: Array, landmarks: Array, biases: Array) -> None:
+        self._poses, self._landmarks, self._biases = poses, landmarks, biases
+        self._count, self._size = len(poses), 3 * len(landmarks) + 3
         self.band, self.rhs = np.zeros((BAND + 1, 3 * self._count)), np.zeros((self._count, 3))
         self.corner, self.rhs_corner = np.zeros((self._size, self._size)), np.zeros(self._size)
-        self.corner[-1, -1], self.rhs_corner[-1] = 1.0, -bias
-        self._add_odometry(problem.odometry)
+        own = np.arange(2 * len(landmarks), self._size)
+        self.corner[own, own], self.rhs_corner[own] = 1.0, -biases
+        self.cost = 0.5 * float(biases @ biases)
+        self._add_odometry(problem.odometry, problem.freedom)
         self._add_observations(problem.observations, problem.kernel)
         self._add_landmarks(problem.landmarks, problem.kernel)
 
@@ -133,6 +146,11 @@ class _System:
         self.schur = cho_factor(self.corner - across @ self._tied)
         steps = cho_solve(self.schur, self.rhs_corner - across @ own)
         return own - self._tied @ steps, steps
+
+    def log_evidence(self) -> float:
+        """Log-likelihood of all factors with every unknown integrated out (Laplace), after `step`."""
+        factors = self._factor[BAND], np.diagonal(self.schur[0])
+        return -self.cost - float(sum(np.log(factor).sum() for factor in factors))
 
     def pose_covariances(self) -> Array:
         """Marginal covariances of all poses, (K, 3, 3), after `step`: selected inverse of the band, which is block
@@ -156,57 +174,93 @@ class _System:
         upper = columns >= rows
         np.add.at(self.band, (BAND + rows[upper] - columns[upper], columns[upper]), blocks[upper])
 
-    def _add_odometry(self, odometry: OdometryFactors) -> None:
+    def _add_odometry(self, odometry: OdometryFactors, freedom: float) -> None:
         first, rows = np.array([0]), np.arange(self._count - 1)
         self._add_blocks(first, first, odometry.first_information[None])
         residual = self._poses[0] - odometry.first
-        self.rhs[0] -= odometry.first_information @ [*residual[:2], np.angle(np.exp(1j * residual[2]))]
+        residual[2] = np.angle(np.exp(1j * residual[2]))
+        self.rhs[0] -= odometry.first_information @ residual
+        self.cost += 0.5 * float(residual @ odometry.first_information @ residual)
         x, y, by_before, by_after = _seen_from(self._poses[:-1], self._poses[1:, :2])
         turn = self._poses[1:, 2] - self._poses[:-1, 2]
-        residual = np.column_stack([x, y, turn]) - odometry.motions
+        by_gain = np.zeros((len(rows), 3, 2))
+        by_gain[:, :2, 0] = -odometry.gains[0] * odometry.motions[:, :2]
+        by_gain[:, 2, 1] = -odometry.gains[1] * odometry.motions[:, 2]
+        residual = np.column_stack([x, y, turn]) - odometry.motions + by_gain @ self._biases[-3:-1]
         residual[:, 2] = np.angle(np.exp(1j * residual[:, 2]))
         zero, one = np.zeros((len(rows), 2, 1)), np.tile([0.0, 0.0, 1.0], (len(rows), 1, 1))
         by_before = np.concatenate([by_before, -one], axis=1)
         by_after = np.concatenate([np.concatenate([by_after, zero], axis=2), one], axis=1)
-        weighted = odometry.information @ residual[:, :, None]
+        chi2 = np.einsum("ni,nij,nj->n", residual, odometry.information, residual)
+        information = odometry.information
+        if math.isfinite(freedom):
+            information = information * ((freedom + 3.0) / (freedom + chi2))[:, None, None]
+            self.cost += 0.5 * (freedom + 3.0) * float(np.log1p(chi2 / freedom).sum())
+        else:
+            self.cost += 0.5 * float(chi2.sum())
+        weighted = information @ residual[:, :, None]
+        from_gain, gains = by_gain.transpose(0, 2, 1) @ information, slice(self._size - 3, self._size - 1)
+        self.corner[gains, gains] += (from_gain @ by_gain).sum(axis=0)
+        self.rhs_corner[gains] -= (from_gain @ residual[:, :, None]).sum(axis=0)[:, 0]
+        between = np.zeros((self._count, 3, 2))
+        between[:-1] += by_before.transpose(0, 2, 1) @ information @ by_gain
+        between[1:] += by_after.transpose(0, 2, 1) @ information @ by_gain
+        self._by_gain = between.reshape(3 * self._count, 2)
         for jacobian, at in ((by_before, rows), (by_after, rows + 1)):
             transposed = jacobian.transpose(0, 2, 1)
-            self._add_blocks(at, at, transposed @ odometry.information @ jacobian)
+            self._add_blocks(at, at, transposed @ information @ jacobian)
             self.rhs[at] -= (transposed @ weighted)[:, :, 0]
-        self._add_blocks(rows, rows + 1, by_before.transpose(0, 2, 1) @ odometry.information @ by_after)
+        self._add_blocks(rows, rows + 1, by_before.transpose(0, 2, 1) @ information @ by_after)
 
     def _add_observations(self, seen: ObservationFactors, kernel: float) -> None:
         x, y, by_pose, by_landmark = _seen_from(self._poses[seen.pose], self._landmarks[seen.landmark])
-        residual = np.column_stack([x, y]) + self._bias * seen.bias_m - seen.position_m
+        shared = self._biases[-1] * seen.bias_m + self._biases[seen.landmark][:, None] * seen.range_m
+        residual = np.column_stack([x, y]) + shared - seen.position_m
         self.chi2 = np.einsum("ni,nij,nj->n", residual, seen.information, residual)
-        information = seen.information / (1.0 + self.chi2 / kernel)[:, None, None]
+        information = seen.information * self._robust(self.chi2, kernel)[:, None, None]
         weighted = information @ residual[:, :, None]
-        by_corner = np.concatenate([by_landmark, seen.bias_m[:, :, None]], axis=2)
+        by_corner = np.concatenate([by_landmark, seen.range_m[:, :, None], seen.bias_m[:, :, None]], axis=2)
         from_pose, from_corner = by_pose.transpose(0, 2, 1), by_corner.transpose(0, 2, 1)
         self._add_blocks(seen.pose, seen.pose, from_pose @ information @ by_pose)
         np.subtract.at(self.rhs, seen.pose, (from_pose @ weighted)[:, :, 0])
-        columns = np.column_stack([2 * seen.landmark, 2 * seen.landmark + 1, np.full_like(seen.pose, self._size - 1)])
+        at, ranges = 2 * seen.landmark, 2 * len(self._landmarks) + seen.landmark
+        columns = np.column_stack([at, at + 1, ranges, np.full_like(seen.pose, self._size - 1)])
         np.subtract.at(self.rhs_corner, columns, (from_corner @ weighted)[:, :, 0])
         np.add.at(self.corner, (columns[:, :, None], columns[:, None, :]), from_corner @ information @ by_corner)
-        rows = np.broadcast_to((3 * seen.pose[:, None] + np.arange(3))[:, :, None], (len(x), 3, 3)).ravel()
-        at = rows, np.broadcast_to(columns[:, None], (len(x), 3, 3)).ravel()
+        rows = np.broadcast_to((3 * seen.pose[:, None] + np.arange(3))[:, :, None], (len(x), 3, 4)).ravel()
+        places = rows, np.broadcast_to(columns[:, None], (len(x), 3, 4)).ravel()
         blocks = from_pose @ information @ by_corner
-        self.between = csr_array((blocks.ravel(), at), shape=(3 * self._count, self._size))
+        gains = np.repeat(np.arange(3 * self._count), 2), np.tile([self._size - 3, self._size - 2], 3 * self._count)
+        values = np.concatenate([blocks.ravel(), self._by_gain.ravel()])
+        places = tuple(np.concatenate(pair) for pair in zip(places, gains, strict=True))
+        self.between = csr_array((values, places), shape=(3 * self._count, self._size))
+
+    def _robust(self, chi2: Array, kernel: float) -> Array:
+        """Weights of residuals (Cauchy), whose cost is counted."""
+        if not math.isfinite(kernel):
+            self.cost += 0.5 * float(chi2.sum())
+            return np.ones(len(chi2))
+        self.cost += 0.5 * kernel * float(np.log1p(chi2 / kernel).sum())
+        return 1.0 / (1.0 + chi2 / kernel)
 
     def _add_landmarks(self, factors: LandmarkFactors, kernel: float) -> None:
         count = len(self._landmarks)
-        corner, rhs = self.corner[:-1, :-1].reshape(count, 2, count, 2), self.rhs_corner[:-1].reshape(count, 2)
-        rows = np.arange(count)
+        corner, rhs = np.zeros((count, 2, count, 2)), np.zeros((count, 2))
+        rows, residual = np.arange(count), self._landmarks - factors.prior_m
         corner[rows, :, rows] += factors.information
-        rhs -= (factors.information @ (self._landmarks - factors.prior_m)[:, :, None])[:, :, 0]
+        rhs -= (factors.information @ residual[:, :, None])[:, :, 0]
+        self.cost += 0.5 * float(np.einsum("ni,nij,nj->", residual, factors.information, residual))
         residual = self._landmarks[factors.first] - self._landmarks[factors.second]
         self.link_chi2 = (residual**2).sum(axis=1) / factors.variance_m2
-        weight = 1.0 / factors.variance_m2 / (1.0 + self.link_chi2 / kernel)
+        self.cost += float(np.log(2.0 * np.pi * factors.variance_m2).sum())
+        weight = self._robust(self.link_chi2, kernel) / factors.variance_m2
         axis = np.arange(2)[None]
         for a, b, sign in ((factors.first, factors.second, 1.0), (factors.second, factors.first, -1.0)):
             np.add.at(corner, (a[:, None], axis, a[:, None], axis), weight[:, None])
             np.subtract.at(corner, (a[:, None], axis, b[:, None], axis), weight[:, None])
             np.subtract.at(rhs, a, sign * weight[:, None] * residual)
+        self.corner[: 2 * count, : 2 * count] += corner.reshape(2 * count, 2 * count)
+        self.rhs_corner[: 2 * count] += rhs.ravel()
 
 
 def _seen_from(poses: Array, points_m: Array) -> tuple[Array, Array, Array, Array]:

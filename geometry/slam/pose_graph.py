@@ -1,453 +1,263 @@
-"""A drive as a graph of poses and landmarks: those observed again close loops, a bounded unit of work per frame."""
+"""A drive as a graph: keyframes, the odometry between them, observations of landmarks, and links between landmarks."""
 
 import math
-from collections import Counter
-from collections.abc import Generator, Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Generator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.arrays import Array
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.geometry.observations.sighting import Sighting
+from edgemap.geometry.arrays import Array, positive
+from edgemap.geometry.map_object import MapObject, SightingSums
+from edgemap.geometry.observations.class_extents import footprint_m
+from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory, LandmarkCorrection, TrajectoryCorrection
+from edgemap.geometry.slam.keyframes import KeyframeRule, KeyframeTrajectory
+from edgemap.geometry.slam.landmarks import COLUMNS, Landmark, LandmarkRule, Landmarks, factors, observed, place
 from edgemap.geometry.slam.least_squares import (
     LandmarkFactors,
     ObservationFactors,
+    OdometryFactors,
     Problem,
+    Rows,
     Solution,
     inverse,
     solve,
 )
-from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule, Pairing, certain_pairings
-from edgemap.geometry.slam.tracks import Track, Tracker, TrackRule
+from edgemap.geometry.slam.loop_hypotheses import LoopHypothesisRule
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
-Work = Generator[None, None, "_Solved | None"]
+Links = Mapping[int, int]  # of a later landmark to the first one of its object
 
 
 @dataclass(frozen=True, slots=True)
 class GraphRule:
-    """How a drive becomes a graph. view_m: standard deviation of what an object looks like from one keyframe, beside
-    its sightings' own; merged_m: at least, of all that one keyframe saw of it in visits that were joined. minimum:
-    sightings that make a track a landmark. maximum: tracks kept. visits: tracks of one object kept apart, older ones
-    become one. views: keyframes of long ago that see an object, from which on one more of them tells nothing new.
-    nearest: earlier objects weighed in one closure. every: keyframes between two closures. residual: mean squared
-    residual of a track's observations above which its link is refused. gate: squared residual above which a link is
-    taken back. still_m: a closure that finds no link and moves less than this leaves the poses as they are."""
+    """How a drive becomes a graph. freedom: degrees of freedom of the odometry's errors (Student's t): most motions are
+    as good as they say, and a few slip. margin: log-likelihood ratio by which the complete graph must be likelier with
+    a loop than without; 5 is 150 to 1. kernel: squared residual at which an observation or a link weighs half. minimum:
+    pictures of 0.1 s that make a landmark one to close loops with. maximum: landmarks solved for. visits: to one
+    object, kept apart; older ones become one. nearest: earlier objects weighed in one closure. every: keyframes between
+    two closures. gate: squared residual above which a link is taken back; doubt: above which it is where less than half
+    the margin speaks for it. still_m: a closure that finds no link and moves less than this leaves the poses as they
+    are."""
 
-    view_m: float = 0.15
-    merged_m: float = 0.05
+    freedom: float = 4.0
+    margin: float = 5.0
+    kernel: float = 9.0
     minimum: int = 5
     maximum: int = 80
     visits: int = 3
-    views: int = 6
     nearest: int = 40
     every: int = 4
-    residual: float = 4.0
     gate: float = 11.83
+    doubt: float = 3.0
     still_m: float = 0.01
     keyframes: KeyframeRule = field(default_factory=KeyframeRule)
-    track: TrackRule = field(default_factory=TrackRule)
+    landmarks: LandmarkRule = field(default_factory=LandmarkRule)
     hypotheses: LoopHypothesisRule = field(default_factory=LoopHypothesisRule)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Observation:
-    """A track seen from a keyframe, in that one's frame: position_m, information, and the shared bias of the mount."""
+class Snapshot:
+    """All factors but links at one moment, so that hypotheses are weighed on the same data. row: of each landmark, by
+    number. loose: the odometry that loops are searched with. poses (K, 3), biases (L + 3,): to start from."""
 
-    position_m: Array
-    information: Array
-    bias_m: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solved:
-    """row: of each landmark, by track. residual: mean squared residual of each track's observations. link_chi2: squared
-    residual of each link, by its later track."""
-
-    solution: Solution
     row: dict[int, int]
-    residual: dict[int, float]
-    link_chi2: dict[int, float]
+    problem: Problem
+    loose: OdometryFactors
+    poses: Array
+    biases: Array
+
+    def ties(self, links: Links) -> list[tuple[int, int]]:
+        """Those between two landmarks, by number."""
+        return [(later, first) for later, first in links.items() if later in self.row and first in self.row]
 
 
 class PoseGraph:
-    """Fed every frame's motion and sightings. Every visit to an object is a track and a landmark of its own; a link
-    says that two are one object, as far as it looks the same from both sides, and is taken back when it no longer fits.
+    """Fed every frame's motion and sightings. Every visit to an object is a landmark of its own; a link says that two
+    are one object, as far as it looks the same from both sides.
 
-    links: found so far and not taken back. What is due when depends on path and rotation only.
+    links: the landmark that each later one is linked to. refused: those that were taken back. tilt_rad: roll and pitch
+    (2,) by which the mount's angles changed since it placed the first sighting.
     """
 
     def __init__(self, rule: GraphRule | None = None) -> None:
         self.rule = rule or GraphRule()
-        self.trajectory, self.tracker = KeyframeTrajectory(self.rule.keyframes), Tracker(self.rule.track)
-        self.links = 0
-        self._parent: dict[int, int] = {}
-        self._open: dict[int, list[tuple[Array, Array, Array]]] = {}
-        self._observations: dict[tuple[int, int], _Observation] = {}
-        self._refused: set[tuple[int, int]] = set()
-        self._became: dict[int, int] = {}  # tracks that are part of another since `landmarks` was last asked
-        self._bias, self._moves_m = 0.0, dict[int, Array]()
-        self._work: Work | None = None
-        self._due = False
+        self.trajectory, self.landmarks = KeyframeTrajectory(self.rule.keyframes), Landmarks(self.rule.landmarks)
+        self.links: dict[int, int] = {}
+        self.refused: set[tuple[int, int]] = set()
+        self.tilt_rad = np.zeros(2)
+        self._shared, self._ranges = [0.0, 0.0, 0.0], dict[int, float]()
 
-    def add_prior_landmarks(self, objects: Sequence[MapObject]) -> None:
-        """Objects of an earlier map, in the trajectory's frame: observed again, they correct it."""
-        for item in objects:
-            track = self.tracker.begin(item.label, item.width_m, item.position_m, -1, -np.inf)
-            track.count, track.prior_m2 = max(item.count, self.rule.minimum), item.covariance_m2
+    def add_saved(self, item: MapObject) -> Landmark:
+        """An object of an earlier map, in the trajectory's frame: observed again, it corrects the pose. A map does not
+        say which part of its uncertainty its objects share: all of it but what another side adds is its own."""
+        landmark = self.landmarks.begin(item.label, item.width_m, -math.inf, item)
+        landmark.sums = SightingSums.of_saved(item)
+        landmark.position_m = item.position_m
+        side_m2 = self.rule.landmarks.side_m2(max(footprint_m(item.label, item.width_m)))
+        landmark.own_m2 = positive(item.covariance_m2 - np.eye(2) * side_m2, least=1e-4)
+        return landmark
 
-    def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> None:
-        """Move on; where a keyframe is due, what was seen from the one before becomes its observations."""
-        if self.trajectory.is_due(motion, covariance):
-            self._close_observations()
-            self.trajectory.keep(stamp_s)
-            self._due |= len(self.trajectory) % self.rule.every == 0
+    def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> bool:
+        """Move on, to a new keyframe where it is due. Whether loops are due to be searched, by path and rotation."""
+        if not self.trajectory.is_due(motion, covariance):
+            return False
+        self.trajectory.keep(stamp_s)
+        return len(self.trajectory) % self.rule.every == 0
 
-    def observe(self, sightings: Sequence[Sighting]) -> list[Track]:
-        """Take in one frame's sightings, seen from where the trajectory ends now; the track of each."""
-        trajectory = self.trajectory
-        tracks = self.tracker.follow(sightings, trajectory.pose, len(trajectory) - 1, trajectory.odometer_m)
-        rotation = trajectory.since.rotation()
-        for track, sighting in zip(tracks, sightings, strict=True):
-            bias_m = _bias(sighting)
-            own = sighting.covariance_m2 + sighting.shared_m2 - np.outer(bias_m, bias_m)
-            position = trajectory.since.apply(sighting.position_base_m)
-            information = inverse(rotation @ own @ rotation.T)
-            self._open.setdefault(track.number, []).append((position, information, rotation @ bias_m))
-        return tracks
+    def observe(self, sightings: Sequence[PlacedSighting], frame: int = 0) -> list[Landmark]:
+        """Take in one frame's sightings; the landmark of each. The first frame's pose is the first keyframe, if there
+        is none yet."""
+        if not sightings:
+            return []
+        trajectory, rule = self.trajectory, self.rule.landmarks
+        if not trajectory.poses:
+            first = sightings[0]
+            trajectory.begin(first.pose_map_base, first.pose_covariance, first.sighting.stamp_s)
+        keyframe, to_keyframe = len(trajectory) - 1, trajectory.poses[-1].inverse()
+        landmarks = self.landmarks.associated(sightings, trajectory.odometer_m)
+        for landmark, placed in zip(landmarks, sightings, strict=True):
+            since = to_keyframe @ placed.pose_map_base
+            row = observed(placed, since, self.tilt_rad, rule.repeated)
+            landmark.add(keyframe, row, (since.x_m, since.y_m))
+            landmark.updated = frame
+            landmark.beside |= {
+                other.number for other in landmarks if other.label == landmark.label and other is not landmark
+            }
+        self.place(landmarks)
+        return landmarks
 
-    def close_loops(self, now_s: float) -> TrajectoryCorrection | None:
-        """One unit of work on the closure under way, or the next one where it is due; the correction that it ends with.
+    def place(self, landmarks: Sequence[Landmark]) -> None:
+        """Positions and covariances of landmarks as the trajectory stands."""
+        place(landmarks, self.trajectory, self.tilt_rad, self.rule.landmarks.view_m)
 
-        now_s: stamp of the frame whose motion came last.
-        """
-        if self._work is None:
-            if not self._due:
-                return None
-            self._due, self._work = False, self._closure()
-        try:
-            next(self._work)
-        except StopIteration as end:
-            self._work = None
-            return None if end.value is None else self._corrected(end.value, now_s)
-        return None
-
-    def groups(self) -> dict[int, list[Track]]:
-        """The tracks of each object, by the number of the first."""
-        members: dict[int, list[Track]] = {}
-        for number, track in self.tracker.tracks.items():
-            members.setdefault(self._root(number), []).append(track)
+    def groups(self) -> dict[int, list[Landmark]]:
+        """The landmarks of each object, by the number of the first."""
+        members: dict[int, list[Landmark]] = {}
+        for number, landmark in self.landmarks.all.items():
+            members.setdefault(self.root(number), []).append(landmark)
         return members
 
-    def landmarks(self) -> LandmarkCorrection:
-        """What the last correction says of landmarks: of all tracks that are kept, and of those that became part of
-        another since this was last asked."""
-        became, self._became = self._became, {}
-        known = {number: self._root(number) for number in self.tracker.tracks}
-        since_s = self.trajectory.stamps_s[len(self.trajectory) // 2] if self._is_full else -math.inf
-        known |= {number: known[kept] for number, kept in became.items()}
-        return LandmarkCorrection(known, self._moves_m, since_s)
-
-    def _root(self, number: int) -> int:
-        while number in self._parent:
-            number = self._parent[number]
+    def root(self, number: int) -> int:
+        """The first landmark of the object that one is linked to."""
+        while number in self.links:
+            number = self.links[number]
         return number
 
-    def _closure(self) -> Work:
-        """Link what is certainly one object and solve; links that do not fit are taken back."""
-        self._bound()
-        yield
-        count, found = len(self._parent), {}
-        groups = self.groups()
-        in_view = {
-            track.number
-            for track in self.tracker.in_view(self.trajectory.odometer_m)
-            if track.count >= self.rule.minimum and track.last >= 0
-        }
-        fresh = self._unlinked(groups, in_view)
-        if candidates := self._candidates(fresh, groups):
-            before = yield from self._solve({root for _, root in candidates}, 2, covariances=False)
-            pairings = [
-                Pairing(before.row[track.number], before.row[root], self._apart_m2(track.number, root))
-                for track, root in candidates
-                if track.number in before.row and root in before.row
-            ]
-            supported = sum(len(groups[self._root(number)]) > 1 for number in in_view)
-            certain = yield from certain_pairings(
-                pairings,
-                before.solution.landmarks,
-                before.solution.landmark_covariance,
-                self.rule.hypotheses,
-                supported,
-            )
-            name = list(before.row)
-            found = self._witnessed({name[pairing.now]: name[pairing.before] for pairing in certain})
-            self._parent |= found
-        if not self._parent and not count:
-            return None
-        after = yield from self._solve(set(), 8 if found else 3)
-        while unfit := self._unfit(after, found):
-            for number in unfit:
-                self._refused.add((number, self._root(self._parent[number])))
-                del self._parent[number]
-            found = {number: first for number, first in found.items() if number in self._parent}
-            after = yield from self._solve(set(), 8)
-        self.links += len(self._parent) - count
-        return after
+    def unlink(self, number: int) -> int:
+        """A landmark leaves its links to its parent, or to the first that is linked to it; that one's number, else
+        -1."""
+        children = [later for later, first in self.links.items() if first == number]
+        home = self.links.pop(number, children[0] if children else -1)
+        for later in children:
+            self.links[later] = home
+        self.links.pop(home, None) if home in children else None
+        return home
 
-    def _unfit(self, after: _Solved, found: Mapping[int, int]) -> list[int]:
-        """Links to take back: all that were just found if one of these does not fit, else the worst of the others."""
-        bad = {number: chi2 for number, chi2 in after.link_chi2.items() if chi2 > self.rule.gate}
-        if any(number in bad or after.residual.get(number, 0.0) > self.rule.residual for number in found):
-            return list(found)
-        return [max(bad, key=lambda number: bad[number])] if bad else []
+    def remove(self, numbers: Set[int]) -> None:
+        """Forget landmarks and their links."""
+        for number in numbers:
+            self.unlink(number)
+        self.landmarks.remove(numbers)
+        self.refused = {pair for pair in self.refused if numbers.isdisjoint(pair)}
 
-    def _apart_m2(self, later: int, first: int) -> float:
-        """Variance of the distance of two tracks of one object, per axis: both are seen from some side, but an earlier
-        map's object from many."""
-        sides = 2.0 if self.tracker.tracks[first].prior_m2 is None else 1.0
-        return sides * self.rule.track.side_m2(self.tracker.tracks[later].extent_m)
+    def join(self, kept: Landmark, gone: Landmark) -> None:
+        """Two visits to one object become one."""
+        home = self.unlink(gone.number)
+        if home >= 0 and home != kept.number and self.root(home) != self.root(kept.number):
+            self.links[max(home, self.root(kept.number))] = min(home, self.root(kept.number))
+        kept.join(gone)
+        for other in self.landmarks.all.values():
+            if gone.number in other.beside:
+                other.beside.add(kept.number)
+        kept.beside.discard(kept.number)
+        self.remove({gone.number})
+        self.place([kept])
+
+    def apart_m2(self, later: int, first: int) -> float:
+        """Variance of the distance of two landmarks of one object, per axis: both are seen from some side, but an
+        earlier map's object from many."""
+        sides = 2.0 if self.landmarks.all[first].saved is None else 1.0
+        return sides * self.rule.landmarks.side_m2(self.landmarks.all[later].extent_m)
 
     @property
-    def _is_full(self) -> bool:
-        """Whether keyframes have to go, and with them what was not recognised."""
+    def is_full(self) -> bool:
+        """Whether keyframes have to go."""
         return len(self.trajectory) >= self.rule.keyframes.maximum
 
-    def _unlinked(self, groups: Mapping[int, list[Track]], in_view: Set[int]) -> list[Track]:
-        """Tracks that are no object seen before, so far: those in view, most sightings first, then, before they have to
-        go, those that passed without having been recognised, the last one first."""
-        since = len(self.trajectory) // 2 if self._is_full else len(self.trajectory)
-        found = [
-            track
-            for (track, *others) in groups.values()
-            if not others and track.count >= self.rule.minimum and (track.number in in_view or track.last >= since)
+    def is_likely(self, landmark: Landmark) -> bool:
+        """Whether it was seen often enough to close loops with."""
+        return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.rule.minimum)
+
+    def snapshot(self, wanted: Set[int] = frozenset()) -> Snapshot:
+        """All factors but links as they are now. wanted: earlier objects that are no landmarks otherwise."""
+        tied = {*self.links, *self.links.values(), *wanted}
+        likely = [
+            landmark
+            for landmark in self.landmarks.all.values()
+            if self.is_likely(landmark) and (landmark.keyframes or landmark.number in tied)
         ]
-        found.sort(key=lambda track: (0, -track.count) if track.number in in_view else (1, -track.last))
-        return found[: self.rule.hypotheses.maximum_now]
-
-    def _witnessed(self, found: Mapping[int, int]) -> dict[int, int]:
-        """Links of tracks that were seen about when enough of other objects were, which are or become linked: one
-        object alone, however often it was seen, says nothing."""
-        tracks, slack = self.tracker.tracks, self.rule.every
-        linked = {number: self._root(number) for number in (*self._parent, *self._parent.values())} | dict(found)
-
-        def witnesses(number: int, root: int) -> int:
-            first, last = tracks[number].first - slack, tracks[number].last + slack
-            near = {at for other, at in linked.items() if tracks[other].first <= last and tracks[other].last >= first}
-            return len(near | {root})
-
-        return {
-            number: root for number, root in found.items() if witnesses(number, root) >= self.rule.hypotheses.minimum
-        }
-
-    def _candidates(self, fresh: Sequence[Track], groups: Mapping[int, list[Track]]) -> list[tuple[Track, int]]:
-        """Tracks with each earlier object that they may be: of the same label, not seen since, the nearest ones; of two
-        in one place the one that was seen more often."""
-        counts = {root: sum(track.count for track in members) for root, members in groups.items()}
-        earlier = sorted((root for root in groups if counts[root] >= self.rule.minimum), key=lambda root: -counts[root])
-        pairs: list[tuple[float, Track, int]] = []
-        for track in fresh:
-            chosen: list[Array] = []
-            for root in earlier:
-                at = self.tracker.tracks[root].position_m
-                if (
-                    groups[root][0].label == track.label
-                    and max(member.last for member in groups[root]) < track.first
-                    and (track.number, root) not in self._refused
-                    and track.beside.isdisjoint(member.number for member in groups[root])
-                    and all(math.hypot(*(at - other)) > self.rule.hypotheses.same_m for other in chosen)
-                ):
-                    chosen.append(at)
-                    pairs.append((math.hypot(*(track.position_m - at)), track, root))
-        pairs.sort(key=lambda pair: (pair[0], pair[1].number, pair[2]))
-        near = set(list(dict.fromkeys(root for _, _, root in pairs))[: self.rule.nearest])
-        return sorted(
-            ((track, root) for _, track, root in pairs if root in near), key=lambda pair: (-pair[0].count, pair[1])
-        )
-
-    def _solve(self, wanted: set[int], iterations: int, covariances: bool = True) -> Generator[None, None, _Solved]:
-        """Least squares over trajectory and landmarks. wanted: earlier objects that are no landmarks otherwise."""
-        tied = {*self._parent, *self._parent.values(), *wanted}
-        observed = {number for _, number in self._observations}
-        tracks = [
-            track
-            for track in self.tracker.tracks.values()
-            if track.count >= self.rule.minimum and track.number in (observed if track.prior_m2 is None else tied)
-        ]
-        row = {track.number: at for at, track in enumerate(tracks)}
-        landmarks = np.array([track.position_m for track in tracks]).reshape(-1, 2)
+        near = set(self.landmarks.in_view(self.trajectory.odometer_m))
+        likely.sort(key=lambda one: (one in near or one.number in wanted, one.number in tied, one.sums.pictures))
+        chosen = sorted(likely[-self.rule.maximum :], key=lambda landmark: landmark.number)
+        row = {landmark.number: at for at, landmark in enumerate(chosen)}
+        prior_m = np.array([landmark.position_m for landmark in chosen]).reshape(-1, 2)
         information = np.array(
-            [np.zeros((2, 2)) if track.prior_m2 is None else inverse(track.prior_m2) for track in tracks]
+            [np.zeros((2, 2)) if one.saved is None else inverse(one.saved.covariance_m2) for one in chosen]
         ).reshape(-1, 2, 2)
-        links = [(later, first) for later, first in self._parent.items() if later in row and first in row]
-        factors = LandmarkFactors(
-            landmarks.copy(),
-            information,
-            np.array([row[later] for later, _ in links], dtype=np.intp),
-            np.array([row[first] for _, first in links], dtype=np.intp),
-            np.array([self._apart_m2(later, first) for later, first in links]),
-        )
-        seen = [(at, item) for at, item in self._observations.items() if at[1] in row]
+        none = _rows([])
+        landmarks = LandmarkFactors(prior_m, information, none, none, np.zeros(0))
+        rule, rows = self.rule, np.concatenate([np.zeros((0, COLUMNS)), *(one.rows for one in chosen)])
         observations = ObservationFactors(
-            np.array([keyframe for (keyframe, _), _ in seen], dtype=np.intp),
-            np.array([row[number] for (_, number), _ in seen], dtype=np.intp),
-            np.array([item.position_m for _, item in seen]).reshape(-1, 2),
-            np.array([item.information for _, item in seen]).reshape(-1, 2, 2),
-            np.array([item.bias_m for _, item in seen]).reshape(-1, 2),
+            _rows([keyframe for landmark in chosen for keyframe in landmark.keyframes]),
+            _rows([at for at, landmark in enumerate(chosen) for _ in landmark.keyframes]),
+            *factors(rows, self.tilt_rad, rule.landmarks.view_m),
         )
-        problem = Problem(self.trajectory.factors(), observations, factors, self.trajectory.factors(stated=True))
-        solution = yield from solve(problem, self.trajectory.vectors(), landmarks, self._bias, iterations, covariances)
-        residual = np.bincount(observations.landmark, solution.chi2, len(tracks))
-        residual /= np.maximum(np.bincount(observations.landmark, minlength=len(tracks)), 1)
-        link_chi2 = {later: float(chi2) for (later, _), chi2 in zip(links, solution.link_chi2, strict=True)}
-        return _Solved(solution, row, dict(zip(row, residual.tolist(), strict=True)), link_chi2)
+        trajectory = self.trajectory
+        problem = Problem(trajectory.factors(), observations, landmarks, rule.kernel, rule.freedom)
+        biases = np.array([*(self._ranges.get(number, 0.0) for number in row), *self._shared])
+        return Snapshot(row, problem, trajectory.factors(loose=True), trajectory.vectors(), biases)
 
-    def _corrected(self, solved: _Solved, now_s: float) -> TrajectoryCorrection:
-        """Poses and tracks stand where the solution has them; those that are no landmarks move with the keyframe that
-        saw them last."""
-        solution, poses, self._moves_m = solved.solution, solved.solution.poses, {}
+    def solved(
+        self,
+        at: Snapshot,
+        links: Links,
+        iterations: int,
+        *,
+        loose: bool = False,
+        start: Solution | None = None,
+        covariances: bool = False,
+    ) -> Generator[None, None, Solution]:
+        """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
+        start: where to begin instead of where all stands. covariances: whether those of the poses are wanted."""
+        ties = at.ties(links)
+        landmarks = replace(
+            at.problem.landmarks,
+            first=_rows([at.row[later] for later, _ in ties]),
+            second=_rows([at.row[first] for _, first in ties]),
+            variance_m2=np.array([self.apart_m2(later, first) for later, first in ties]),
+        )
+        problem = replace(at.problem, landmarks=landmarks)
+        if loose:
+            problem = replace(problem, odometry=at.loose, kernel=math.inf, freedom=math.inf)
+        begin = (at.poses, landmarks.prior_m, at.biases)
+        if start is not None:
+            begin = (start.poses, start.landmarks, start.biases)
+        return (yield from solve(problem, *begin, iterations, covariances))
+
+    def correct(self, at: Snapshot, solution: Solution, now_s: float) -> TrajectoryCorrection:
+        """Poses stand where the solution has them, and landmarks with them. now_s: stamp of the frame whose motion came
+        last."""
+        poses = solution.poses
         before = self.trajectory.vectors()[: len(poses)]
         if np.abs(poses - before).max() < self.rule.still_m:
             return self.trajectory.set_poses(before, solution.pose_covariances, now_s)
-        self._bias = solution.bias
+        *ranges, path, yaw, mount = solution.biases.tolist()
+        self._ranges, self._shared = dict(zip(at.row, ranges, strict=True)), [path, yaw, mount]
         correction = self.trajectory.set_poses(poses, solution.pose_covariances, now_s)
-        at_m = {number: track.position_m for number, track in self.tracker.tracks.items()}
-        for number, track in self.tracker.tracks.items():
-            if (at := solved.row.get(number)) is not None:
-                track.position_m = solution.landmarks[at]
-            elif track.last >= 0:
-                track.position_m = SE2(*correction.moves[track.last]).apply(track.position_m)
-        self._moves_m = {number: track.position_m - at_m[number] for number, track in self.tracker.tracks.items()}
+        self.place(list(self.landmarks.all.values()))
         return correction
 
-    def _close_observations(self) -> None:
-        """What one keyframe saw of a track becomes one observation: repeated frames repeat each other's error."""
-        own = np.eye(2) * self.rule.view_m**2
-        for number, seen in self._open.items():
-            total = np.sum([information for _, information, _ in seen], axis=0)
-            position = np.linalg.solve(total, np.sum([weight @ at for at, weight, _ in seen], axis=0))
-            bias = np.mean([bias for _, _, bias in seen], axis=0)
-            information = inverse(inverse(total) * len(seen) + own)
-            self._observations[len(self.trajectory) - 1, number] = _Observation(position, information, bias)
-        self._open.clear()
 
-    def _bound(self) -> None:
-        """Keep the graph's size: fewer keyframes of long ago, fewer tracks."""
-        self._drop_keyframes()
-        near = {track.number for track in self.tracker.in_view(self.trajectory.odometer_m)}
-        observed = {number for _, number in self._observations}
-        into = {number: number for number in self.tracker.tracks}
-
-        def leave(tracks: Iterable[Track]) -> None:
-            for track in tracks:
-                if track.number not in near and into[track.number] == track.number:
-                    into[track.number] = self._merge(track)
-                    if into[track.number] < 0 and len(around := self._around(track)) == 1:
-                        self._became[track.number] = around[0]
-
-        for members in self.groups().values():
-            leave(members[1 : 1 + max(len(members) - self.rule.visits, 0)])
-        own = [track for track in self.tracker.tracks.values() if track.prior_m2 is None]
-        linked = {*self._parent, *self._parent.values()}
-        leave(track for track in own if track.number not in observed)
-        old = len(self.trajectory) // 2
-        single = [track for track in own if track.number not in linked]
-        leave(t for t in single if t.count < self.rule.minimum or (t.last < old and self._around(t)))
-        excess = sum(into[track.number] == track.number for track in own) - self.rule.maximum
-        own = [track for track in own if track.number not in near and into[track.number] == track.number]
-        leave(sorted(own, key=lambda track: (track.number not in self._parent, track.count))[: max(excess, 0)])
-        if gone := {number for number, kept in into.items() if kept != number}:
-            self._replace(into, gone)
-
-    def _replace(self, into: dict[int, int], gone: Set[int]) -> None:
-        """Tracks that became part of another, or of none (-1), leave; what one keyframe saw of one track is one
-        observation."""
-        for number in into:
-            while into[number] >= 0 and into[into[number]] != into[number]:
-                into[number] = into[into[number]]
-        became = {number: into[number] for number in gone}
-        became |= {number: into[kept] for number, kept in self._became.items()}
-        self._became = {number: kept for number, kept in became.items() if kept >= 0}
-        for number in gone:
-            if (kept := into[number]) >= 0:
-                self.tracker.tracks[kept].beside |= self.tracker.tracks[number].beside
-            del self.tracker.tracks[number]
-        for track in self.tracker.tracks.values():
-            track.beside = {into[number] for number in track.beside} - {-1, track.number}
-        self._refused = {pair for pair in self._refused if gone.isdisjoint(pair)}
-        observations: dict[tuple[int, int], _Observation] = {}
-        for (keyframe, number), item in self._observations.items():
-            if (kept := into[number]) >= 0:
-                other = observations.get((keyframe, kept))
-                observations[keyframe, kept] = item if other is None else self._joined(other, item)
-        self._observations = observations
-
-    def _around(self, track: Track) -> list[int]:
-        """A graph that is full: the landmarks of its label where a track lies that was never recognised."""
-        return [
-            other.number
-            for other in self.tracker.tracks.values()
-            if self._is_full
-            and other.label == track.label
-            and other.number == self._root(other.number)
-            and other.number not in track.beside
-            and other.count > max(track.count, self.rule.minimum)
-            and math.hypot(*(other.position_m - track.position_m)) < self.rule.track.reach_m
-        ]
-
-    def _drop_keyframes(self) -> None:
-        """Too many: of the older half those go, with their observations, whose objects others see often enough, the
-        newest of them first. So the first ones in a place stay, and whatever is seen later is known against them."""
-        excess, half = len(self.trajectory) - self.rule.keyframes.maximum, len(self.trajectory) // 2
-        if excess <= 0:
-            return
-        seen: dict[int, set[int]] = {row: set() for row in range(1, half)}
-        for row, number in self._observations:
-            if row in seen and self.tracker.tracks[number].count >= self.rule.minimum:
-                seen[row].add(self._root(number))
-        views = Counter(root for roots in seen.values() for root in roots)
-        gone: set[int] = set()
-        for _ in range(excess):
-            scarcest = {row: min([self.rule.views, *(views[root] for root in roots)]) for row, roots in seen.items()}
-            gone.add(row := max(scarcest, key=lambda row: (scarcest[row], row)))
-            views.subtract(seen.pop(row))
-        self.trajectory.drop(gone)
-        now = (np.cumsum([row not in gone for row in range(len(self.trajectory) + excess)]) - 1).tolist()
-        for track in self.tracker.tracks.values():
-            if track.first >= 0:
-                track.first, track.last = now[track.first], now[track.last]
-        self._observations = {
-            (now[row], number): item for (row, number), item in self._observations.items() if row not in gone
-        }
-
-    def _merge(self, track: Track) -> int:
-        """One visit becomes part of the one that it is linked to; that one's number, -1 where there is none."""
-        if (number := self._unlink(track.number)) >= 0:
-            kept = self.tracker.tracks[number]
-            kept.count, kept.last = kept.count + track.count, max(kept.last, track.last)
-        return number
-
-    def _unlink(self, number: int) -> int:
-        """A track leaves its links to its parent, or to the first that is linked to it; that one's number, else -1."""
-        children = [later for later, first in self._parent.items() if first == number]
-        home = self._parent.pop(number, children[0] if children else -1)
-        for later in children:
-            self._parent[later] = home
-        self._parent.pop(home, None) if home in children else None
-        return home
-
-    def _joined(self, first: _Observation, second: _Observation) -> _Observation:
-        total = first.information + second.information
-        weighted = first.information @ first.position_m + second.information @ second.position_m
-        position = np.asarray(np.linalg.solve(total, weighted), dtype=np.float64)
-        bound = 1.0 / self.rule.merged_m**2 / float(np.linalg.eigvalsh(total)[-1])
-        return _Observation(position, total * min(1.0, bound), (first.bias_m + second.bias_m) / 2.0)
-
-
-def _bias(sighting: Sighting) -> Array:
-    """How far one standard deviation of the mount's error moves a sighting, (2,), outwards: what all have in common."""
-    values, vectors = np.linalg.eigh(sighting.shared_m2)
-    outwards = np.sign(vectors[:, 1] @ sighting.position_base_m) or 1.0
-    return vectors[:, 1] * (np.sqrt(max(values[1], 0.0)) * outwards)
+def _rows(numbers: list[int]) -> Rows:
+    return np.array(numbers, dtype=np.intp)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.runtime.store import cache_folder
+from edgemap.runtime.network.store import cache_folder
 from edgemap.simulation.render.mesh import Array, Material, Mesh, Part, welded
 
 # To be raised whenever `obj.py` or `simplify.py` make something else of the same file.
@@ -27,7 +27,7 @@ def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) 
     """The mesh that `make` gives, bit for bit, from `$EDGEMAP_CACHE/meshes` where it lies already.
 
     key: of the model, which names its file. source: the library it is from; another size or time of it makes the mesh
-    anew, as does a file that is damaged. Where nothing can be written, nothing is kept.
+    again, as does a file that is damaged. Where nothing can be written, nothing is kept.
     """
     about = source.stat()
     stamp = np.array([_VERSION, most_triangles, about.st_size, about.st_mtime_ns])

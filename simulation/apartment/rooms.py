@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable
 
 from edgemap.geometry.se2 import SE2
+from edgemap.simulation.apartment.kitchen import kitchen
 from edgemap.simulation.apartment.layout import SIDES, Layout
 from edgemap.simulation.apartment.placed import Placed
 from edgemap.simulation.apartment.plan import RoomArea
+from edgemap.simulation.apartment.tables import dining_group, things
 
 _OPPOSITE = {"near": "far", "far": "near", "left": "right", "right": "left"}
 
@@ -17,14 +19,14 @@ def furnish_room(home: Layout, room: RoomArea, lone: bool, clutter: float) -> No
     """Fill one room. lone: it is the whole home. clutter: 0 for tidy people, 1 for the others."""
     _RECIPES[room.kind](home, room)
     if lone:
-        _dining_group(home, room)
+        dining_group(home, room)
     _extras(home, room, clutter)
 
 
 def _living(home: Layout, room: RoomArea) -> None:
     _seating(home, room)
     if room.x1 - room.x0 > 4.2 and home.chance(0.6):
-        _dining_group(home, room)
+        dining_group(home, room)
     for kind, chance in (("bookcase", 0.7), ("drawers", 0.4), ("radiator", 0.5)):
         if home.chance(chance):
             home.against_wall(kind, room)
@@ -46,7 +48,7 @@ def _seating(home: Layout, room: RoomArea) -> None:
     if home.chance(0.6):
         table = home.before("coffee table", sofa, room, home.uniform(0.32, 0.45), facing=False)
         if table is not None:
-            _things(home, table, room, home.count(0, 2))
+            things(home, table, room, home.count(0, 2))
     if home.chance(0.75):
         home.beside("armchair", sofa, room, home.uniform(0.05, 0.25))
     for _ in range(home.count(0, 1)):
@@ -79,113 +81,17 @@ def _television(home: Layout, room: RoomArea, side: str) -> None:
 
 
 def _dining(home: Layout, room: RoomArea) -> None:
-    _dining_group(home, room)
+    dining_group(home, room)
     if home.chance(0.7):
         drawers = home.against_wall("drawers", room)
         if drawers is not None:
-            _things(home, drawers, room, home.count(1, 3), vases=0.6)
+            things(home, drawers, room, home.count(1, 3), vases=0.6)
     if home.chance(0.4):
         home.against_wall("bookcase", room)
     for _ in range(home.count(1, 2)):
         home.in_corner("potted plant", room)
     if home.chance(0.4):
         home.in_corner("armchair", room, turned=False)
-
-
-def _dining_group(home: Layout, room: RoomArea) -> None:
-    """A table with two to six like chairs round it: pushed in, pulled out, askew."""
-    table = None
-    for attempt in range(40):
-        model = home.model("dining table")
-        x = home.uniform(room.x0 + 0.7, room.x1 - 0.7)
-        y = home.uniform(room.y0 + 0.7, room.y1 - 0.7)
-        yaw = math.radians(90.0 * home.count(0, 3) + (home.uniform(-20, 20) if home.chance(0.15) else 0.0))
-        # The tighter the room, the less must be free around the table; chairs that don't fit are left out.
-        table = home.put("dining table", model, room, SE2(x, y, yaw), spare_m=(0.6 - 0.013 * attempt, 0.0))
-        if table is not None:
-            break
-    if table is None:
-        return
-    _chairs(home, table, room)
-    _things(home, table, room, home.count(0, 4), vases=0.45)
-
-
-def _chairs(home: Layout, table: Placed, room: RoomArea) -> None:
-    chair = home.model("chair")
-    long, short = table.model.width_m, table.model.depth_m
-    half = 1 if long < 1.25 else 2
-    seats = [((i + 0.5) / half - 0.5, side) for side in (-1.0, 1.0) for i in range(half)]
-    spots = [SE2(side * short / 2.0, along * long * 0.92, 0.0 if side < 0 else math.pi) for along, side in seats]
-    spots += [SE2(0.0, side * long / 2.0, -side * math.pi / 2.0) for side in (-1.0, 1.0)]
-    wanted, like = home.count(2, len(spots)), None
-    for index in home.rng.permutation(len(spots))[:wanted]:
-        tucked = home.uniform(0.02, 0.45) if home.chance(0.7) else -home.uniform(0.05, 0.35)
-        reach = chair.depth_m * (tucked - 0.5)
-        pose = table.pose_home_object @ spots[index] @ SE2(reach, home.uniform(-0.04, 0.04), home.uniform(-0.12, 0.12))
-        if tucked < 0.0:
-            pose = pose @ SE2(0.0, 0.0, home.uniform(-0.5, 0.5))
-        # Chairs reach under the table they stand at, as far as their backs allow.
-        like = home.put("chair", chair, room, pose, ignore=(table,), like=like) or like
-
-
-def _kitchen(home: Layout, room: RoomArea) -> None:
-    """A row along one wall: cabinets, oven, sink and refrigerator side by side, cabinets on the wall above."""
-    sides = [SIDES[i] for i in home.rng.permutation(4)]
-    rows = sorted((_row_length(home, room, side) for side in sides), reverse=True)
-    side = rows[0][1]
-    kinds = ["refrigerator", "lower cabinet", "oven", "sink cabinet", "lower cabinet", "lower cabinet"]
-    _row(home, room, side, kinds if home.chance(0.5) else kinds[::-1])
-    for kind in ("refrigerator", "oven"):
-        if not any(item.kind == kind for item in home.placed):
-            home.against_wall(kind, room)
-    if room.x1 - room.x0 > 2.6 and home.chance(0.6):
-        _dining_group(home, room)
-    if home.chance(0.5):
-        home.against_wall("bin", room)
-    for _ in range(home.count(0, 2)):
-        home.by_wall("stool", room)
-    if home.chance(0.5):
-        home.in_corner("potted plant", room)
-
-
-def _row_length(home: Layout, room: RoomArea, side: str) -> tuple[float, str]:
-    """Length of a wall without its doorways."""
-    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
-    face = {"near": room.y0, "far": room.y1, "left": room.x0, "right": room.x1}[side]
-    for door in home.plan.doorways:
-        spans = (door.y0, door.y1) if side in {"near", "far"} else (door.x0, door.x1)
-        if min(abs(face - spans[0]), abs(face - spans[1])) < 0.02:
-            return (high - low) / 2.0, side
-    return high - low, side
-
-
-def _row(home: Layout, room: RoomArea, side: str, kinds: list[str]) -> None:
-    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
-    at, cabinet, like = low + 0.02, home.model("lower cabinet"), None
-    for kind in kinds:
-        model = cabinet if kind == "lower cabinet" else home.model(kind)
-        while at + model.width_m < high:
-            span = high - low - model.width_m - 0.02
-            along = (at - low - 0.01) / span if span > 0 else 0.0
-            front = like if "cabinet" in kind else None
-            item = home.put(kind, model, room, home.wall_pose(model, room, side, along), like=front)
-            if item is not None:
-                at += model.width_m + 0.005
-                if kind == "lower cabinet":
-                    like = like or item
-                    _above(home, item, room, side)
-                break
-            at += 0.15
-
-
-def _above(home: Layout, item: Placed, room: RoomArea, side: str) -> None:
-    low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
-    middle = item.pose_home_object.x_m if side in {"near", "far"} else item.pose_home_object.y_m
-    if home.chance(0.5):
-        home.on_top("microwave" if home.chance(0.35) else "counter clutter", item, room, spread=0.1)
-    upper = home.model("upper cabinet", usual=True)
-    along = (middle - low - upper.width_m / 2.0 - 0.01) / max(high - low - upper.width_m - 0.02, 0.1)
-    home.put("upper cabinet", upper, room, home.wall_pose(upper, room, side, along), upper.elevation_m, like=item)
 
 
 def _bedroom(home: Layout, room: RoomArea) -> None:
@@ -202,7 +108,7 @@ def _bedroom(home: Layout, room: RoomArea) -> None:
     if home.chance(0.4):
         drawers = home.against_wall("drawers", room)
         if drawers is not None:
-            home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else _things(home, drawers, room, 2)
+            home.on_top("tv", drawers, room, 0.1, back=True) if home.chance(0.5) else things(home, drawers, room, 2)
     if home.chance(0.4):
         home.in_corner("armchair", room, turned=False)
     home.by_wall("potted plant", room)
@@ -234,7 +140,7 @@ def _workplace(home: Layout, room: RoomArea) -> None:
     if home.chance(0.8):
         home.on_top("laptop" if home.chance(0.5) else "computer", desk, room, spread=0.15, back=True)
     home.on_top("desk lamp", desk, room, spread=0.4)
-    _things(home, desk, room, home.count(0, 2))
+    things(home, desk, room, home.count(0, 2))
 
 
 def _bathroom(home: Layout, room: RoomArea) -> None:
@@ -276,17 +182,10 @@ def _extras(home: Layout, room: RoomArea, clutter: float) -> None:
         home.anywhere("dog", room)
 
 
-def _things(home: Layout, support: Placed, room: RoomArea, count: int, vases: float = 0.2) -> None:
-    for _ in range(count):
-        draw = home.rng.random()
-        kind = "vase" if draw < vases * 0.6 else "small plant" if draw < vases else "table clutter"
-        home.on_top(kind, support, room, spread=0.32)
-
-
 _RECIPES: dict[str, Callable[[Layout, RoomArea], None]] = {
     "living": _living,
     "dining": _dining,
-    "kitchen": _kitchen,
+    "kitchen": kitchen,
     "bedroom": _bedroom,
     "study": _study,
     "bathroom": _bathroom,

@@ -1,4 +1,4 @@
-"""What one picture is drawn of: batches in place, and the bytes that tell their objects apart."""
+"""What one picture is drawn of: batches in place, and the bytes that identify their objects."""
 
 from __future__ import annotations
 

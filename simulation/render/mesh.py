@@ -85,7 +85,7 @@ def srgb_to_linear(values: ArrayLike) -> Array:
 def welded(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Which rows (N, bytes) are alike: the first of each sort, and for every row its sort.
 
-    Rows are told apart by a 64-bit sum, many times faster than sorting them whole.
+    Rows are compared by a 64-bit sum, many times faster than sorting them whole.
     """
     padded = np.zeros((len(rows), -(-rows.shape[1] // 8) * 8), dtype=np.uint8)
     padded[:, : rows.shape[1]] = rows

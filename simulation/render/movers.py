@@ -1,4 +1,4 @@
-"""What moves through a lit home: rigid meshes placed anew for every picture, lit by the light in mid-air."""
+"""What moves through a lit home: rigid meshes placed for every picture, lit by the light in mid-air."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Movers in OpenGL's memory: every shape is sent once, and lit anew wherever it stands."""
+"""Movers in OpenGL's memory: every shape is sent once, and lit at each pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from edgemap.simulation.render.view import View
 
 
 class Moving:
-    """The shapes of movers that were seen so far. probes: the light in mid-air."""
+    """The shapes of movers so far. probes: the light in mid-air."""
 
     def __init__(self, canvas: Canvas, probes: Probes | None) -> None:
         self._canvas, self._probes = canvas, probes

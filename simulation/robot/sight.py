@@ -1,4 +1,4 @@
-"""What the camera would see of the furniture, told from the plan alone: no rendering."""
+"""What the camera would see of the furniture, from the plan alone: no rendering."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.drives.drive import SEEN_SIDE_PX
+from edgemap.runtime.inputs.drives.drive import SEEN_SIDE_PX
 from edgemap.simulation.apartment.apartment import Apartment
 from edgemap.simulation.apartment.placed import ALIVE
 from edgemap.simulation.render.mesh import Array

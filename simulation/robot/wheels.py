@@ -13,7 +13,7 @@ from edgemap.simulation.robot.motion import SAMPLE_S, SampledDrive
 
 @dataclass(frozen=True, slots=True)
 class Wheels:
-    """Two driven wheels and their errors, as standard deviations where not said otherwise.
+    """Two driven wheels and their errors, as standard deviations unless stated otherwise.
 
     tick_m: what one encoder tick covers. scale: of both wheels' radius (the air in the tyres); unlike: of either one's.
     base_scale: of the distance between them.

@@ -4,14 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import painted
 
 from edgemap.benchmarks import compare as contest
 from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
 from edgemap.benchmarks.ring import RING, read_ring
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.slam import SemanticSlam
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.step.slam import SemanticSlam
 
 
 class Counting(CameraBase):
@@ -128,3 +129,18 @@ def test_ratios_are_ours_over_theirs(monkeypatch):
     )
     assert (ratios["network_ratio"], ratios["end_to_end_ratio"], ratios["full_ratio"]) == (0.8, 0.5, 0.75)
     assert ratios["cpu_ratio"] == pytest.approx(1 / 3, abs=1e-3)
+
+
+def test_the_floor_head_is_timed_apart_from_its_backbone(tmp_path):
+    from edgemap.benchmarks.floor_head import floor_head_ms
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder
+
+    bundle = load_bundle(bundle_folder("edgemap-nano"), 1).for_pictures(640, 480)
+    before = time.process_time()
+    bundle.backbone.run(bundle.backbone.zeros())
+    whole_ms = 1e3 * (time.process_time() - before)
+    head_ms = floor_head_ms(bundle)
+    assert head_ms is not None
+    assert 0.1 < head_ms < whole_ms / 3.0
+    assert floor_head_ms(load_bundle(painted.write_painted(tmp_path / "b", []), 1)) is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 
 
 def mapped(identity, x_m, y_m):

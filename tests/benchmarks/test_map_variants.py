@@ -7,12 +7,12 @@ import pytest
 
 from edgemap.benchmarks.map_variants import Replay, Variant, map_drive, observed_by
 from edgemap.geometry.camera.imu import ImuSamples
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras.open import DEMO
-from edgemap.runtime.config import Config
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.loop_closing import LoopCloser
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.loop_closing import LoopCloser
 
 
 @pytest.fixture(scope="module")

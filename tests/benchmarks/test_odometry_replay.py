@@ -6,13 +6,13 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.store import bundle_folder
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.motion.odometry.protocol import Motion, MotionState
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.pipeline import Pipeline
 
 COUNT = 12
 LENS = FloorCamera(Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5), Mount.from_degrees(0.5, 15.0))
@@ -42,10 +42,11 @@ class Reader:
     def __init__(self, fault_at=None):
         self.seen, self.fault_at = [], fault_at
 
-    def step(self, frame, features):
+    def step(self, frame, features, prior=None):
         assert features
         self.seen.append((frame.index, frame.stamp_s))
-        return Motion(SE2(0.2, 0, 0), np.eye(3) * len(self.seen), "lost" if frame.index == self.fault_at else "")
+        state = MotionState.BLIND if frame.index == self.fault_at else MotionState.MEASURED
+        return Motion(SE2(0.2, 0, 0), np.eye(3) * len(self.seen), state=state)
 
     def step_blind(self, stamp_s, reason, attitude=None):
         raise AssertionError(reason)

@@ -14,9 +14,9 @@ from edgemap.benchmarks.paper_tables import TableOptions, main, measure
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.drives import write_drive
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives import write_drive
+from edgemap.runtime.network.bundle import load_bundle
 
 COUNT = 121
 STAMPS_S = np.arange(COUNT) / 10

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from reliability.faulty_camera import ACTING, PASSING, CaptureDriver, FaultyDriver, FaultyWorld, plan
 
-from edgemap.benchmarks.reliability.faulty_camera import ACTING, PASSING, CaptureDriver, FaultyDriver, FaultyWorld, plan
-from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout
-from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.frames.fault import CameraFault, FrameTimeout
+from edgemap.runtime.inputs.cameras.live import LiveCamera
 
 
 def world_of(kind, resets, seed=3):

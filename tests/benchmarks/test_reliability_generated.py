@@ -4,12 +4,12 @@ import json
 from random import Random
 
 import pytest
+from reliability import generated_documents
+from reliability.drawing import ValueSource, json_text, of_type
+from reliability.workers import ReaderCase, examine
 
-from edgemap.benchmarks.reliability import generated_documents
-from edgemap.benchmarks.reliability.drawing import ValueSource, json_text, of_type
-from edgemap.benchmarks.reliability.workers import ReaderCase, examine
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime import map_file
+from edgemap.runtime.step import map_file
 
 CHEAP = ("trajectory attachment", "wheel.csv", "times.txt")
 

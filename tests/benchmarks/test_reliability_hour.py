@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from reliability.day import RoundTrip, drive_through
+from reliability.hour import MINUTES, RecordedDrive, _report, inverted
 
-from edgemap.benchmarks.reliability.day import RoundTrip, drive_through
-from edgemap.benchmarks.reliability.hour import MINUTES, RecordedDrive, _report, inverted
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras.open import DEMO
-from edgemap.runtime.config import Config
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.mapper import new_mapper
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.mapper import new_mapper
 
 NEW = 40
 
@@ -68,7 +68,7 @@ def test_the_report_names_what_grows():
 
 
 def test_steps_that_take_long_are_told(monkeypatch):
-    monkeypatch.setattr("edgemap.benchmarks.reliability.day.LONG_MS", 0.0)
+    monkeypatch.setattr("reliability.day.LONG_MS", 0.0)
     rows = drive_through(new_mapper(Config()), RoundTrip(0), 20, 2, 1.0, 60.0)
     assert [step["step"] for row in rows for step in row["long"]] == list(range(20))
     assert {step["stage"] for row in rows for step in row["long"]} <= {"closure", "map", "relocalisation"}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from edgemap.benchmarks.rivals import picture_to_boxes
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.decode import Decoder, Detector
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.decode import Decoder, Detector
+from edgemap.runtime.network.store import bundle_folder
 
 
 @pytest.mark.parametrize("name", ["edgemap-nano", "yolox-nano", "edgemap-pico"])

@@ -38,7 +38,7 @@ def answer(capsys, *arguments):
         ("run extra", "Unrecognized options: extra"),
         ("run --precision int4", "Expected one of ('default', 'float32', 'int8', 'auto')"),
         ("run --confidence high", "--confidence"),
-        ("map export x", "--format {geojson,nav2,nav2-vector,csv,png,svg}"),
+        ("map export x", "--format {geojson,nav2,nav2-vector,nav2-masks,csv,png,svg}"),
         ("map export x --format pdf", "pdf"),
         ("map merge a", "-o OUT, --out OUT"),
         ("eval detection", "--data"),
@@ -59,7 +59,7 @@ def test_wrong_usage_is_one_line_that_names_the_help(capsys, arguments, words):
 def test_an_onnx_file_is_told_to_become_a_bundle(capsys, tmp_path):
     (tmp_path / "net.onnx").write_bytes(b"")
     code, line = answer(capsys, "run", "--bundle", tmp_path / "net.onnx", "--out", tmp_path / "run")
-    assert code == 1
+    assert code == 2
     assert "net.onnx -o net, then pass --bundle net" in line
 
 
@@ -96,33 +96,33 @@ def test_map_show_without_matplotlib_lists_the_objects_and_draws_the_centres(tmp
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "code", "words"),
     [
-        (("run", "--camera", "a" * 5000), "File name too long"),
-        (("run", "--bundle", "a" * 5000), "File name too long"),
-        (("run", "--config", "a" * 5000), "File name too long"),
-        (("map", "show", "a" * 5000), "File name too long"),
-        (("pull", "a" * 5000), "File name too long"),
-        (("run", "--camera", "drive:~nobody-here/x"), "no such folder"),
-        (("run", "--camera", "~nobody-here/x"), "no such file or folder"),
-        (("pull", "~nobody-here"), "neither a bundle's folder nor URL"),
-        (("run", "--camera", "rtsp://["), "not an address"),
-        (("run", "--camera", "sim:" + "9" * 5000), "expected sim:SEED"),
-        (("map", "show", "a\x1b[2Jb"), "a [2Jb: cannot be read"),
-        (("run", "--camera", "a\nb\x1b[2J/c.mp4"), r"'a\nb\x1b[2J/c.mp4': no such file or folder"),
-        (("run", "--camera", "kitti:a\r\n\u202eb"), r"a\r\n\u202eb: no such folder"),
-        (("map", "show", "a\nb\udcff"), "cannot be read"),
-        (("map", "export", "a\nb", "--format", "csv"), "cannot be read"),
-        (("pull", "a\nb"), r"a\nb"),
-        (("run", "--camera", "~root\0"), r"~root\x00"),
-        (("run", "--bundle", "~\0x"), r"~\x00x"),
-        (("map", "show", "~\0"), "embedded null byte"),
-        (("calibrate", "intrinsics", "--board", "9" * 5000 + "x6", "--camera", "demo"), "expected COLSxROWS"),
+        (("run", "--camera", "a" * 5000), 1, "File name too long"),
+        (("run", "--bundle", "a" * 5000), 1, "File name too long"),
+        (("run", "--config", "a" * 5000), 1, "File name too long"),
+        (("map", "show", "a" * 5000), 1, "File name too long"),
+        (("pull", "a" * 5000), 1, "File name too long"),
+        (("run", "--camera", "drive:~nobody-here/x"), 1, "no such folder"),
+        (("run", "--camera", "~nobody-here/x"), 1, "no such file or folder"),
+        (("pull", "~nobody-here"), 1, "neither a bundle's folder nor URL"),
+        (("run", "--camera", "rtsp://["), 1, "not an address"),
+        (("run", "--camera", "sim:" + "9" * 5000), 2, "expected sim:SEED"),
+        (("map", "show", "a\x1b[2Jb"), 1, "a [2Jb: cannot be read"),
+        (("run", "--camera", "a\nb\x1b[2J/c.mp4"), 1, r"'a\nb\x1b[2J/c.mp4': no such file or folder"),
+        (("run", "--camera", "kitti:a\r\n\u202eb"), 1, r"a\r\n\u202eb: no such folder"),
+        (("map", "show", "a\nb\udcff"), 1, "cannot be read"),
+        (("map", "export", "a\nb", "--format", "csv"), 1, "cannot be read"),
+        (("pull", "a\nb"), 1, r"a\nb"),
+        (("run", "--camera", "~root\0"), 1, r"~root\x00"),
+        (("run", "--bundle", "~\0x"), 2, r"~\x00x"),
+        (("map", "show", "~\0"), 1, "embedded null byte"),
+        (("calibrate", "intrinsics", "--board", "9" * 5000 + "x6", "--camera", "demo"), 2, "expected COLSxROWS"),
     ],
 )
-def test_paths_that_the_system_refuses_are_one_line(capsys, arguments, words):
-    code, line = answer(capsys, *arguments)
-    assert code == 1
+def test_paths_that_the_system_refuses_are_one_line(capsys, arguments, code, words):
+    ended, line = answer(capsys, *arguments)
+    assert ended == code
     assert words in line
     assert line.isprintable()
 
@@ -170,3 +170,11 @@ def test_a_strangers_map_is_drawn_whatever_its_names_and_links_say(tmp_path):
 def test_an_address_with_no_port_that_can_be(text):
     with pytest.raises(OptionError, match="expected HOST or HOST:PORT"):
         host_and_port(text, "--mqtt", 1883)
+
+
+@pytest.mark.parametrize("limit_kb", [150_000, 400_000, 700_000])
+def test_too_little_address_space_is_one_line(limit_kb, tmp_path):
+    limited = f"ulimit -v {limit_kb}; exec {sys.executable} -m edgemap.cli run --frames 3 --out {tmp_path}/o"
+    ended = subprocess.run(["bash", "-c", limited], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr.count("\n")) == (1, 1)
+    assert "MiB (ulimit -v); 768 MiB are needed" in ended.stderr

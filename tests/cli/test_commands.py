@@ -1,6 +1,7 @@
 """The command line as a user meets it: real processes, exit codes, one line per known failure."""
 
 import json
+import shlex
 import signal
 import subprocess
 import sys
@@ -11,13 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.runtime.map_file import load_map
+from edgemap.runtime.step.map_file import load_map
 
 
 def one_line(result, code=1):
-    """The single line that a known failure prints; no traceback."""
+    """The single line that a known failure prints, after the faults of the frames before it; no traceback."""
     assert result.returncode == code, result.stderr
-    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    lines = [line for line in result.stderr.splitlines() if not line.startswith("frame ")]
     assert len(lines) == 1, result.stderr
     return lines[0]
 
@@ -113,20 +114,11 @@ def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictu
 
 def test_classes_choose_what_is_mapped(edgemap, painted_bundle, pictures, tmp_path):
     run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run", "--classes")
-    assert "detected but never mapped" in one_line(edgemap(*run, "person"))
-    assert "the bundle knows chair, couch, person" in one_line(edgemap(*run, "unicorn"))
+    assert "the bundle knows chair, couch, person" in one_line(edgemap(*run, "unicorn"), 2)
     assert edgemap(*run, "couch").returncode == 0
     assert load_map(tmp_path / "run") == []
-
-
-def test_no_mount_is_refused_with_how_to_measure_one(edgemap, painted_bundle, pictures):
-    (pictures / "camera.yaml").unlink()
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--intrinsics", "50,50,31.5,31.5")
-    line = one_line(result)
-    assert "measure the lens's height above the floor" in line
-    assert "--mount HEIGHT_M,PITCH_DEG" in line
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--mount", "1,0")
-    assert "--intrinsics FX,FY,CX,CY" in one_line(result)
+    assert edgemap(*run, "person", "--out", tmp_path / "named").returncode == 0
+    assert {one.label for one in load_map(tmp_path / "named")} == {"person"}  # mapped where it is named
 
 
 @pytest.mark.parametrize(
@@ -142,15 +134,113 @@ def test_no_mount_is_refused_with_how_to_measure_one(edgemap, painted_bundle, pi
         (("--threads", "0"), "--threads 0: must be 1 or more"),
         (("--confidence", "2"), "--confidence 2.0: must be above 0 and at most 1"),
         (("--confidence", "nan"), "--confidence nan: must be above 0"),
-        (("--odometry", "magic"), "odometry 'magic' is not"),
-        (("--odometry", "paper"), "untrained"),
-        (("--odometry", "truth"), "brings no poses"),
-        (("--odometry", "none.tum"), "none.tum: cannot be read"),
-        (("--odometry", "wheel:none.csv"), "none.csv"),
+        (("--odometry", "magic"), "--odometry 'magic': expected hybrid"),
+        (("--odometry", "wheels"), "did you mean wheel:FILE.csv?"),
+        (("--classes", "chairs"), "did you mean chair?"),
+        (("--bundle", "edgemap-nanno"), "did you mean edgemap-nano? The package has edgemap-nano, edgemap-pico"),
+        (("--odometri", "gyro"), "--odometri: no such option; did you mean --odometry?"),
+        (("--frames", "many"), "--frames: expected INT, not 'many'"),
     ],
 )
-def test_bad_values_are_one_line(edgemap_here, painted_bundle, pictures, flags, text):
-    assert text in one_line(edgemap_here("run", "--camera", pictures, "--bundle", painted_bundle, *flags))
+def test_bad_values_are_one_line_and_wrong_usage(edgemap_here, painted_bundle, pictures, flags, text):
+    """Exit code 2: a service does not try again what no repetition mends."""
+    assert text in one_line(edgemap_here("run", "--camera", pictures, "--bundle", painted_bundle, *flags), 2)
+
+
+@pytest.mark.parametrize(
+    ("odometry", "text"),
+    [
+        ("paper", "untrained"),
+        ("truth", "brings no poses"),
+        ("none.tum", "none.tum: cannot be read"),
+        ("wheel:none.csv", "none.csv"),
+    ],
+)
+def test_an_odometry_that_is_not_to_be_had_is_one_line(edgemap_here, painted_bundle, pictures, odometry, text):
+    run = ("run", "--camera", pictures, "--bundle", painted_bundle, "--odometry", odometry)
+    assert text in one_line(edgemap_here(*run))
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("rnu", "run"), ("map shw", "map show"), ("mapp", "map"), ("eval odometri", "eval odometry")]
+)
+def test_a_misspelled_command_is_suggested(edgemap_here, typed, meant):
+    assert f"did you mean {meant!r}?" in one_line(edgemap_here(*typed.split()), 2)
+
+
+def test_a_groups_name_alone_lists_its_commands(edgemap_here):
+    shown = edgemap_here("map").stdout
+    assert "usage: edgemap map COMMAND" in shown
+    assert all(words in shown for words in ("map show", "map export", "map merge"))
+    assert "eval" not in shown
+    assert edgemap_here("map", "--help").returncode == 0
+
+
+def test_help_of_a_run_is_grouped_and_begins_with_examples(edgemap_here):
+    shown = edgemap_here("run", "--help").stdout
+    groups = [shown.index(f"─ {name} options ─") for name in ("Camera", "Robot", "Map", "Watch", "Outputs", "Advanced")]
+    assert groups == sorted(groups)
+    examples = [line for line in shown[: groups[0]].splitlines() if line.startswith("  edgemap run")]
+    assert len(examples) == 3
+
+
+def test_without_a_terminal_a_run_says_what_goes_wrong_as_it_does(edgemap, painted_bundle, pictures, tmp_path):
+    (pictures / "8.png").write_bytes(b"not a picture")
+    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    (line,) = [line for line in result.stderr.splitlines() if "8.png" in line]
+    assert line.startswith("frame 8: ")
+    count = json.loads((tmp_path / "run" / "run.json").read_text())["fault_count"]
+    assert f"{count} fault{'s' if count > 1 else ''}: " in result.stdout
+
+
+def test_a_run_without_standard_error_leaves_its_files_alone(painted_bundle, pictures, tmp_path):
+    """`2>&-` leaves number 2 free, which the next file opened would get."""
+    (pictures / "8.png").write_bytes(b"not a picture")
+    words = ["run", "--camera", str(pictures), "--bundle", str(painted_bundle), "--out", str(tmp_path / "run")]
+    line = shlex.join([sys.executable, "-m", "edgemap.cli", *words]) + " 2>&-"
+    result = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    assert result.returncode == 0
+    assert "\nframe 8:" not in result.stdout  # faults went to standard error, which is none
+    assert len(load_map(tmp_path / "run")) == 1
+
+
+def test_why_names_black_pictures_first(edgemap_here, edgemap, painted_bundle, pictures, tmp_path):
+    for number in range(4, 12):
+        cv2.imwrite(str(pictures / f"{number}.png"), np.zeros((64, 64, 3), dtype=np.uint8))
+    out = tmp_path / "run"
+    run = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
+    assert run.returncode == 0, run.stderr
+    assert "map: not reliable (67 % of the pictures are" in run.stdout
+    assert json.loads((out / "run.json").read_text())["verdict"]["level"] == "unreliable"
+    assert "Map: not reliable." in (out / "report.html").read_text()
+    lines = edgemap("why", out).stdout.splitlines()
+    assert next(line for line in lines if line.startswith("1. ")) == "1. light or lens: pictures without information"
+    assert json.loads(edgemap("why", out, "--json").stdout)["causes"][0]["docs"].endswith("#light-and-lens")
+
+
+def test_why_of_no_run_is_wrong_usage(edgemap_here, tmp_path):
+    assert "no run in runs/" in one_line(edgemap_here("why", cwd=tmp_path), 2)
+    assert "not a run folder" in one_line(edgemap_here("why", tmp_path / "none"), 2)
+
+
+def test_map_show_takes_the_last_run(edgemap_here, edgemap, painted_bundle, pictures, tmp_path):
+    assert "no run in runs/" in one_line(edgemap_here("map", "show", cwd=tmp_path), 2)
+    for name in ("20260101T000000Z", "20260102T000000Z"):
+        out = tmp_path / "runs" / name
+        assert edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out).returncode == 0
+    assert "20260102T000000Z/map.png" in edgemap("map", "show", cwd=tmp_path).stdout
+
+
+def test_detect_draws_boxes_without_a_mount(edgemap_here, painted_bundle, pictures, tmp_path):
+    from edgemap.cli import main
+
+    main(["detect", str(pictures / "0.png"), "--bundle", str(painted_bundle), "--plot", str(tmp_path / "drawn")])
+    drawn, plain = cv2.imread(str(tmp_path / "drawn" / "0.png")), cv2.imread(str(pictures / "0.png"))
+    assert drawn is not None
+    assert plain is not None
+    assert drawn.shape == plain.shape
+    assert (drawn != plain).any(axis=2).sum() > 100
 
 
 def test_an_untrained_head_runs_when_forced(edgemap, painted_bundle, pictures, tmp_path):
@@ -287,8 +377,9 @@ def test_an_unknown_camera_lists_what_is_understood(edgemap, painted_bundle):
 def test_an_unknown_bundle_is_one_line(edgemap, tmp_path):
     import os
 
-    line = one_line(edgemap("run", "--bundle", "nonsense", env={**os.environ, "EDGEMAP_CACHE": str(tmp_path)}))
+    line = one_line(edgemap("run", "--bundle", "nonsense", env={**os.environ, "EDGEMAP_CACHE": str(tmp_path)}), 2)
     assert "nonsense" in line
+    assert "edgemap-nano, edgemap-pico" in line
 
 
 def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):

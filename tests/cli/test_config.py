@@ -3,18 +3,34 @@
 import json
 
 import pytest
+import yaml
 
 from edgemap.cli import main
+from edgemap.cli.config_options import config_arguments
+from edgemap.cli.errors import OptionError
+from edgemap.cli.run import command
 
 
 def test_a_run_from_its_own_record_is_the_same_run(tmp_path):
     tuned = tmp_path / "tuned.yaml"
     tuned.write_text("options: {frames: 40, odometry: planar}\nconfig: {association: {min_count: 2}}\n")
-    main(["run", "--config", str(tuned), "--classes", "chair,couch", "--out", str(tmp_path / "first")])
+    main(
+        [
+            "run",
+            "--config",
+            str(tuned),
+            "--config-options",
+            "--classes",
+            "chair,couch",
+            "--out",
+            str(tmp_path / "first"),
+        ]
+    )
     record = json.loads((tmp_path / "first" / "run.json").read_text())
     assert record["options"] == {"frames": 40, "odometry": "planar", "classes": "chair,couch"}
     assert record["config"]["association"]["min_count"] == 2
-    main(["run", "--config", str(tmp_path / "first" / "run.json"), "--out", str(tmp_path / "again")])
+    again = ["--config", str(tmp_path / "first" / "run.json"), "--config-options"]
+    main(["run", *again, "--out", str(tmp_path / "again")])
     for name in ("map.json", "trajectory.tum", "sightings.jsonl"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "first" / name).read_bytes()
     assert json.loads((tmp_path / "again" / "run.json").read_text())["options"] == record["options"]
@@ -26,3 +42,58 @@ def test_an_unknown_number_is_one_line(tmp_path, capsys):
         main(["run", "--config", str(tmp_path / "c.yaml")])
     assert end.value.code == 1
     assert capsys.readouterr().err.count("\n") == 1
+
+
+STRANGER = {"out": "theirs", "record": "theirs.mcap", "mqtt": "10.0.0.1", "fleet": "10.0.0.1", "view-host": "0.0.0.0"}
+
+
+def written(folder, options):
+    path = folder / "c.yaml"
+    path.write_text(yaml.safe_dump({"options": options, "config": {"association": {"min_count": 2}}}))
+    return path
+
+
+def test_a_strangers_file_sets_tuning_only(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    main(["run", "--config", str(written(tmp_path, STRANGER)), "--frames", "3", "--out", "mine"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["c.yaml", "mine"]
+    told = capsys.readouterr().err
+    assert "tuning only; its options (fleet, mqtt, out, record, view-host) are used with --config-options" in told
+    record = json.loads((tmp_path / "mine" / "run.json").read_text())
+    assert (record["config"]["association"]["min_count"], record["options"]) == (2, {"frames": 3})
+
+
+def test_options_come_before_what_is_typed_and_are_printed(tmp_path, capsys):
+    path = written(tmp_path, {"odometry": "planar", "loop-closure": False, "allow_untrained": True, "out": "theirs"})
+    typed = ["--config", str(path), "--config-options", "--odometry", "flow", "-o", "mine"]
+    assert config_arguments(typed, command) == ["--allow-untrained", "--no-loop-closure", *typed]
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"{path} sets --allow-untrained", f"{path} sets --no-loop-closure"]
+    assert config_arguments(["--frames", "3"], command) == ["--frames", "3"]
+
+
+def test_every_switch_may_be_false_and_true(tmp_path, capsys):
+    for options in ({"view": False, "ros2": False, "loop-closure": False}, {"loop-closure": True, "lossless": True}):
+        path = written(tmp_path, options)
+        with pytest.raises(SystemExit) as end:
+            main(["run", "--config", str(path), "--config-options", "--frames", "0"])
+        assert end.value.code == 2
+        assert "--frames 0: must be 1 or more" in capsys.readouterr().err  # every option was understood
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"nonsense": 1},
+        {"config": "x"},
+        {"config-options": True},
+        {"view": "yes"},
+        {"frames": True},
+        {"camera": ["demo"]},
+        {"out": "a\nb"},
+        {"out": {"a": 1}},
+    ],
+)
+def test_what_is_no_option_is_one_line(tmp_path, options):
+    with pytest.raises(OptionError, match=next(iter(options))):
+        config_arguments(["--config", str(written(tmp_path, options)), "--config-options"], command)

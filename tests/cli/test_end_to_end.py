@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.map_file import load_map
-from edgemap.runtime.trajectory import read_tum
+from edgemap.runtime.frames.trajectory import read_tum
+from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.step.map_file import load_map
 
 
 def found_in(edgemap, bundle, picture, *flags):
@@ -50,7 +50,7 @@ def test_ap50_is_what_these_weights_are_known_for(edgemap, real_bundles, shared_
 
 def test_a_realsense_recording_gives_the_boxes_of_the_picture_folder(edgemap, real_bundles, shared_data, tmp_path):
     pytest.importorskip("pyrealsense2")
-    from edgemap.benchmarks.reliability.record_realsense import CX, CY, FX, FY, record_realsense
+    from reliability.record_realsense import CX, CY, FX, FY, record_realsense
 
     sources = sorted((shared_data / "hololens" / "image").glob("*.jpg"))[40:70:3]
     pictures = [cv2.resize(read_picture(path), (640, 480)) for path in sources]
@@ -76,34 +76,3 @@ def test_a_realsense_recording_gives_the_boxes_of_the_picture_folder(edgemap, re
     assert record["intrinsics"]["fx"] == pytest.approx(FX, abs=1e-3)
     assert record["intrinsics"]["cy"] == pytest.approx(CY, abs=1e-3)
     np.testing.assert_allclose(read_tum(tmp_path / "played" / "trajectory.tum").stamps_s, stamps, atol=1e-4)
-
-
-def test_the_online_map_of_the_demo_is_that_of_its_batch_version(real_bundles):
-    """On real detections of a rendered drive: the same objects, centres within 0.10 m (paired one to one by label)."""
-    from scipy.optimize import linear_sum_assignment
-    from support.batch import batch_objects
-
-    from edgemap.geometry.camera.floor import FloorCamera
-    from edgemap.runtime.bundle import load_bundle
-    from edgemap.runtime.cameras import open_camera
-    from edgemap.runtime.mapper import Mapper
-    from edgemap.runtime.odometry import open_odometry
-    from edgemap.runtime.pipeline import Pipeline
-    from edgemap.runtime.slam import SemanticSlam
-
-    bundle = load_bundle(real_bundles / "yolox-nano")
-    with open_camera("demo") as camera:
-        assert camera.intrinsics is not None
-        assert camera.mount is not None
-        floor = FloorCamera(camera.intrinsics, camera.mount)
-        pipeline = SemanticSlam(Pipeline(bundle, floor, open_odometry("truth", bundle, camera, floor)), Mapper())
-        frames = []
-        while (frame := camera.read()) is not None:
-            frames.append(pipeline.step(frame).sightings)
-    online, batch = pipeline.objects(), batch_objects(frames)
-    assert len(online) == len(batch)
-    distance = np.array(
-        [[np.linalg.norm(a.position_m - b.position_m) if a.label == b.label else 99.0 for b in batch] for a in online]
-    )
-    rows, columns = linear_sum_assignment(distance)
-    assert distance[rows, columns].max() < 0.10

@@ -11,8 +11,8 @@ from support.noise import noise
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives import write_drive, write_locobot
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives import write_drive, write_locobot
 
 COUNT = 61
 LENS, MOUNT = Intrinsics(64, 48, 50.0, 50.0, 31.5, 23.5), Mount.from_degrees(0.5, 20.0)
@@ -91,8 +91,8 @@ def document(result):
     return json.loads(result.stdout)
 
 
-def refusal(result):
-    assert result.returncode == 1, result.stdout
+def refusal(result, code=1):
+    assert result.returncode == code, result.stdout
     assert len(result.stderr.strip().splitlines()) == 1, result.stderr
     return result.stderr
 
@@ -186,7 +186,7 @@ def test_a_mount_can_be_given_where_the_data_have_none_or_another(evaluate, tmp_
     (tmp_path / "k" / "camera.yaml").write_text(LEVEL_YAML.replace(", mount: {height_m: 1.5, pitch_deg: 0}", ""))
     assert document(evaluate(*flags))["sequences"]["k"]["mount"] == {"height_m": 0.7, "pitch_deg": 4.0}
     assert "or give --mount" in refusal(evaluate("--data", spec))
-    assert "60 m above" in refusal(evaluate("--data", spec, "--mount", "60,11"))
+    assert "60 m above" in refusal(evaluate("--data", spec, "--mount", "60,11"), 2)
 
 
 def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
@@ -203,9 +203,9 @@ def test_the_share_of_frames_of_each_member_is_told(evaluate, tmp_path):
 
 def test_what_cannot_be_done_is_one_line(evaluate, tmp_path):
     spec = drive(tmp_path / "a")
-    assert "expected lengths in metres" in refusal(evaluate("--data", spec, "--segments", "1,-2"))
-    assert "--from -1" in refusal(evaluate("--data", spec, "--from", "-1"))
-    assert "given twice" in refusal(evaluate("--data", spec, "--data", spec))
+    assert "expected lengths in metres" in refusal(evaluate("--data", spec, "--segments", "1,-2"), 2)
+    assert "--from -1" in refusal(evaluate("--data", spec, "--from", "-1"), 2)
+    assert "given twice" in refusal(evaluate("--data", spec, "--data", spec), 2)
     assert "a motion needs two" in refusal(evaluate("--data", spec, "--from", "60"))
     assert "no wheel odometry" in refusal(evaluate("--data", kitti(tmp_path / "k"), "--odometry", "wheel"))
     (tmp_path / "k" / "camera.yaml").unlink()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -12,7 +13,7 @@ import pytest
 from support.ending import ended_by_sigterm
 from support.mjpeg import MjpegServer
 
-from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.inputs.open import open_camera
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,9 @@ def frames_done(out):
 
 
 def stopped_cleanly(ending):
-    assert (ending.code, ending.errors) == (0, "")
+    assert ending.code == 0
+    # Faults as they come, and a line of progress every 10 s where the machine is that slow; no traceback.
+    assert all(re.match(r"frame \d+: |\d+ frames, ", line) for line in ending.errors.splitlines()), ending.errors
     assert "stopped after" in ending.output
     assert ending.own_s < 2.0
     assert ending.busy_s < 2.0

@@ -10,8 +10,8 @@ from support.rooms import furnished, mapped
 
 from edgemap.geometry.objects.edits import Annotations, Zone
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.map_file import load_annotated_map, save_map
-from edgemap.runtime.trajectory import tum_line
+from edgemap.runtime.frames.trajectory import tum_line
+from edgemap.runtime.step.map_file import load_annotated_map, save_map
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_export_into_a_file_and_into_a_folder(edgemap, run_folder, tmp_path):
 )
 def test_export_refuses_in_one_line(edgemap_here, run_folder, arguments, message):
     done = edgemap_here("map", "export", run_folder, *arguments, cwd=run_folder)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert re.search(message, done.stderr)
 

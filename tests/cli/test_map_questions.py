@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.map_file import save_map
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.step.map_file import save_map
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_answers_as_text_draw_only_on_request(edgemap, room, tmp_path):
 )
 def test_bad_questions_are_one_line(edgemap_here, room, question, text):
     result = edgemap_here("map", "show", room, *question)
-    assert result.returncode == 1
+    assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1
     assert text in result.stderr
 

@@ -11,7 +11,7 @@ from support.broker import MISSING, Broker
 from edgemap.cli import main
 from edgemap.cli.errors import OptionError
 from edgemap.cli.publishers import host_and_port
-from edgemap.runtime.map_file import load_map
+from edgemap.runtime.step.map_file import load_map
 
 
 @pytest.fixture

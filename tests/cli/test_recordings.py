@@ -13,13 +13,13 @@ import pytest
 
 from edgemap.cli.record import command as record
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.errors import RecordingError
-from edgemap.runtime.map_file import load_map
-from edgemap.runtime.recordings.sensors import read_wheel
+from edgemap.runtime.frames.errors import RecordingError
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.step.map_file import load_map
 
 FRAMES = 25
-WHEEL = Path(__file__).parents[2] / "runtime" / "demo" / "wheel.csv"
+WHEEL = Path(__file__).parents[2] / "runtime" / "inputs" / "demo" / "wheel.csv"
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def test_ctrl_c_ends_a_recording_properly(tmp_path, pictures):
 
 
 def test_ctrl_c_before_the_first_picture_leaves_no_empty_recording(tmp_path, pictures, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.cameras.protocol.next_frame", lambda *_: None)
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.protocol.next_frame", lambda *_: None)
     with pytest.raises(RecordingError, match="before the first picture"):
         record(tmp_path / "a.mcap", str(pictures))
     assert not (tmp_path / "a.mcap").exists()
@@ -180,7 +180,7 @@ def test_names_that_are_refused(edgemap_here, tmp_path, pictures, painted_bundle
     flags = ("--camera", pictures) + (("--bundle", painted_bundle) if command[0] == "run" else ())
     for name, complaint in (("there.mcap", "exists already"), ("a.bag", "must end in .mcap")):
         result = edgemap_here(*command, tmp_path / name, *flags, cwd=tmp_path)
-        assert result.returncode == 1
+        assert result.returncode == 2
         assert complaint in result.stderr
         assert not (tmp_path / "runs").exists()
     assert (tmp_path / "there.mcap").read_bytes() == b"x"

@@ -74,8 +74,8 @@ def test_ctrl_c_leaves_a_report(painted_bundle, pictures, tmp_path):
 
 def test_a_run_keeps_no_network_for_rows_that_its_pictures_do_not_reach(tmp_path, monkeypatch):
     from edgemap.cli import main
-    from edgemap.runtime import loop
-    from edgemap.runtime.network import Network
+    from edgemap.runtime.network.network import Network
+    from edgemap.runtime.step import loop
 
     def whole_networks():
         gc.collect()

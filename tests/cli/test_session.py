@@ -1,3 +1,4 @@
+import inspect
 import json
 from typing import Any
 
@@ -9,13 +10,14 @@ import edgemap as edgemap_api
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime import extras
-from edgemap.runtime.cameras.fault import CameraFault, CameraLostError
-from edgemap.runtime.cameras.live import LiveCamera
-from edgemap.runtime.cameras.recovery import RecoveryRule
-from edgemap.runtime.errors import CameraError, MissingExtraError
-from edgemap.runtime.map_file import load_map
-from edgemap.runtime.sinks.run_folder import RunFolder
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames import extras
+from edgemap.runtime.frames.errors import CameraError, MissingExtraError
+from edgemap.runtime.frames.fault import CameraFault, CameraLostError
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.map_file import load_map
 
 
 def test_three_lines_make_a_map(painted_bundle, pictures, tmp_path):
@@ -106,7 +108,7 @@ def test_a_source_without_a_mount_is_named(painted_bundle, pictures, tmp_path):
     bare = tmp_path / "bare"
     bare.mkdir()
     (bare / "0.png").write_bytes((pictures / "0.png").read_bytes())
-    with pytest.raises(CameraError, match="brings no intrinsics: give its camera"):
+    with pytest.raises(CameraError, match="brings no intrinsics: pass intrinsics="):
         edgemap_api.open(camera=f"{bare}", bundle=painted_bundle)
 
 
@@ -153,3 +155,90 @@ def test_a_hint_names_the_pip_of_this_environment(monkeypatch, tmp_path):
     assert extras.pip() == f"{programs}/python -m pip"
     monkeypatch.setenv("PATH", f"{programs}:/usr/bin")
     assert extras.pip() == "pip"
+
+
+LENS, MOUNT = (50.0, 50.0, 31.5, 31.5), (1.0, 0.0)  # of the painted bundle's scene, 64x64 px
+
+
+def noise(count):
+    return [np.random.default_rng(index).integers(0, 255, (64, 64, 3), dtype=np.uint8) for index in range(count)]
+
+
+def test_frames_of_a_program_make_the_map_of_a_folder(painted_bundle, pictures):
+    with edgemap_api.open(frames=iter(noise(12)), intrinsics=LENS, mount=MOUNT, bundle=painted_bundle) as session:
+        stamps = [result.frame.stamp_s for result in session]
+    assert stamps == pytest.approx([index / 10.0 for index in range(12)])
+    assert [item.id for item in session.map] == ["chair-1"]
+
+
+def test_pushed_pictures_make_the_map_of_the_same_frames(painted_bundle):
+    pictures, options = noise(12), {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    stamped = [(0.2 * index, picture) for index, picture in enumerate(pictures)]
+    with edgemap_api.open(frames=stamped, **options) as session:
+        results = list(session)
+    with edgemap_api.open(**options) as pushed:
+        assert pushed.map == []
+        poses = [pushed.push(picture, stamp_s).pose_map_base for stamp_s, picture in stamped]
+        found = pushed.map
+    assert poses == [result.pose_map_base for result in results]
+    assert [(item.id, *item.position_m) for item in found] == [(item.id, *item.position_m) for item in session.map]
+
+
+def test_pushed_wheels_move_the_robot(painted_bundle):
+    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    with edgemap_api.open(**options) as session:
+        for index, picture in enumerate(noise(8)):
+            result = session.push(picture, 0.1 * index, wheels=(0.05 * index, 0.0, 0.0))
+        assert result.pose_map_base.x_m == pytest.approx(0.35, abs=0.03)
+        with pytest.raises(CameraError, match="expected seconds after"):
+            session.push(noise(1)[0], 0.1, wheels=(0.0, 0.0, 0.0))
+
+
+def test_only_the_classes_asked_for_are_mapped(painted_bundle):
+    options = {"frames": noise(8), "intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    with edgemap_api.open(**options, classes=["couch"]) as session:
+        list(session)
+    assert session.map == []
+    with pytest.raises(EdgemapError, match="classes=unicorn: the bundle knows chair, person, couch"):
+        edgemap_api.open(**options, classes=["unicorn"])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"frames": noise(2), "mount": MOUNT}, r"pass intrinsics=\(fx, fy, cx, cy\)"),
+        ({"frames": noise(2), "intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
+        ({"intrinsics": LENS}, r"pass mount=\(height_m, pitch_deg\)"),
+        ({"frames": noise(2), "intrinsics": LENS, "mount": (1.0,)}, r"mount=\(1.0,\): expected two numbers"),
+        ({"frames": noise(2), "intrinsics": (50.0, 50.0), "mount": MOUNT}, "expected four numbers"),
+        ({"frames": [], "intrinsics": LENS, "mount": MOUNT}, "frames= has no picture"),
+        ({"frames": [np.zeros((8, 8))], "intrinsics": LENS, "mount": MOUNT}, r"is float64 \(8, 8\), expected a BGR"),
+        ({"frames": noise(2), "camera": "demo"}, "camera= or frames=, not both"),
+    ],
+)
+def test_errors_name_a_parameter_that_exists(painted_bundle, options, words):
+    with pytest.raises(EdgemapError, match=words) as raised:
+        edgemap_api.open(bundle=painted_bundle, **options)
+    named = {word.rstrip("=") for word in str(raised.value).replace("(", " ").split() if word.endswith("=")}
+    assert named <= set(inspect.signature(edgemap_api.open).parameters)
+
+
+def test_a_session_that_reads_a_camera_takes_no_pictures(painted_bundle, pictures):
+    with edgemap_api.open(camera=pictures, bundle=painted_bundle) as session:
+        with pytest.raises(CameraError, match="open one with intrinsics= and mount= alone"):
+            session.push(noise(1)[0], 0.0)
+        assert next(session).frame.index == 0
+
+
+def test_tab_completion_offers_what_there_is():
+    assert dir(edgemap_api) == ["Session", "__version__", "open"]
+
+
+def test_a_saved_map_goes_on(painted_bundle, tmp_path):
+    options = {"intrinsics": LENS, "mount": MOUNT, "bundle": painted_bundle}
+    with edgemap_api.open(frames=noise(8), **options) as session:
+        list(session)
+    session.save(tmp_path / "map.json")
+    with edgemap_api.open(frames=noise(1), map=tmp_path / "map.json", **options) as later:
+        next(later)
+        assert later.slam.mapper.relocaliser.saved

@@ -22,7 +22,7 @@ import pytest
 def test_what_goes_wrong_is_one_line(edgemap_here, painted_bundle, tmp_path, arguments, words):
     places = {"x": tmp_path / "x", "BUNDLE": painted_bundle}
     done = edgemap_here(*(places.get(word, word) for word in arguments))
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "x").exists()
@@ -38,7 +38,7 @@ def test_shards_share_the_homes():
 
 def test_without_the_extra_one_line_names_it(monkeypatch):
     from edgemap.cli.simulated import simulated
-    from edgemap.runtime.errors import MissingExtraError
+    from edgemap.runtime.frames.errors import MissingExtraError
 
     monkeypatch.setitem(sys.modules, "moderngl", None)
     with pytest.raises(MissingExtraError, match=r"^sim:3 needs moderngl: .*pip install .*\[simulation\]'$"):

@@ -3,9 +3,9 @@
 import numpy as np
 
 from edgemap.cli.truth import judge_of, object_lines
-from edgemap.geometry.objects.map_object import MapObject
-from edgemap.runtime.cameras.around import PacedCamera
-from edgemap.runtime.cameras.base import CameraBase
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.inputs.cameras.around import PacedCamera
+from edgemap.runtime.inputs.cameras.base import CameraBase
 
 CHAIR = MapObject("chair-1", "chair", np.array([2.0, 0.3]), np.eye(2) * 0.01, 0.5, 0.9, 9, 1.0, 0.0, 1.0)
 
@@ -41,7 +41,7 @@ def test_a_simulated_world_judges_at_its_own_pace_too():
 
 
 def test_the_demo_is_judged_and_a_webcam_is_not():
-    from edgemap.runtime.cameras import open_camera
+    from edgemap.runtime.inputs.open import open_camera
 
     with open_camera("demo") as camera:
         judge = judge_of("demo", camera, None)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from edgemap.evaluation.objects import TrueObject, reliability, score_map
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 
 
 def mapped(label, x, y, sigma=0.1):

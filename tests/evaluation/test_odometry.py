@@ -3,11 +3,16 @@ import math
 import numpy as np
 import pytest
 
-from edgemap.evaluation.odometry import errors_of, figures, score_trajectory, worst_drive
+from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, errors_of, figures, worst_drive
 from edgemap.evaluation.trajectory import integrated
 from edgemap.geometry.se2 import SE2
 
 STRAIGHT = [SE2(0.1 * i, 0, 0) for i in range(101)]
+
+
+def score_trajectory(true, estimated, lengths_m=INDOOR_LENGTHS_M):
+    """The figures of one drive."""
+    return figures([errors_of(true, estimated, None, lengths_m)])
 
 
 def longer(share):

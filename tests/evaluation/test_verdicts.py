@@ -3,8 +3,8 @@ import pytest
 
 from edgemap.evaluation.objects import TrueObject, score_map
 from edgemap.evaluation.rows import evaluation_rows
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.evaluation_row import tally
-from edgemap.geometry.objects.map_object import MapObject
 
 
 def mapped(identity, x, y, sigma=0.1):

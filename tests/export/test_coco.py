@@ -1,5 +1,5 @@
 from edgemap.export.coco import CLASSES, LIVING, NEVER_ON_THE_FLOOR, class_entries
-from edgemap.runtime.drives.yolo import COCO_NAMES
+from edgemap.runtime.inputs.drives.yolo import COCO_NAMES
 
 
 def test_every_excluded_name_is_a_class():

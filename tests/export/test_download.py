@@ -14,11 +14,11 @@ from edgemap.export import obtain as obtain_module
 from edgemap.export import package_index
 from edgemap.export.obtain import obtain
 from edgemap.export.sources import KNOWN, KnownModel, SourceArchive, Web
-from edgemap.runtime import store
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.download import DownloadError, download
-from edgemap.runtime.errors import BundleError
-from edgemap.runtime.manifest import read_manifest, write_manifest
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.network import store
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.download import DownloadError, download
+from edgemap.runtime.network.manifest import read_manifest, write_manifest
 
 DATA = bytes(range(256)) * 1000
 SUM = sha256(DATA).hexdigest()
@@ -259,7 +259,7 @@ def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_da
     assert capsys.readouterr().out == f"ready: {folder}\n"
     load_bundle(folder)
     assert "yolox_nano.onnx sha256 e8af074932d4" in json.loads((folder / "bundle.json").read_text())["sources"][0]
-    monkeypatch.setattr("edgemap.runtime.extras.find_spec", lambda name: None)  # as on a robot
+    monkeypatch.setattr("edgemap.runtime.frames.extras.find_spec", lambda name: None)  # as on a robot
     assert pull.pull_known("yolox-nano") == folder
     (folder / "backbone.onnx").write_bytes(b"damaged")
     with pytest.raises(Exception, match=r"needs torch, onnx, onnxscript: .*pip install .*\[export\]'"):

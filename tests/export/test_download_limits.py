@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from edgemap.runtime import download as module
-from edgemap.runtime.download import DownloadError, download, is_url
+from edgemap.runtime.network import download as module
+from edgemap.runtime.network.download import DownloadError, download, is_url
 
 
 class Hostile(BaseHTTPRequestHandler):
@@ -133,7 +133,7 @@ def test_a_cache_that_cannot_be_written_is_one_line(address, tmp_path):
 
 
 def test_the_files_of_a_bundle_have_one_limit_together(monkeypatch, tmp_path):
-    from edgemap.runtime import store
+    from edgemap.runtime.network import store
 
     asked = []
 

@@ -11,9 +11,10 @@ import torch
 
 from edgemap.export.adopt import adopt
 from edgemap.export.detector.graph import Graph
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.manifest import read_manifest
-from edgemap.runtime.store import bundle_folder
+from edgemap.export.floor.merge import without_floor
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.store import bundle_folder
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +50,9 @@ def test_the_shipped_bundle_is_fine_tuned_from_that_file(tmp_path, monkeypatch, 
     load_bundle(folder)
     feature = manifest.detector.features[0].name
     model, detector = adopt(file, feature)
-    assert manifest.detector == detector
-    start, tuned = Graph(model), Graph(onnx.load(folder / "backbone.onnx")).state_dict()
+    tuned_model, tuned_detector = without_floor(onnx.load(folder / "backbone.onnx"), manifest.detector)
+    assert tuned_detector == detector
+    start, tuned = Graph(model), Graph(tuned_model).state_dict()
     same = {name for name, value in start.state_dict().items() if torch.equal(value, tuned[name])}
     assert same == set(start.before(feature))
     photographs = (folder / "photographs.txt").read_text().split()

@@ -12,10 +12,10 @@ from edgemap.export.calibration import MAXIMUM_JUDGED, MAXIMUM_SHOWN, read_calib
 from edgemap.export.exporter import export_backbone
 from edgemap.export.int8_report import int8_report
 from edgemap.export.quantise import quantised
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.drives.pictures import read_picture
-from edgemap.runtime.errors import BundleError, CameraError
-from edgemap.runtime.manifest import read_manifest
+from edgemap.runtime.frames.errors import BundleError, CameraError
+from edgemap.runtime.inputs.drives.pictures import read_picture
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import read_manifest
 
 CHAIR, ELSEWHERE = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("chair", 12.0, 50.0, 20.0, 24.0, 0.9)
 

@@ -5,12 +5,12 @@ from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
 from edgemap.geometry.se2 import SE2
 
 
-def _placed(label, x_m, y_m, frame, sigma_m=0.08, score=0.8, shared_m=0.03, track=-1):
+def _placed(label, x_m, y_m, frame, sigma_m=0.08, score=0.8, shared_m=0.03):
     sighting = Sighting(
         label, score, np.array([x_m, y_m]), np.eye(2) * sigma_m**2, np.eye(2) * shared_m**2,
         0.5, 0.9, 0.5, 2.0, 0, frame, frame / 10.0,
     )  # fmt: skip
-    placed: PlacedSighting = sighting.placed(SE2(), np.zeros((3, 3)), track)
+    placed: PlacedSighting = sighting.placed(SE2(), np.zeros((3, 3)))
     return placed
 
 

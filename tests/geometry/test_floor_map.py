@@ -5,7 +5,7 @@ import pytest
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.runtime.map_file import load_map, map_document, save_map
+from edgemap.runtime.step.map_file import load_map, map_document, save_map
 
 
 @pytest.fixture

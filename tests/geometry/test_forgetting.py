@@ -9,9 +9,9 @@ from support.seen import CAMERA, box_of, look
 
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.objects.visibility import ViewRule, covered_share, expected_boxes, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
-from edgemap.geometry.observations.visibility import ViewRule, covered_share, expected_boxes, in_plain_view, iou
 from edgemap.geometry.se2 import SE2
 
 NOTHING = Detections.none(("chair",))
@@ -25,6 +25,8 @@ def drive(room, way, random, rate=0.8, saved=None, forgetter=None):
     for number, pose in enumerate(way):
         detections, _ = look(room, pose, random, rate)
         here = way[0].inverse() @ pose
+        if floor_map.graph.trajectory.poses:
+            floor_map.graph.advance(way[number - 1].inverse() @ pose, np.zeros((3, 3)), number / 10)
         found = sightings_of(detections, CAMERA, FloorRule(), number, number / 10)
         ids = floor_map.update([sighting.placed(here, np.zeros((3, 3))) for sighting in found])
         for identity in forgetter.observe(floor_map, detections, here, ids):

@@ -6,12 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.rooms import furnished, mapped, somewhere
 
-from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.merge import fused, merge_maps, moved
 from edgemap.geometry.registration.alignment import Alignment, align
 from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.landmarks import LandmarkRule
 
-SURE = AssociationRule(systematic_m=0.0, systematic_extent_share=0.0)
+SURE = LandmarkRule(side_m=0.0, side_share=0.0)
+SYSTEMATIC = LandmarkRule(side_m=0.08, side_share=0.0)
 
 
 def laid(pose, pairs, covariance=None):
@@ -30,17 +31,17 @@ def test_positions_are_weighted_by_their_information():
 
 def test_what_both_maps_get_wrong_does_not_shrink():
     item = replace(mapped([("chair", 0.0, 0.0)])[0], covariance_m2=np.eye(2) * 0.0464)
-    chair = fused(item, item, AssociationRule())  # 0.08 m: 0.0064 stays, 0.04 is halved
+    chair = fused(item, item, SYSTEMATIC)  # 0.08 m: 0.0064 stays, 0.04 is halved
     assert chair.covariance_m2 == pytest.approx(np.eye(2) * 0.0264)
     sure = replace(item, covariance_m2=np.eye(2) * 0.004)
-    twice = fused(sure, sure, AssociationRule())
+    twice = fused(sure, sure, SYSTEMATIC)
     assert twice.covariance_m2 == pytest.approx(np.eye(2) * 0.004)  # never less sure than the surer map
 
 
 def test_counts_times_confidence_and_sizes_of_both_maps():
     ours = replace(mapped([("chair", 0.0, 0.0)])[0], count=30, width_m=0.4, first_seen_s=5.0, last_seen_s=9.0)
     theirs = replace(ours, id="chair-7", count=10, width_m=0.8, confidence=0.8, first_seen_s=2.0, last_seen_s=7.0)
-    chair = fused(ours, theirs, AssociationRule())
+    chair = fused(ours, theirs, LandmarkRule())
     assert (chair.id, chair.count, chair.first_seen_s, chair.last_seen_s) == ("chair-1", 40, 2.0, 9.0)
     assert chair.confidence == pytest.approx(0.98)
     assert chair.width_m == pytest.approx(0.5)

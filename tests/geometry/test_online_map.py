@@ -1,4 +1,4 @@
-"""The online map is the one that its batch version makes of all frames at once, on drives with all that goes wrong."""
+"""Which sightings become one object of the map, frame by frame, on drives with all that goes wrong."""
 
 from dataclasses import replace
 
@@ -6,36 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
-from support.batch import batch_objects
 
-from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.map_object import id_order
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.geometry.objects.map_object import id_order
-from edgemap.geometry.objects.pool_index import PoolIndex, distances
 from edgemap.geometry.observations.sighting import FloorRule
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
-
-# What is joined to stay bounded, no later frame parts again; what is due later is not associated yet.
-UNBOUNDED = AssociationRule(maximum_pools=10**6, grown=1.0)
-
-
-def agree(online, batch):
-    """The same count, and centres one to one by label within 0.10 m."""
-    assert len(online) == len(batch)
-    distance = np.array(
-        [[np.linalg.norm(a.position_m - b.position_m) if a.label == b.label else 9.0 for b in batch] for a in online]
-    ).reshape(len(online), len(batch))
-    rows, columns = linear_sum_assignment(distance)
-    assert distance[rows, columns].max(initial=0.0) < 0.10
-
-
-def associated(floor_map):
-    """The map after the frames without sightings that its budget needs."""
-    while floor_map._pending:
-        floor_map.update([])
-    return floor_map
+from edgemap.geometry.se2 import SE2
 
 
 def drive(placed, seed, frames=60):
@@ -67,41 +42,15 @@ def test_things_apart_from_their_like_are_found_one_by_one(placed, seed):
         label, spot = str(rng.choice(["chair", "couch"])), rng.uniform(-3, 3, 2)
         if all(np.linalg.norm(spot - at) >= (0.9 if other == "chair" == label else 1.6) for other, at in places):
             places.append((label, spot))
-    online, frames = FloorMap(), []
+    online = FloorMap()
     for frame in range(40):
         sigma_m = rng.uniform(0.04, 0.12)
         seen = [(label, spot + rng.normal(0, sigma_m, 2)) for label, spot in places if rng.random() < 0.5]
-        frames.append([placed(label, *spot, frame, sigma_m=sigma_m) for label, spot in seen])
-        online.update(frames[-1])
-    agree(online.objects(), batch_objects(frames))
+        online.update([placed(label, *spot, frame, sigma_m=sigma_m) for label, spot in seen])
     assert len(online.objects()) == len(places)
     for label, spot in places:
         near = [np.linalg.norm(item.position_m - spot) for item in online.objects() if item.label == label]
         assert min(near) < 0.1
-
-
-@given(st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
-def test_the_map_is_that_of_its_batch_version_at_any_time(placed_, seed):
-    online, frames = FloorMap(UNBOUNDED), []
-    for sightings in drive(placed_, seed):
-        online.update(sightings)
-        frames.append(sightings)
-        if len(frames) % 20 == 0:
-            associated(online)
-            agree(online.objects(), batch_objects(frames))
-
-
-@given(st.integers(0, 10**6))
-@settings(max_examples=8, deadline=None)
-def test_the_order_of_the_frames_makes_no_other_objects(placed_, seed):
-    frames = list(drive(placed_, seed))
-    forward, shuffled = FloorMap(UNBOUNDED), FloorMap(UNBOUNDED)
-    for sightings in frames:
-        forward.update(sightings)
-    for row in np.random.default_rng(seed).permutation(len(frames)):
-        shuffled.update(frames[row])
-    agree(associated(forward).objects(), associated(shuffled).objects())
 
 
 @given(st.integers(0, 10**6))
@@ -117,7 +66,7 @@ def test_every_id_ever_told_is_an_object_or_says_what_it_became(placed_, seed):
     for identity in told:
         assert (identity in floor_map._objects) != (identity in floor_map.merged)
     assert set(floor_map.merged.values()) <= set(floor_map._objects)
-    assert sum(pool.sums.count for item in floor_map._objects.values() for pool in item.pools) == counts
+    assert sum(one.sums.count for item in floor_map._objects.values() for one in item.landmarks) == counts
 
 
 def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed):
@@ -135,66 +84,58 @@ def test_a_thing_that_turns_out_to_be_two_keeps_its_id_at_the_larger_part(placed
     assert (second.id, second.position_m[0]) == ("chair-2", pytest.approx(2.6, abs=0.02))
 
 
-def correction(*moves, sigma_m=0.0):
-    """From stamp 0 on everything moves by the first (2,), from 0.5 s on by the next, and so on."""
-    count = len(moves)
-    covariances = np.tile(np.diag([sigma_m**2, 4.0 * sigma_m**2, 0.0]), (count, 1, 1))
-    stamps = np.arange(count, dtype=np.float64) / 2.0
-    return TrajectoryCorrection(stamps, np.column_stack([moves, np.zeros(count)]), np.zeros((count, 3)), covariances)
+def visited(chairs, placed, x_m, y_m, frames, by_m=4.0):
+    """A chair, in the first pose's frame, is seen from where the robot stands, which then moves on: a visit ends."""
+    graph = chairs.graph
+    for frame in frames:
+        if frame == frames[0] and graph.trajectory.poses:
+            graph.advance(SE2(by_m), np.eye(3) * 1e-4, frame / 10)
+        pose = graph.trajectory.pose if graph.trajectory.poses else SE2()
+        at = pose.inverse().apply([x_m, y_m])
+        sighting = placed("chair", *at, frame).sighting
+        chairs.update([sighting.placed(pose, np.zeros((3, 3)))])
+
+
+def moved(chairs, *moves):
+    """Each keyframe moves by (2,)."""
+    trajectory = chairs.graph.trajectory
+    poses = trajectory.vectors() + np.column_stack([moves, np.zeros(len(moves))])
+    trajectory.set_poses(poses, np.array(trajectory.covariances), 99.0)
+    chairs.graph.place(list(chairs.graph.landmarks.all.values()))
+    chairs.moved()
 
 
 def test_objects_that_move_keep_their_ids_and_what_comes_to_one_place_merges(placed):
     chairs = FloorMap()
-    for frame in range(5):
-        chairs.update([placed("chair", 2.0, 0.0, frame), placed("chair", 5.0, 0.0, frame)])
-    for frame in range(5, 10):
-        chairs.update([placed("chair", 3.1, 0.9, frame)])
-    assert len(chairs.objects()) == 3
-    chairs.moved(correction([0.5, 0.5], [-0.6, -0.4], sigma_m=0.1))
-    first, second = chairs.objects()
-    assert (first.id, second.id, chairs.merged) == ("chair-1", "chair-2", {"chair-3": "chair-1"})
-    assert first.position_m == pytest.approx([2.5, 0.5])
-    assert second.position_m == pytest.approx([5.5, 0.5])
-    assert (first.count, first.covariance_m2[1, 1] - first.covariance_m2[0, 0]) == (10, pytest.approx(0.03))
-
-
-def test_an_object_without_a_track_moves_with_the_pose_that_saw_it(placed):
-    """Four sightings make an object, five a landmark of the pose graph; a visit may leave no more than three."""
-    chairs = FloorMap()
-    for frame in range(4):
-        chairs.update([placed("chair", 2.0, 0.0, frame, track=-1)])
-    chairs.moved(correction([1.5, -0.2]))
-    assert chairs.objects()[0].position_m == pytest.approx([3.5, -0.2])
+    visited(chairs, placed, 2.0, 0.0, range(5))
+    visited(chairs, placed, 4.5, 0.9, range(5, 10))
+    assert [item.id for item in chairs.objects()] == ["chair-1", "chair-2"]
+    moved(chairs, [0.5, 0.5], [-2.0, -0.4])
+    (only,) = chairs.objects()
+    assert (only.id, only.count, chairs.merged) == ("chair-1", 10, {"chair-2": "chair-1"})
+    assert only.position_m == pytest.approx([2.5, 0.5])
 
 
 def test_two_objects_taken_for_one_part_when_they_turn_out_to_stand_apart(placed):
     chairs = FloorMap()
-    for frame in range(5):
-        chairs.update([placed("chair", 2.0, 0.0, frame, track=0)])
-    for frame in range(5, 9):  # its twin, seen from a pose that had drifted
-        chairs.update([placed("chair", 2.05, 0.1, frame, track=1)])
+    visited(chairs, placed, 2.0, 0.0, range(5))
+    visited(chairs, placed, 2.05, 0.1, range(5, 9))  # its twin, seen from a pose that had drifted
     assert [item.count for item in chairs.objects()] == [9]
-    chairs.moved(correction([0.0, 0.0], [0.9, 0.0]))
+    moved(chairs, [0.0, 0.0], [0.95, 0.0])
     first, second = chairs.objects()
     assert (first.id, first.count, second.count) == ("chair-1", 5, 4)
-    assert second.position_m == pytest.approx([2.95, 0.1])
+    assert second.position_m == pytest.approx([3.0, 0.1])
 
 
-@given(st.integers(0, 10**6), st.integers(3, 8))
-@settings(max_examples=8, deadline=None)
-def test_pools_stay_bounded_and_no_sighting_is_lost(placed_, seed, maximum):
-    floor_map, counts = FloorMap(AssociationRule(maximum_pools=maximum)), 0
-    for number, sightings in enumerate(drive(placed_, seed, frames=90)):
-        floor_map.update(sightings)
-        counts += len(sightings)
-        if number % 20 == 19:
-            shift = np.random.default_rng(number).normal(0.0, 0.1, 2)
-            floor_map.moved(correction(shift, -shift))
-    for item in floor_map._objects.values():
-        own = [pool for pool in item.pools if not all(other is pool or pool.is_apart(other) for other in item.pools)]
-        assert len(own) <= maximum
-    assert sum(pool.sums.count for item in floor_map._objects.values() for pool in item.pools) == counts
-    assert sum(len(index) for index in floor_map._pools.values()) == len(floor_map._owner)
+def test_many_visits_are_joined_and_no_sighting_is_lost(placed):
+    chairs = FloorMap()
+    for visit in range(12):
+        visited(chairs, placed, 2.0, 0.02 * (visit % 3), range(5 * visit, 5 * visit + 5), (-1.0) ** visit * 4.0)
+        chairs.bound()
+    (only,) = chairs.objects()
+    assert only.count == 60
+    assert len(chairs.graph.landmarks.all) <= 4
+    assert only.position_m == pytest.approx([2.0, 0.02], abs=0.02)
 
 
 def test_an_object_named_twice_is_one_with_a_posterior(placed):
@@ -244,32 +185,3 @@ def test_sightings_that_are_half_sure_make_an_object_in_twice_as_many(placed):
 def test_how_much_a_score_counts(score, weight):
     assert FloorRule(full_weight_score=0.8).weight(score) == pytest.approx(weight)
     assert FloorRule().weight(score) == 1.0
-
-
-def test_what_is_seen_again_and_again_is_associated_ever_less_often(placed, monkeypatch):
-    """Two chairs 400 times: as in a map that associates them every time, with a tenth of the work."""
-    counts = []
-    agglomerated = PoolIndex.agglomerated
-    monkeypatch.setattr(PoolIndex, "agglomerated", lambda *args: counts.append(1) or agglomerated(*args))
-    maps, done = [], []
-    for grown in (1.0, 1.25):
-        floor_map, rng = FloorMap(AssociationRule(grown=grown)), np.random.default_rng(0)
-        for frame in range(400):
-            here = rng.normal([[2.0, 0.5], [3.0, -1.0]], 0.03)
-            floor_map.update([placed("chair", *spot, frame) for spot in here])
-        maps.append(floor_map.objects())
-        done.append(len(counts) - sum(done))
-    agree(*maps)
-    assert done[1] < 0.2 * done[0]
-
-
-def test_the_gate_holds_999_of_1000_places_of_one_object():
-    assert AssociationRule().gate == pytest.approx(chi2.ppf(0.999, df=2), abs=0.01)
-
-
-def test_places_of_one_landmark_are_no_distance_apart_the_first_landmark_too():
-    """1 m apart with sigmas of 0.01 m; landmarks count from 0, and -1 is none."""
-    place = np.array([[0.0, 1.0], [0.0, 0.0], [1e-4, 1e-4], [0.0, 0.0], [1e-4, 1e-4], [0.0, 0.0]])
-    for landmark, apart in ((0.0, 0.0), (1.0, 0.0), (-1.0, np.inf)):
-        both = np.vstack([place, [landmark, landmark]])
-        assert distances(both[:, :1], both[:, 1:], AssociationRule())[0, 0] == apart

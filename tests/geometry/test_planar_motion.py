@@ -25,23 +25,7 @@ def test_a_third_of_wrong_tracks_does_no_harm(motion, seed):
     previous[:30] += rng.uniform(-1, 1, (30, 2))
     found = planar_motion(previous, current, np.full(90, 0.005), rng)
     assert found is not None
-    assert np.abs(found.motion.vector() - motion.vector())[:2].max() < 0.01
-    assert found.inliers[30:].mean() > 0.9
-
-
-def test_covariance_is_honest():
-    """Normalised error squared averages three, one per degree of freedom."""
-    rng = np.random.default_rng(5)
-    nees = []
-    for _ in range(300):
-        motion = SE2(*rng.uniform([-0.1, -0.02, -0.1], [0.2, 0.02, 0.1]))
-        current = rng.uniform([0.5, -2], [4, 2], (60, 2))
-        previous = motion.apply(current) + rng.normal(0, 0.005, (60, 2))
-        found = planar_motion(previous, current, np.full(60, 0.005), rng)
-        assert found is not None
-        error = found.motion.vector() - motion.vector()
-        nees.append(error @ np.linalg.inv(found.covariance) @ error)
-    assert np.mean(nees) == pytest.approx(3.0, abs=0.7)
+    assert np.abs(found.vector() - motion.vector())[:2].max() < 0.01
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])
@@ -55,16 +39,6 @@ def test_points_that_agree_on_nothing_give_no_motion():
     assert planar_motion(rng.uniform(0, 5, (40, 2)), rng.uniform(0, 5, (40, 2)), np.full(40, 1e-4), rng) is None
 
 
-def test_fewer_good_tracks_mean_a_larger_covariance():
-    rng = np.random.default_rng(1)
-    many = rng.uniform([0.5, -2], [4, 2], (100, 2))
-    sure = planar_motion(many, many, np.full(100, 0.005), rng)
-    unsure = planar_motion(many[:10], many[:10], np.full(10, 0.005), rng)
-    assert sure is not None
-    assert unsure is not None
-    assert np.trace(unsure.covariance) > 3 * np.trace(sure.covariance)
-
-
 def test_points_weigh_by_their_information():
     """Half of the points, at a sigma of 1 cm, say 0.100 m; the others, at 2 cm, 0.110 m: (4 * 0.100 + 0.110) / 5."""
     before = np.random.default_rng(5).uniform(1.0, 3.0, (40, 2))
@@ -73,5 +47,4 @@ def test_points_weigh_by_their_information():
     after = before - np.column_stack([moved, np.zeros(40)])
     found = planar_motion(before, after, sigmas, np.random.default_rng(0))
     assert found is not None
-    assert found.inliers.all()
-    assert found.motion.x_m == pytest.approx(0.102, abs=2e-4)
+    assert found.x_m == pytest.approx(0.102, abs=2e-4)

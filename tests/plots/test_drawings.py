@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import Zone
-from edgemap.geometry.objects.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime import overlay
-from edgemap.runtime.overlay import draw_detections
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.step import overlay
+from edgemap.runtime.step.overlay import draw_detections
 
 pytest.importorskip("matplotlib", reason="figures need the extra 'plot'")
 from edgemap.plots import floor_map

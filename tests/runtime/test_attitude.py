@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +15,17 @@ from edgemap.geometry.camera.inertial import InertialNoise, inertial_start, iner
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.attitude.checked_mount import CheckedMount
-from edgemap.runtime.attitude.inertial import AttitudeRule, InertialAttitude
-from edgemap.runtime.attitude.pictures import PicturesAttitude
-from edgemap.runtime.attitude.sources import MountAttitude, RecordedAttitude
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.drives.pose_files import base_attitudes
-from edgemap.runtime.drives.sensor_csv import read_imu_csv, write_imu_csv
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry.protocol import Motion, no_motion
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.pose_files import base_attitudes
+from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv, write_imu_csv
+from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
+from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.attitude.sources import MountAttitude, RecordedAttitude
+from edgemap.runtime.motion.odometry.protocol import Motion, no_motion
 from edgemap.simulation.carried_imu import carried_imu
 
 BLANK = np.zeros((4, 4, 3), np.uint8)
@@ -58,7 +57,7 @@ def test_a_nodding_robot_is_followed_and_its_gyro_bias_is_learnt_at_rest():
     source = InertialAttitude(mount, MountAttitude(mount))
     errors, yaw = [], 0.0
     for frame in frames_of(samples, 10.0):
-        attitude = source.step(frame)
+        attitude = source.predict(frame)
         errors.append(attitude.pitch_rad - mount.pitch_rad - np.interp(frame.stamp_s, stamps, nod))
         if frame.stamp_s > 4.0 and attitude.rotation is not None:
             yaw += attitude.rotation.yaw_rad
@@ -71,15 +70,17 @@ def test_a_constant_tilt_between_imu_and_mount_is_learnt():
     mount = Mount.from_degrees(0.5, 10.0)
     samples = samples_of(np.full(len(stamps), mount.pitch_rad), stamps, offset_rad=math.radians(3.0))
     source = InertialAttitude(mount, MountAttitude(mount))
-    attitudes = [source.step(frame) for frame in frames_of(samples, 10.0)]
-    assert math.degrees(attitudes[-1].pitch_rad) == pytest.approx(10.0, abs=0.2)
-    assert math.degrees(source.constant_tilt_rad[1]) == pytest.approx(3.0, abs=0.2)
+    attitudes = [source.predict(frame) for frame in frames_of(samples, 10.0)]
+    last = attitudes[-1]
+    assert math.degrees(last.pitch_rad) == pytest.approx(10.0, abs=0.2)
+    assert last.force_rad is not None
+    assert math.degrees(last.force_rad[1] - last.pitch_rad) == pytest.approx(3.0, abs=0.2)
 
 
 def test_without_samples_the_other_source_speaks_and_a_hole_starts_the_filter_again():
     mount = Mount.from_degrees(0.5, 10.0)
     source = InertialAttitude(mount, MountAttitude(mount, math.radians(0.7)))
-    bare = source.step(Frame(0, 0.0, BLANK))
+    bare = source.predict(Frame(0, 0.0, BLANK))
     assert bare.source == "mount"
     assert bare.covariance_rad2[0, 0] == pytest.approx(math.radians(0.7) ** 2)
     stamps = np.arange(1.0, 8.0, 0.01)
@@ -87,7 +88,7 @@ def test_without_samples_the_other_source_speaks_and_a_hole_starts_the_filter_ag
     told = []
     for frame in frames_of(samples, 10.0):
         hole = Frame(frame.index, frame.stamp_s, BLANK) if 3.0 < frame.stamp_s < 5.0 else frame
-        told.append((source.step(hole).source, round(frame.stamp_s, 2)))
+        told.append((source.predict(hole).source, round(frame.stamp_s, 2)))
     assert {name for name, stamp_s in told if 3.05 < stamp_s < 4.95} == {"mount"}
     assert told[-1][0] == "imu"
 
@@ -109,7 +110,7 @@ def test_a_base_that_tilts_takes_the_camera_along():
     mount = Mount.from_degrees(0.5, 10.0, forward_m=0.2)
     track = base_attitudes(np.array([0.0, 1.0]), poses, "z", mount)
     assert track is not None
-    attitude = RecordedAttitude(track, mount).step(Frame(0, 1.0, BLANK))
+    attitude = RecordedAttitude(track, mount).predict(Frame(0, 1.0, BLANK))
     assert math.degrees(attitude.pitch_rad) == pytest.approx(15.0)
     # Nose down about the axle: 0.2 m ahead sinks by 0.2 sin 5 deg, 0.5 m up by 0.5 (1 - cos 5 deg).
     assert attitude.height_m == pytest.approx(0.5 - 0.2 * math.sin(pitch) - 0.5 * (1 - math.cos(pitch)))
@@ -160,7 +161,7 @@ def test_a_mount_that_is_5_degrees_wrong_by_gravity_alone_is_a_fault_within_20_s
         mount = Mount.from_degrees(0.6, pitch_deg)
         pictures = PicturesAttitude(mount)
         source = CheckedMount(FloorCamera(LENS, mount), InertialAttitude(mount, pictures), pictures)
-        attitudes = [source.step(frame) for frame in frames_of(samples, 10.0)]
+        attitudes = [source.predict(frame) for frame in frames_of(samples, 10.0)]
         told[pitch_deg] = list(filter(None, (attitude.fault for attitude in attitudes)))
         assert math.degrees(attitudes[-1].pitch_rad) == pytest.approx(11.5, abs=0.5)
     assert not told[11.5]
@@ -178,7 +179,7 @@ def test_a_roll_of_a_camera_that_looks_down_is_no_yaw_of_the_base():
     ups = [Mount(1.0, math.radians(30.0), roll).rotation_base_optical().T @ [0, 0, 9.81] for roll in rolls]
     mount = Mount.from_degrees(1.0, 30.0)
     source = InertialAttitude(mount, MountAttitude(mount))
-    attitudes = [source.step(frame) for frame in frames_of(ImuSamples(stamps, rates, np.array(ups)), 10.0)]
+    attitudes = [source.predict(frame) for frame in frames_of(ImuSamples(stamps, rates, np.array(ups)), 10.0)]
     yaws = [attitude.rotation.yaw_rad for attitude in attitudes if attitude.rotation is not None]
     assert math.degrees(max(map(abs, yaws[20:]))) < 0.1  # the rate about the vertical is sin 30 deg of 2.5 deg a frame
 
@@ -187,10 +188,8 @@ def driving(source, samples, motion_of, rate_hz=10.0):
     """Attitudes of a drive whose odometry tells each frame the motion before, and their stamps."""
     found, ends = [], []
     for frame in frames_of(samples, rate_hz):
-        if len(ends) > 1:
-            known = motion_of(ends[-2], ends[-1]), np.diag([0.001**2, 0.001**2, 0.001**2])
-            frame = replace(frame, moved=known)
-        found.append(source.step(frame))
+        known = (motion_of(ends[-2], ends[-1]), np.diag([0.001**2] * 3)) if len(ends) > 1 else None
+        found.append(source.predict(frame, known))
         ends.append(frame.stamp_s)
     return found, np.array(ends)
 
@@ -218,7 +217,7 @@ def test_the_robots_own_acceleration_is_no_tilt():
     rule = AttitudeRule(nodding_rad=math.radians(20.0), noise=InertialNoise(offset=1e-4))
     source, deaf = (InertialAttitude(mount, MountAttitude(mount), rule) for _ in range(2))
     found, _ = driving(source, samples, lambda a, b: SE2(float(np.diff(np.interp([a, b], stamps, place))[0]), 0.0, 0.0))
-    alone = [deaf.step(frame) for frame in frames_of(samples, 10.0)]
+    alone = [deaf.predict(frame) for frame in frames_of(samples, 10.0)]
     errors, before = (np.degrees([a.pitch_rad - mount.pitch_rad for a in told[50:]]) for told in (found, alone))
     assert np.abs(errors).max() < 0.5
     assert np.abs(before).max() > 2.0 * np.abs(errors).max()
@@ -233,7 +232,7 @@ def test_three_seconds_of_rest_that_the_odometry_tells_leave_a_degree_of_yaw_a_m
     source, yaws, last_s = InertialAttitude(mount, MountAttitude(mount)), [], None
     for frame in frames_of(ImuSamples(stamps, rates, forces), 10.0):
         rest = no_motion() if frame.stamp_s < 3.2 else Motion(SE2(0.05, 0.0, 0.0), np.diag([1e-4, 1e-4, 0.1]))
-        found = source.step(frame if last_s is None else replace(frame, moved=rest.moved()))
+        found = source.predict(frame, None if last_s is None else rest.moved())
         last_s = frame.stamp_s
         if frame.stamp_s > 3.2 and found.rotation is not None:
             yaws.append(found.rotation.yaw_rad)
@@ -248,7 +247,7 @@ def test_a_few_wrong_yaws_of_the_odometry_do_not_teach_the_gyro_a_bias():
     source, yaws = InertialAttitude(mount, MountAttitude(mount)), []
     for frame in frames_of(ImuSamples(stamps, rates, forces), 10.0):
         told = SE2(0.03, 0.0, random.normal(0.0, 0.001) + 0.006 * (frame.index % 5 == 3))
-        found = source.step(replace(frame, moved=(told, np.diag([1e-4, 1e-4, 1e-6]))))
+        found = source.predict(frame, (told, np.diag([1e-4, 1e-4, 1e-6])))
         if frame.stamp_s > 15.0 and found.rotation is not None:
             yaws.append(found.rotation.yaw_rad)
     assert abs(math.degrees(sum(yaws))) * 60.0 / 15.0 < 4.0
@@ -280,11 +279,12 @@ def test_a_head_in_motion_from_the_start_is_levelled_and_its_covariance_says_how
         bases = [SE2(x, y, yaw) for (x, y), yaw in zip(poses[:, :2, 3], headings, strict=True)]
         for index in range(1, len(stamps) - 1):
             frame = Frame(index, float(stamps[index]), BLANK, imu=samples.between(stamps[index - 1], stamps[index]))
+            moved = None
             if index > 2:
                 errors = random.normal(0.0, [0.03, 0.03, 0.003])
-                moved = bases[index - 2].inverse() @ bases[index - 1] @ SE2(*errors)
-                frame = replace(frame, moved=(moved, np.diag(np.square([0.03, 0.03, 0.003]))))
-            found = source.step(frame)
+                motion = bases[index - 2].inverse() @ bases[index - 1] @ SE2(*errors)
+                moved = motion, np.diag(np.square([0.03, 0.03, 0.003]))
+            found = source.predict(frame, moved)
             up = (poses[index, :3, :3] @ mount.rotation_base_optical())[2]
             true = Attitude.of_up(up, np.zeros((2, 2)), "true")
             error = np.array([found.roll_rad - true.roll_rad, found.pitch_rad - true.pitch_rad])
@@ -300,9 +300,9 @@ def test_the_rotation_is_known_from_the_first_frame_on_whose_samples_reach_back_
     up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
     samples = ImuSamples(stamps, np.outer(np.full(len(stamps), 0.5), up), np.outer(np.full(len(stamps), 9.81), up))
     source = InertialAttitude(mount, MountAttitude(mount))
-    assert source.step(Frame(0, 0.0, BLANK)).rotation is None
-    rotation = source.step(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
+    assert source.predict(Frame(0, 0.0, BLANK)).rotation is None
+    rotation = source.predict(Frame(1, 0.1, BLANK, imu=samples.between(0.0, 0.1))).rotation
     assert rotation is not None
     assert rotation.yaw_rad == pytest.approx(0.05, abs=0.002)
     source.reset("elsewhere")
-    assert source.step(Frame(2, 0.3, BLANK, imu=samples.between(0.2, 0.3))).rotation is None
+    assert source.predict(Frame(2, 0.3, BLANK, imu=samples.between(0.2, 0.3))).rotation is None

@@ -9,13 +9,13 @@ import pytest
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.objects.floor_map import FloorMap
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry import open_odometry
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.slam import SemanticSlam
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.odometry import open_odometry
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam
 
 START, FIRST, LAST, END = 90, 104, 154, 164  # frames at 10 Hz: 2.8 m with turns while blind, 0.6 m/s when it begins
 BLIND = slice(FIRST - START, LAST - START)

@@ -12,24 +12,24 @@ from edgemap.cli.budget import read_share
 from edgemap.cli.errors import OptionError
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.budget import LADDER, Budget, Effort, hottest_c
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.around import BudgetedCamera
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.fault import CameraFault, FaultKind
-from edgemap.runtime.config import ConfigError, load_efforts
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
-from edgemap.runtime.odometry.protocol import Motion, no_motion
+from edgemap.runtime.frames.fault import CameraFault, FaultKind
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.budget import LADDER, Budget, Effort
+from edgemap.runtime.inputs.cameras.around import BudgetedCamera
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.motion.odometry.protocol import Motion, no_motion
+from edgemap.runtime.step.config import ConfigError, load_efforts
 
 
 class Robot:
     """A camera of 10 Hz and a step on clocks of their own: a frame searched takes 20 ms, another one 7 ms."""
 
-    def __init__(self, share, limit_c=None, heat_c=0.0):
+    def __init__(self, share):
         self.now_s = self.used_s = 0.0
-        self.searched_s, self.plain_s, self.heat_c = 0.020, 0.007, heat_c
-        self.budget = Budget(share, limit_c, lambda: self.now_s, lambda: self.used_s, lambda: self.heat_c)
+        self.searched_s, self.plain_s = 0.020, 0.007
+        self.budget = Budget(share, lambda: self.now_s, lambda: self.used_s)
         self.effort, self.index, self.told = Effort(), 0, []
 
     def drive(self, seconds):
@@ -73,24 +73,6 @@ def test_less_than_the_last_step_cannot_be_done_and_that_is_said_once():
     robot = Robot(0.01)
     robot.drive(60.0)
     assert [text for text in robot.told if text.endswith("less than this cannot be done")] == robot.told[-1:]
-
-
-def test_heat_asks_for_less_every_ten_seconds_until_it_is_five_degrees_cooler():
-    robot = Robot(None, 80.0, heat_c=85.0)
-    assert robot.drive(29.0)[0] == [(2, 1), (3, 1)]
-    robot.heat_c = 77.0
-    assert robot.drive(30.0)[0] == []
-    robot.heat_c = 74.0
-    assert robot.drive(30.0)[0] == [(2, 1), (1, 1)]
-    assert robot.told[0] == "85 C, 80 allowed"
-
-
-def test_the_hottest_zone_counts_and_one_that_is_off_does_not(tmp_path):
-    assert hottest_c(tmp_path) is None
-    for number, text in enumerate(("41000\n", "63500\n", "")):
-        (tmp_path / f"thermal_zone{number}").mkdir()
-        (tmp_path / f"thermal_zone{number}" / "temp").write_text(text)
-    assert hottest_c(tmp_path) == 63.5
 
 
 @pytest.mark.parametrize(("text", "share"), [("30%", 0.3), ("0.3", 0.3), ("150%", 1.5), (None, None)])
@@ -172,7 +154,7 @@ class Ahead:
         self.name, self.needs_features, self.resets, self.asked = "ahead", needs_features, 0, []
         self._variance = sigma_m**2
 
-    def step(self, frame, features):
+    def step(self, frame, features, prior=None):
         assert features or not self.needs_features
         self.asked.append((frame.index, self.resets))
         return Motion(SE2(0.1), np.eye(3) * self._variance)

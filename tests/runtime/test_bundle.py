@@ -6,10 +6,10 @@ import onnx
 import pytest
 from support import painted
 
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.errors import BundleError, OdometryError
-from edgemap.runtime.manifest import read_manifest, write_manifest
-from edgemap.runtime.onnx_file import onnx_facts
+from edgemap.runtime.frames.errors import BundleError, OdometryError
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import read_manifest, write_manifest
+from edgemap.runtime.network.onnx_file import onnx_facts
 
 CHAIR = [("chair", 40.0, 30.0, 20.0, 24.0, 0.9)]
 

@@ -13,12 +13,12 @@ from support.edges import room_edges
 from edgemap.geometry.camera.attitude import SeenRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.room_edges import room_axes
-from edgemap.runtime.attitude.checked_mount import CheckedMount
-from edgemap.runtime.attitude.pictures import PicturesAttitude
-from edgemap.runtime.calibration.level import pitch_roll, up_optical
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.errors import EdgemapError
+from edgemap.runtime.frames.errors import EdgemapError
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(11.5, 0.0), (3.0, -2.0), (17.5, 4.0), (21.0, -1.0)])
@@ -60,7 +60,7 @@ def told(off_deg, frames=80, still=False, hz=10.0):
         first = camera.read()
         for index in range(frames):
             frame = first if still else camera.read()
-            attitude = source.step(replace(frame, index=index, stamp_s=index / hz))
+            attitude = source.predict(replace(frame, index=index, stamp_s=index / hz))
             faults += [(index / hz, attitude.fault)] if attitude.fault else []
     return faults, attitude
 
@@ -103,8 +103,8 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
                     frame.image, down, (lens.width, lens.height), borderMode=cv2.BORDER_REPLICATE
                 )
                 frame = replace(frame, image=image)
-            assert not source.step(frame).fault
-            attitude = source.rotated(SeenRotation(np.eye(3), 0.01, swaying if sways else calm))
+            assert not source.predict(frame).fault
+            attitude = source.update(SeenRotation(np.eye(3), 0.01, swaying if sways else calm))
     assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
     assert attitude.mount.used == camera.mount
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edgemap.runtime.colours import MARKS, PALETTE, SHAPES, USUAL, label_colour, label_mark
+from edgemap.runtime.frames.colours import MARKS, PALETTE, SHAPES, USUAL, label_colour, label_mark
 
 # Machado, Oliveira and Fernandes 2009, severity 1, on linear RGB.
 EYES = {

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.compute import ONE_THREAD_MS, settle
-from edgemap.runtime.engines import open_onnxruntime
-from edgemap.runtime.network import Compute, Network
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.compute import ONE_THREAD_MS, settle
+from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.network import Compute, Network
+from edgemap.runtime.network.store import bundle_folder
 
 SLEEPING, SPINNING = Compute(2), Compute(2, spin=True)
 
@@ -23,7 +23,7 @@ SLEEPING, SPINNING = Compute(2), Compute(2, spin=True)
     ],
 )
 def test_the_trial_settles_threads_by_pace_and_time(monkeypatch, pace, one_ms, two_ms, chosen):
-    monkeypatch.setattr("edgemap.runtime.compute.default_threads", lambda: 2)
+    monkeypatch.setattr("edgemap.runtime.network.compute.default_threads", lambda: 2)
     now = [0.0]
 
     def opened(compute):

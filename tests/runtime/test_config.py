@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import edgemap
-from edgemap.runtime.config import RENAMED, Config, ConfigError, config_arguments, config_document, load_config
-from edgemap.runtime.rest import RestRule
+from edgemap.runtime.motion.rest import RestRule
+from edgemap.runtime.step.config import RENAMED, Config, ConfigError, config_document, load_config
 
 
 def written(folder, document, name="c.yaml"):
@@ -20,11 +20,12 @@ def written(folder, document, name="c.yaml"):
 
 def test_a_part_of_the_tree_changes_that_part_alone(tmp_path):
     path = written(
-        tmp_path, {"config": {"association": {"gate": 9.21}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}}
+        tmp_path,
+        {"config": {"association": {"min_confidence": 0.5}, "loop_closure": {"keyframes": {"keyframe_m": 0.5}}}},
     )
     config, options = load_config(path)
-    assert (config.association.gate, config.loop_closure.keyframes.keyframe_m, options) == (9.21, 0.5, {})
-    assert config.association.max_distance_m == Config().association.max_distance_m
+    assert (config.association.min_confidence, config.loop_closure.keyframes.keyframe_m, options) == (0.5, 0.5, {})
+    assert config.association.min_count == Config().association.min_count
     assert config.floor == Config().floor
 
 
@@ -56,8 +57,11 @@ def test_every_old_name_stands_for_a_name_of_today():
     ("document", "told"),
     [
         ({"config": {"asociation": {}}}, r"config\.asociation is unknown \(known: association, "),
-        ({"config": {"association": {"gate": "wide"}}}, r"association\.gate is 'wide', not a float"),
-        ({"config": {"association": {"gate": float("inf")}}}, "not a finite number"),
+        (
+            {"config": {"association": {"real_slope": "wide"}}},
+            r"association\.real_slope is 'wide', not a float",
+        ),
+        ({"config": {"association": {"min_confidence": float("inf")}}}, "not a finite number"),
         ({"config": {"association": 3}}, "association is 3, not a mapping"),
         ({"config": {"floor": {"mapped": ["chair"]}}}, r"floor\.mapped is unknown"),
         ({"options": ["frames"]}, "options is a list, not a mapping"),
@@ -78,20 +82,11 @@ def test_what_is_no_file_or_no_document_is_told_in_one_line(tmp_path):
         load_config(tmp_path / "deep.json")
 
 
-def test_options_come_before_what_is_typed(tmp_path):
-    path = written(tmp_path, {"options": {"odometry": "planar", "loop-closure": False, "allow-untrained": True}})
-    typed = ["--config", str(path), "--odometry", "flow"]
-    expected = ["--odometry", "planar", "--no-loop-closure", "--allow-untrained", *typed]
-    assert sorted(config_arguments(typed)[: -len(typed)]) == sorted(expected[: -len(typed)])
-    assert config_arguments(typed)[-len(typed) :] == typed
-    assert config_arguments(["--frames", "3"]) == ["--frames", "3"]
-
-
 @given(st.floats(0.1, 100.0), st.integers(1, 1000))
-def test_every_number_survives_the_file(tmp_path_factory, gate, frames):
+def test_every_number_survives_the_file(tmp_path_factory, slope, frames):
     folder = tmp_path_factory.mktemp("c")
-    config, _ = load_config(written(folder, {"config": {"association": {"gate": gate, "forget_after": frames}}}))
-    assert (config.association.gate, config.association.forget_after) == (gate, frames)
+    config, _ = load_config(written(folder, {"config": {"association": {"real_slope": slope, "forget_after": frames}}}))
+    assert (config.association.real_slope, config.association.forget_after) == (slope, frames)
 
 
 @pytest.mark.parametrize(
@@ -120,8 +115,8 @@ def test_rest_takes_its_part_of_the_tree(tmp_path):
 
 def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):
     patience = []
-    monkeypatch.setattr("edgemap.runtime.cameras.live.LiveCamera", lambda *given: patience.append(given[-1]))
-    monkeypatch.setattr("edgemap.runtime.cameras.webcam.WebcamDriver", lambda *given: None)
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.live.LiveCamera", lambda *given: patience.append(given[-1]))
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.webcam.WebcamDriver", lambda *given: None)
     rule = replace(Config().camera, restarts=3)
     with pytest.raises(AttributeError):  # no camera stands behind it
         edgemap.open("0", config=replace(Config(), camera=rule))

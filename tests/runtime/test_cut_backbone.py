@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.decode import Decoder, Detector
-from edgemap.runtime.manifest import InputSpec
-from edgemap.runtime.network import Network, with_padding
-from edgemap.runtime.preprocess import EDGE_PX, Preprocessor, place, rows_of
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.decode import Decoder, Detector
+from edgemap.runtime.network.manifest import InputSpec
+from edgemap.runtime.network.network import Network, with_padding
+from edgemap.runtime.network.preprocess import EDGE_PX, Preprocessor, place, rows_of
+from edgemap.runtime.network.store import bundle_folder
 
 ENGINES = ["onnxruntime", "openvino"]
 

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import painted
 
-from edgemap.runtime.decode import Decoder, suppress
-from edgemap.runtime.manifest import DetectorSpec, HeadSpec, InputSpec
-from edgemap.runtime.preprocess import Preprocessor, place
+from edgemap.runtime.network.decode import Decoder, suppress
+from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec, InputSpec
+from edgemap.runtime.network.preprocess import Preprocessor, place
 
 
 def test_yolov3_head_decodes_to_what_was_painted():

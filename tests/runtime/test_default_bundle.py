@@ -6,15 +6,15 @@ import shutil
 import pytest
 from support.recordings import noise, record
 
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.manifest import read_manifest
-from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.store import LENS, RENDERED, bundle_folder, default_bundle, passed_over
+from edgemap.runtime.inputs.recordings.facts import Facts
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.store import LENS, RENDERED, bundle_folder, default_bundle, passed_over
 
 
 @pytest.mark.parametrize("spec", ["demo", "sim:8000", "drive:home"])
 def test_rendered_pictures_get_the_bundle_of_rendered_rooms(spec):
-    assert default_bundle(spec) == (RENDERED, f"{spec} counts as rendered")
+    assert default_bundle(spec) == (RENDERED, f"trained for rendered pictures, as those of {spec}")
 
 
 @pytest.mark.parametrize(
@@ -23,11 +23,11 @@ def test_rendered_pictures_get_the_bundle_of_rendered_rooms(spec):
     + ["locobot:a", "yolo:a", "rtsp://robot/camera", "gone.mcap", "photo.jpg"],
 )
 def test_pictures_of_a_lens_get_the_bundle_of_photographs(spec):
-    assert default_bundle(spec) == (LENS, f"{spec} comes from a lens")
+    assert default_bundle(spec) == (LENS, f"trained for real cameras, as {spec} is")
 
 
 def test_one_lens_among_rendered_sources_decides():
-    assert default_bundle("demo", "kitti:a") == (LENS, "kitti:a comes from a lens")
+    assert default_bundle("demo", "kitti:a") == (LENS, "trained for real cameras, as kitti:a is")
 
 
 @pytest.mark.parametrize(("camera", "expected"), [("demo", RENDERED), ("sim:4", RENDERED), ("realsense", LENS)])

@@ -13,10 +13,10 @@ from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, Ed
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
-from edgemap.geometry.slam.keyframes import TrajectoryCorrection
-from edgemap.runtime.edits import Edits, load_edits
-from edgemap.runtime.map_file import load_annotated_map, map_document, map_text, save_map
-from edgemap.runtime.mapper import Mapper
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.runtime.step.edits import Edits, load_edits
+from edgemap.runtime.step.map_file import load_annotated_map, map_document, map_text, save_map
+from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 POSES = round_trip(80)
@@ -278,3 +278,57 @@ def test_a_listener_that_fails_is_told_and_the_others_hear_of_the_edit():
     assert edits.apply(Mapper(), 0) == ["edited map: RuntimeError: Event loop is closed"]
     assert heard == ["hall"]
     assert asked.result(0)
+
+
+def test_many_edits_are_saved_a_few_times_and_the_last_one_too():
+    edits, mapper, heard, saved = Edits(), Mapper(), [], []
+    edits.listeners.append(lambda _, annotations: heard.append(annotations.zones[0].name))
+    edits.savers.append(lambda _, annotations: saved.append(annotations.zones[0].name))
+    asked = edits.submit(Edit("zone", name="0", corners_m=SQUARE))
+    edits.apply(mapper, 0)
+    for k in range(1, 200):
+        edits.submit(Edit("zone", asked.result(0), name=str(k), corners_m=SQUARE))
+        edits.apply(mapper, 0)
+    assert (len(heard), saved[0]) == (200, "0")
+    assert len(saved) < 50
+    edits.settle(mapper)
+    edits.settle(mapper)
+    assert (saved[-1], saved.count("199")) == ("199", 1)
+
+
+def test_corrections_and_additions_replay_and_live_on(tmp_path):
+    """Recorded edits over the same drive make the same map; a later run starts from what they made."""
+    said = [
+        Edit("correct", "chair-1", label="bench", place_m=(1.0, 2.0), size_m=(1.2, 0.4, 0.8), yaw_rad=0.5),
+        Edit("add", label="tv", place_m=(2.0, 0.5)),
+        Edit("dock", pose=(0.5, 0.5, 1.0)),
+    ]
+    edits = Edits(tmp_path / "edits.jsonl")
+    first = driven()
+    futures = [edits.submit(edit) for edit in said]
+    assert edits.apply(first, 80) == []
+    assert futures[1].result() == "tv-added-1"
+    again = driven()
+    assert Edits(None, load_edits(tmp_path / "edits.jsonl")).apply(again, 80) == []
+    text = map_text(first.objects(), first.annotations())
+    assert map_text(again.objects(), again.annotations()) == text
+    save_map(tmp_path / "map.json", first.objects(), first.annotations())
+    objects, annotations = load_annotated_map(tmp_path / "map.json")
+    later = Mapper()
+    later.start_in(objects, SE2(), annotations=annotations)
+    assert map_document(later.objects(), later.annotations()) == map_document(objects, annotations)
+    found = {item.id: item for item in later.objects()}
+    assert (found["chair-1"].label, found["chair-1"].depth_m, found["chair-1"].yaw_rad) == ("bench", 0.4, 0.5)
+    assert found["tv-added-1"].confirmed
+
+
+def test_a_loop_closure_moves_what_was_placed_by_hand():
+    mapper = driven()
+    mapper.edit(Edit("correct", "chair-1", place_m=(1.0, 2.0)))
+    mapper.edit(Edit("dock", pose=(0.0, 1.0, 0.0)))
+    stamps = np.array([0.0])
+    moved = TrajectoryCorrection(stamps, np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
+    mapper.edits.moved(moved)
+    chair = next(item for item in mapper.objects() if item.id == "chair-1")
+    assert chair.position_m == pytest.approx([2.0, 2.0])
+    assert mapper.annotations().dock == SE2(1.0, 1.0, 0.0)

@@ -8,17 +8,18 @@ import pytest
 
 from edgemap.cli.options import chosen_engine, chosen_precision
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime import engine_choice
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.compute import computes_bf16
-from edgemap.runtime.engine_choice import best_engine, stored_engine
-from edgemap.runtime.engines import open_network
-from edgemap.runtime.errors import BundleError
-from edgemap.runtime.network import Compute, Decisions, Network
-from edgemap.runtime.odometry.learned import LearnedOdometry
-from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.store import bundle_folder
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.odometry.learned import LearnedOdometry
+from edgemap.runtime.network import engine_choice
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.compute import computes_bf16
+from edgemap.runtime.network.engine_choice import best_engine, stored_engine
+from edgemap.runtime.network.engines import open_network
+from edgemap.runtime.network.network import Compute, Network
+from edgemap.runtime.network.preprocess import Preprocessor
+from edgemap.runtime.network.store import bundle_folder
 
 NANO = bundle_folder("edgemap-nano")
 
@@ -71,7 +72,7 @@ def test_with_16_bits_the_odometry_runs_beside_the_backbone_unless_it_disagrees(
     pytest.importorskip("openvino")
     opened = []
     monkeypatch.setattr(
-        "edgemap.runtime.bundle.open_network", lambda *a: opened.append(a[1].engine) or open_network(*a)
+        "edgemap.runtime.network.bundle.open_network", lambda *a: opened.append(a[1].engine) or open_network(*a)
     )
     bundle = load_bundle(NANO, 1, engine="openvino-bf16")
     del opened[:]

@@ -9,16 +9,18 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.runtime import config, number_rows, sightings_file
-from edgemap.runtime.cameras.recording import RecordingCamera
-from edgemap.runtime.cameras.video import VideoCamera
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.drives.pose_files import read_stamps
-from edgemap.runtime.engines import open_onnxruntime
-from edgemap.runtime.errors import BundleError, CameraError
-from edgemap.runtime.network import Compute
-from edgemap.runtime.recordings import chunks
-from edgemap.runtime.recordings.reader import McapReading
+from edgemap.runtime.frames import number_rows
+from edgemap.runtime.frames.errors import BundleError, CameraError
+from edgemap.runtime.inputs.cameras.video import VideoCamera
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.pose_files import read_stamps
+from edgemap.runtime.inputs.recordings import chunks
+from edgemap.runtime.inputs.recordings.camera import RecordingCamera
+from edgemap.runtime.inputs.recordings.reader import McapReading
+from edgemap.runtime.network.engines import open_onnxruntime
+from edgemap.runtime.network.network import Compute
+from edgemap.runtime.outputs import sightings_file
+from edgemap.runtime.step import config
 
 POSE = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
 EUROC_CAMERA = (

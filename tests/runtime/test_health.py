@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.health import HealthMonitor
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.health import HealthMonitor
 
 SHARED = Path(os.environ.get("EDGEMAP_SHARED", Path(__file__).parents[3] / "shared")) / "data"
 

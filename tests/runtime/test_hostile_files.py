@@ -14,22 +14,22 @@ from support.recordings import FACTS, noise, record
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras.recording import RecordingCamera
-from edgemap.runtime.drives.camera_yaml import read_camera_yaml
-from edgemap.runtime.drives.pictures import PIXEL_LIMIT, picture_size, read_picture
-from edgemap.runtime.drives.sensor_csv import read_wheel_csv
-from edgemap.runtime.drives.truth_json import read_boxes, read_objects
-from edgemap.runtime.errors import BundleError, CameraError, OdometryError
-from edgemap.runtime.manifest import read_manifest
-from edgemap.runtime.map_file import load_map
-from edgemap.runtime.number_rows import ROW_LIMIT
-from edgemap.runtime.reading import one_line, read_bytes
-from edgemap.runtime.recordings.facts import read_trajectory_file
-from edgemap.runtime.recordings.sensors import read_wheel
-from edgemap.runtime.sightings_file import read_sightings
-from edgemap.runtime.store import install_folder
-from edgemap.runtime.trajectory import Trajectory, read_tum
+from edgemap.runtime.frames.errors import BundleError, CameraError, OdometryError
+from edgemap.runtime.frames.number_rows import ROW_LIMIT
+from edgemap.runtime.frames.reading import one_line, read_bytes
+from edgemap.runtime.frames.trajectory import Trajectory, read_tum
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
+from edgemap.runtime.inputs.drives.pictures import PIXEL_LIMIT, picture_size, read_picture
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
+from edgemap.runtime.inputs.drives.truth_json import read_boxes, read_objects
+from edgemap.runtime.inputs.recordings.camera import RecordingCamera
+from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
+from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.manifest import read_manifest
+from edgemap.runtime.network.store import install_folder
+from edgemap.runtime.outputs.sightings_file import read_sightings
+from edgemap.runtime.step.map_file import load_map
 
 OBJECT = {
     "id": "chair-1", "label": "chair", "x_m": 1.0, "y_m": 2.0, "covariance_m2": [[0.01, 0.0], [0.0, 0.02]],

@@ -14,17 +14,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.recordings import FACTS, noise, record
 
-from edgemap.runtime import onnx_file
-from edgemap.runtime.cameras.recording import RecordingCamera
-from edgemap.runtime.drives.pictures import list_pictures
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.messages.definitions import definition
-from edgemap.runtime.messages.tf_tree import TfTree
-from edgemap.runtime.recordings import chunks, foreign
-from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.recordings.pictures import raw_picture
-from edgemap.runtime.recordings.reader import McapReading
-from edgemap.runtime.store import LENS, default_bundle
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.messages.definitions import definition
+from edgemap.runtime.frames.messages.tf_tree import TfTree
+from edgemap.runtime.inputs.drives.pictures import list_pictures
+from edgemap.runtime.inputs.recordings import chunks, foreign
+from edgemap.runtime.inputs.recordings.camera import RecordingCamera
+from edgemap.runtime.inputs.recordings.facts import Facts
+from edgemap.runtime.inputs.recordings.pictures import raw_picture
+from edgemap.runtime.inputs.recordings.reader import McapReading
+from edgemap.runtime.network import onnx_file
+from edgemap.runtime.network.store import LENS, default_bundle
 
 IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
@@ -32,9 +32,9 @@ MEMORY = """
 import resource, sys
 from pathlib import Path
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.map_file import load_map
-from edgemap.runtime.drives.truth_json import read_boxes
-from edgemap.runtime.recordings.facts import read_trajectory_file
+from edgemap.runtime.step.map_file import load_map
+from edgemap.runtime.inputs.drives.truth_json import read_boxes
+from edgemap.runtime.inputs.recordings.facts import read_trajectory_file
 size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (size + (400 << 20),) * 2)
 path, empties = Path(sys.argv[1]), b"{}," * (5 << 20)
@@ -250,7 +250,7 @@ def avi(path, pictures, width, height):
 VIDEO = """
 import resource, sys
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.inputs.open import open_camera
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 try:
     with open_camera(sys.argv[1]) as camera:
@@ -292,7 +292,7 @@ def test_a_huge_picture_in_the_middle_of_a_video_costs_bounded_memory(tmp_path):
 
 BOUND = """
 import resource
-from edgemap.runtime.quiet import bounded_memory
+from edgemap.runtime.frames.quiet import bounded_memory
 
 before = resource.getrlimit(resource.RLIMIT_AS)
 try:

@@ -6,14 +6,21 @@ import pytest
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, RoomHeading
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry.coasting import CoastingRule
-from edgemap.runtime.odometry.gyro import GyroOdometry
-from edgemap.runtime.odometry.hybrid import HybridOdometry, HybridRule, Member
-from edgemap.runtime.odometry.protocol import Motion, no_motion
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.coasting import CoastingRule
+from edgemap.runtime.motion.odometry.gyro import GyroOdometry
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, HybridRule, Member
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, MotionState, blind_motion, no_motion
+from edgemap.runtime.motion.trust import TrustRule
 
 FRAME = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
 LASTING = HybridRule().lasting_covariance_scale
+BELIEVED = HybridRule(trust=TrustRule(windows=0))
+
+
+def fusing(members, rule=BELIEVED, **others):
+    """A hybrid that believes its wheels: whether it may is tests/runtime/test_trust.py's."""
+    return HybridOdometry(members, rule, **others)
 
 
 class Scripted:
@@ -22,11 +29,11 @@ class Scripted:
     def __init__(self, *motions):
         self.motions, self.resets = list(motions), 0
 
-    def step(self, frame, features):
+    def step(self, frame, features, prior=None):
         return self.motions.pop(0)
 
     def step_blind(self, stamp_s, reason, attitude=None):
-        return Motion(fault=reason, blind=True)
+        return blind_motion(reason)
 
     def still(self, stamp_s, attitude):
         return None
@@ -39,14 +46,15 @@ class Scripted:
 
 
 def motion(x_m, sigma_m, yaw_rad=0.0, fault=""):
-    return Motion(SE2(x_m, 0.0, yaw_rad), np.diag([sigma_m**2, sigma_m**2, 0.01**2]), fault)
+    state = MotionState.BLIND if fault else MotionState.MEASURED
+    return Motion(SE2(x_m, 0.0, yaw_rad), np.diag([sigma_m**2, sigma_m**2, 0.01**2]), fault, state)
 
 
 def test_who_fails_is_left_out_and_its_fault_with_it():
     start = motion(0.0, 1.0)
     camera = Scripted(start, motion(9.0, 0.5, fault="planar odometry: nothing agrees"), motion(0.1, 0.01))
     wheels = Scripted(start, motion(0.1, 0.01), motion(0.1, 0.01))
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
     hybrid.step(FRAME, {})
     second = hybrid.step(FRAME, {})
     assert (second.motion.x_m, second.fault) == (0.1, "planar odometry: nothing agrees")
@@ -57,7 +65,7 @@ def test_who_fails_is_left_out_and_its_fault_with_it():
 def test_when_all_fail_the_motion_is_a_guess_that_names_them_all():
     start, lost = motion(0.0, 1.0), motion(0.2, 1.0, fault="lost")
     wheels = Scripted(start, motion(0.0, 1.0, fault="no wheels"))
-    hybrid = HybridOdometry([Member(Scripted(start, lost), "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(Scripted(start, lost), "camera"), Member(wheels, "wheels")])
     hybrid.step(FRAME, {})
     found = hybrid.step(FRAME, {})
     assert (found.fault, found.blind) == ("lost; no wheels", True)
@@ -68,7 +76,7 @@ def test_a_motion_that_tells_less_than_a_guess_is_not_counted():
     for others, members in (([], {"scripted": "blind"}), ([motion(0.1, 0.01)], {"scripted": "used"})):
         own = [Member(Scripted(motion(0.0, 1.0), motion(0.3, 12.0)), "camera")]
         own += [Member(Scripted(motion(0.0, 1.0), other), "wheels") for other in others]
-        hybrid = HybridOdometry(own)
+        hybrid = fusing(own)
         hybrid.step(FRAME, {})
         found = hybrid.step(FRAME, {})
         assert found.covariance[0, 0] <= 1.0
@@ -79,7 +87,7 @@ def test_a_motion_that_tells_less_than_a_guess_is_not_counted():
 def test_a_motion_that_is_not_finite_is_a_fault_and_no_pose():
     camera = Scripted(motion(0.0, 1.0), Motion(SE2(math.nan, 0.0, 0.0), np.eye(3)))
     wheels = Scripted(motion(0.0, 1.0), motion(0.1, 0.01))
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
     hybrid.step(FRAME, {})
     found = hybrid.step(FRAME, {})
     assert found.motion.x_m == 0.1
@@ -93,14 +101,31 @@ def at(stamp_s):
 def test_a_member_that_stays_out_is_named_again_after_a_while_and_not_at_every_step():
     lost = [motion(0.0, 1.0, fault="lost")] * 120
     wheels = Scripted(*[motion(0.0, 0.01)] * 121)
-    hybrid = HybridOdometry([Member(Scripted(motion(0.0, 1.0), *lost), "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(Scripted(motion(0.0, 1.0), *lost), "camera"), Member(wheels, "wheels")])
     faults = [hybrid.step(at(index / 10), {}).fault for index in range(121)]
     assert [index for index, fault in enumerate(faults) if fault] == [1, 101]
 
 
+def test_a_line_for_people_costs_the_filters_no_step():
+    """With dead wheels the line that names them again is due every 10 s; the camera measured those steps too."""
+    wheels = Scripted(motion(0.0, 1.0), *[motion(0.0, 1.0, fault="dead")] * 249)
+    hybrid = fusing([Member(Scripted(*[motion(0.1, 0.01)] * 250), "camera"), Member(wheels, "wheels")])
+    found = [hybrid.step(at(index / 10), {}) for index in range(250)]
+    assert [index for index, one in enumerate(found) if one.fault] == [1, 101, 201]
+    assert [index for index, one in enumerate(found) if one.moved() is None] == [0]
+
+
+def test_a_guess_coasts_for_a_moment_and_is_blind_then():
+    camera = Scripted(motion(0.0, 1.0), motion(0.1, 0.01), *[motion(0.0, 1.0, fault="lost")] * 8)
+    hybrid = fusing([Member(camera, "camera")])
+    states = [hybrid.step(at(index / 10), {}).state for index in range(10)]
+    assert states[:2] == [MotionState.UNMEASURED, MotionState.MEASURED]
+    assert states[2:] == [MotionState.COASTING] * 5 + [MotionState.BLIND] * 3
+
+
 def test_sources_that_go_on_disagreeing_are_a_fault():
     camera, wheels = Scripted(*[motion(0.1, 0.001)] * 12), Scripted(*[motion(0.3, 0.001)] * 12)
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
     faults = [hybrid.step(at(index / 10), {}).fault for index in range(12)]
     assert [index for index, fault in enumerate(faults) if fault] == [10]
     assert "camera against wheels" in faults[10]
@@ -109,7 +134,7 @@ def test_sources_that_go_on_disagreeing_are_a_fault():
 def test_the_covariance_of_a_lasting_conflict_covers_either_source():
     """A camera that shows one picture again and again beside wheels that roll: half of the path is missed."""
     sources = {"camera": Scripted(*[motion(0.0, 0.002)] * 31), "wheels": Scripted(*[motion(0.07, 0.002)] * 31)}
-    hybrid = HybridOdometry([Member(scripted, source) for source, scripted in sources.items()])
+    hybrid = fusing([Member(scripted, source) for source, scripted in sources.items()])
     moved = [hybrid.step(at(index / 10.0), {}) for index in range(31)][1:]
     off_m = sum(step.motion.x_m for step in moved) - 0.07 * 30
     assert off_m == pytest.approx(-1.05, abs=0.05)
@@ -120,14 +145,14 @@ def test_a_step_in_which_sources_agree_ends_their_conflict():
     """Six steps of conflict, one of agreement, and ten more until it is told."""
     agree, deny = motion(0.1, 0.001), motion(0.3, 0.001)
     camera, wheels = Scripted(*[agree] * 19), Scripted(*[deny] * 7, agree, *[deny] * 11)
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
     faults = [hybrid.step(at(index / 10), {}).fault for index in range(19)]
     assert [index for index, fault in enumerate(faults) if fault] == [17]
 
 
 def test_blind_of_everything_it_carries_on_for_half_a_second_and_its_doubt_covers_any_motion():
     """0.1 m a step at 10 Hz; then 3 s without a picture: 0.5 m are carried on, 3 m may have been driven."""
-    hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 3), "camera")])
+    hybrid = fusing([Member(Scripted(*[motion(0.1, 0.01)] * 3), "camera")])
     for index in range(3):
         hybrid.step(at(index / 10), {})
     steps = [hybrid.step_blind(0.2 + k / 10, "no picture") for k in range(1, 31)]
@@ -139,11 +164,11 @@ def test_blind_of_everything_it_carries_on_for_half_a_second_and_its_doubt_cover
 
 def test_the_gyro_alone_gives_yaw_and_leaves_the_way_unknown():
     """Blind with a gyro: yaw is measured to 0.01 rad, 3 s of unknown speed stay unknown."""
-    hybrid = HybridOdometry([Member(Scripted(*[motion(0.1, 0.01)] * 2), "camera"), Member(GyroOdometry(), "gyro")])
+    hybrid = fusing([Member(Scripted(*[motion(0.1, 0.01)] * 2), "camera"), Member(GyroOdometry(), "gyro")])
     rotation = GyroRotation(np.eye(3), 0.05, 0.01)
     attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=rotation)
     for index in range(2):
-        hybrid.step(replace(at(index / 10), attitude=attitude), {})
+        hybrid.step(at(index / 10), {}, FramePrior(attitude))
     steps = [hybrid.step_blind(0.1 + k / 10, "no picture", attitude) for k in range(1, 31)]
     assert sum(step.motion.yaw_rad for step in steps) == pytest.approx(30 * 0.05, abs=2e-3)
     assert sum(step.covariance[2, 2] for step in steps) < 30 * 0.01**2
@@ -154,13 +179,13 @@ def test_the_gyro_alone_gives_yaw_and_leaves_the_way_unknown():
 def test_an_optional_member_is_missed_only_after_it_has_measured():
     out, back = motion(0.0, 1.0, fault="no gyro"), motion(0.1, 0.01)
     gyro, wheels = Scripted(out, out, back, out), Scripted(*[motion(0.1, 0.01)] * 4)
-    hybrid = HybridOdometry([Member(wheels, "wheels"), Member(gyro, "gyro", optional=True)])
+    hybrid = fusing([Member(wheels, "wheels"), Member(gyro, "gyro", optional=True)])
     assert [hybrid.step(at(index / 10), {}).fault for index in range(4)] == ["", "", "", "no gyro"]
 
 
 def test_reset_reaches_every_member():
     members = Scripted(), Scripted()
-    HybridOdometry([Member(member, "camera") for member in members]).reset("gap")
+    fusing([Member(member, "camera") for member in members]).reset("gap")
     assert [member.resets for member in members] == [2, 2]
 
 
@@ -168,9 +193,9 @@ def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
     motions = {"camera": motion(0.02, 0.005), "wheels": motion(0.07, 0.002)}
     moved = {}
     for covered in (0.0, 0.7):
-        hybrid = HybridOdometry([Member(Scripted(found, found), source) for source, found in motions.items()])
+        hybrid = fusing([Member(Scripted(found, found), source) for source, found in motions.items()])
         for stamp_s in (0.0, 0.1):
-            moved[covered] = hybrid.step(replace(at(stamp_s), covered=covered), {}).motion.x_m
+            moved[covered] = hybrid.step(at(stamp_s), {}, FramePrior(covered=covered)).motion.x_m
     assert moved[0.0] == pytest.approx(0.045, abs=0.003)  # between both
     assert moved[0.7] == pytest.approx(0.07, abs=0.001)
 
@@ -178,12 +203,12 @@ def test_a_camera_that_is_covered_in_part_counts_less_than_wheels():
 def test_a_member_that_follows_people_counts_less_where_they_fill_the_picture():
     """Six tenths of it, and though they are no longer found as they come closer, until the other one measures."""
     people, none, whole = np.array([[0.0, 0.0, 64.0, 96.0]]), np.zeros((0, 4)), np.zeros((160, 64, 3), np.uint8)
-    step, blind = motion(0.1, 0.01), Motion(blind=True)
+    step, blind = motion(0.1, 0.01), blind_motion("")
     corners, head = Scripted(step, blind, blind, step, blind), Scripted(*[step] * 5)
     members = [Member(corners, "camera"), Member(head, "camera", movers_scale=100.0)]
-    hybrid = HybridOdometry(members, coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
+    hybrid = fusing(members, coasting=CoastingRule(acceleration_m_s2=(1e6, 1e6)))
     covariances = [
-        hybrid.step(Frame(index, index / 10, whole, movers=movers), {}).covariance[0, 0]
+        hybrid.step(Frame(index, index / 10, whole), {}, FramePrior(movers=movers)).covariance[0, 0]
         for index, movers in enumerate((none, people, none, none, none))
     ]
     stated = LASTING * 0.01**2
@@ -195,7 +220,7 @@ def test_a_step_of_unknown_length_is_held_to_what_a_robot_can_do(acceleration_m_
     """From 0.5 m/s to 4 m/s in 0.2 s, by corners that state 0.4 m."""
     sure, collapsed = motion(0.1, 0.005), motion(0.8, 0.4)
     rule = CoastingRule(acceleration_m_s2=(acceleration_m_s2, acceleration_m_s2))
-    hybrid = HybridOdometry([Member(Scripted(*[sure] * 4, collapsed), "camera")], coasting=rule)
+    hybrid = fusing([Member(Scripted(*[sure] * 4, collapsed), "camera")], coasting=rule)
     found = [hybrid.step(at(0.2 * k), {}).motion.x_m for k in range(5)]
     assert found[3] == pytest.approx(0.1)
     assert most_m - 0.02 < found[4] < most_m
@@ -204,7 +229,7 @@ def test_a_step_of_unknown_length_is_held_to_what_a_robot_can_do(acceleration_m_
 def test_a_doubted_member_counts_less():
     start = motion(0.0, 1.0)
     sure, doubted = Scripted(start, motion(0.10, 0.01)), Scripted(start, motion(0.12, 0.01))
-    hybrid = HybridOdometry([Member(sure, "camera"), Member(doubted, "wheels", covariance_scale=4.0)])
+    hybrid = fusing([Member(sure, "camera"), Member(doubted, "wheels", covariance_scale=4.0)])
     hybrid.step(FRAME, {})
     fused = hybrid.step(FRAME, {})
     assert fused.motion.x_m == pytest.approx(0.104)  # weights 4 to 1
@@ -215,7 +240,7 @@ def test_a_turn_beyond_a_members_reach_leaves_it_out_and_the_next_step_does_not(
     still = motion(0.0, 0.01)
     flow = Scripted(still, motion(0.5, 0.001, -0.02), motion(0.1, 0.001, 0.1))
     wheels = Scripted(still, motion(0.4, 0.01, -0.5), motion(0.1, 0.01, 0.1))
-    hybrid = HybridOdometry([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
+    hybrid = fusing([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
     hybrid.step(at(0.0), {})
     found = hybrid.step(at(0.9), {})
     assert (found.motion.x_m, found.motion.yaw_rad, found.blind, found.fault) == (0.4, -0.5, False, "")
@@ -226,7 +251,7 @@ def test_what_was_turned_without_a_picture_counts_for_the_reach():
     still = motion(0.0, 0.01)
     flow, wheels = Scripted(still, motion(0.3, 0.001, 0.0)), Scripted(still, motion(0.1, 0.01, 0.1))
     wheels.step_blind = lambda stamp_s, reason, attitude=None: motion(0.2, 0.01, 0.15)
-    hybrid = HybridOdometry([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
+    hybrid = fusing([Member(flow, "camera", reach_rad=0.2), Member(wheels, "wheels")])
     hybrid.step(at(0.0), {})
     assert hybrid.step_blind(0.5, "dark").motion.yaw_rad == pytest.approx(0.15)
     assert hybrid.step(at(0.6), {}).motion.yaw_rad == pytest.approx(0.1)
@@ -237,7 +262,7 @@ def test_after_a_gap_a_member_alone_is_not_believed(dt_s, blind):
     still = motion(0.0, 0.01)
     flow = Scripted(still, motion(0.1, 0.001), motion(0.1 * dt_s / 0.1, 0.001))
     lost = Scripted(still, motion(0.1, 0.001), motion(0.0, 0.5, fault="no motion agrees"))
-    hybrid = HybridOdometry([Member(lost, "camera"), Member(flow, "camera", reach_rad=0.2, alone_s=0.35)])
+    hybrid = fusing([Member(lost, "camera"), Member(flow, "camera", reach_rad=0.2, alone_s=0.35)])
     hybrid.step(at(0.0), {})
     hybrid.step(at(0.1), {})
     found = hybrid.step(at(0.1 + dt_s), {})
@@ -255,7 +280,7 @@ def test_it_stands_still_where_every_member_that_knows_says_so(answers, still):
         member = Scripted()
         member.still = lambda stamp_s, attitude, answer=answer: answer
         members.append(Member(member, "wheels"))
-    assert HybridOdometry(members).still(0.1, None) is still
+    assert fusing(members).still(0.1, None) is still
 
 
 def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
@@ -268,7 +293,7 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
     }
     for name, (odometry, _) in steps.items():
         odometry.name = name
-    hybrid = HybridOdometry([Member(odometry, source) for odometry, source in steps.values()])
+    hybrid = fusing([Member(odometry, source) for odometry, source in steps.values()])
     found = [hybrid.step(at(index / 10), {}).members for index in range(4)]
     assert found[1:] == [
         {"planar": "left_out", "flow": "used", "wheel": "used"},
@@ -280,16 +305,16 @@ def test_each_step_tells_who_was_used_who_was_blind_and_who_was_left_out():
 def test_of_sources_that_disagree_all_are_used():
     camera, wheels = Scripted(*[motion(0.1, 0.001)] * 2), Scripted(*[motion(0.3, 0.001)] * 2)
     camera.name, wheels.name = "planar", "wheel"
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(wheels, "wheels")])
+    hybrid = fusing([Member(camera, "camera"), Member(wheels, "wheels")])
     hybrid.step(at(0.0), {})
     assert hybrid.step(at(0.1), {}).members == {"planar": "used", "wheel": "used"}
 
 
 def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
     camera = Scripted(*[motion(0.1, 0.01, 0.02)] * 2)
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
+    hybrid = fusing([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
     attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=GyroRotation(np.eye(3), 0.03, 0.001))
-    found = [hybrid.step(replace(at(index / 10), attitude=attitude), {}) for index in range(2)][1]
+    found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
     assert found.motion.yaw_rad == pytest.approx(0.03, abs=2e-4)
     moved = found.moved()
     assert moved is not None
@@ -300,9 +325,9 @@ def test_the_gyro_is_told_what_the_others_measured_and_not_its_own_yaw():
 def test_a_picture_that_errs_in_yaw_leaves_the_gyro_alone():
     """0.2 rad of yaw at a stated 0.01 beside a gyro that says none: halfway between would be 0.1."""
     camera = Scripted(motion(0.0, 1.0), motion(0.1, 0.01, 0.2))
-    hybrid = HybridOdometry([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
+    hybrid = fusing([Member(camera, "camera"), Member(GyroOdometry(), "gyro")])
     attitude = replace(Attitude(0.0, 0.0, np.zeros((2, 2))), rotation=GyroRotation(np.eye(3), 0.0, 0.001))
-    found = [hybrid.step(replace(at(index / 10), attitude=attitude), {}) for index in range(2)][1]
+    found = [hybrid.step(at(index / 10), {}, FramePrior(attitude)) for index in range(2)][1]
     assert abs(found.motion.yaw_rad) < 0.001
     assert found.motion.x_m == pytest.approx(0.1, abs=1e-3)
     assert found.covariance[0, 0] == pytest.approx(
@@ -315,11 +340,11 @@ def test_its_heading_is_held_to_the_room_that_the_edges_show():
     headings = {}
     for told in (False, True):
         steps = [motion(0.05, 0.01, math.radians(0.5)) for _ in range(61)]
-        hybrid, heading = HybridOdometry([Member(Scripted(*steps), "camera")]), 0.0
+        hybrid, heading = fusing([Member(Scripted(*steps), "camera")]), 0.0
         for index in range(61):
             room = RoomHeading(index / 10.0, 0.4, math.radians(0.6)) if told and index % 5 == 0 else None
             attitude = Attitude(0.0, 0.0, np.eye(2), room=room)
-            found = hybrid.step(replace(FRAME, index=index, stamp_s=index / 10.0, attitude=attitude), {})
+            found = hybrid.step(replace(FRAME, index=index, stamp_s=index / 10.0), {}, FramePrior(attitude))
             heading += found.motion.yaw_rad if index else 0.0
         headings[told] = math.degrees(heading)
     assert headings[False] == pytest.approx(30.0)

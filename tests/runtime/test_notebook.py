@@ -11,8 +11,8 @@ import pytest
 from support.steps import Steps
 
 from edgemap.geometry.observations.detections import Detections
-from edgemap.runtime.notebook import MapObjects
-from edgemap.runtime.supervision_boxes import from_supervision, to_supervision
+from edgemap.runtime.frames.supervision_boxes import from_supervision, to_supervision
+from edgemap.runtime.outputs.notebook import MapObjects
 
 
 def drive(count=12):

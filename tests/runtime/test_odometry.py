@@ -17,21 +17,22 @@ from edgemap.geometry.camera.attitude import Attitude, GyroRotation
 from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.protocol import Camera
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.odometry import OdometryRules, open_odometry
-from edgemap.runtime.odometry.coasting import CoastingRule
-from edgemap.runtime.odometry.learned import LearnedOdometry, outside_envelope
-from edgemap.runtime.odometry.planar import PlanarOdometry, PlanarRule
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.odometry.recorded import WHEEL, RecordedOdometry
-from edgemap.runtime.preprocess import Preprocessor
-from edgemap.runtime.store import bundle_folder
-from edgemap.runtime.trajectory import Trajectory, read_tum, tum_line
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory, read_tum, tum_line
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.odometry import OdometryRules, open_odometry
+from edgemap.runtime.motion.odometry.coasting import CoastingRule
+from edgemap.runtime.motion.odometry.learned import LearnedOdometry, outside_envelope
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion
+from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.preprocess import Preprocessor
+from edgemap.runtime.network.store import bundle_folder
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -54,16 +55,16 @@ def walked_by(frames, shift_px=12):
     pattern = cv2.resize(np.random.default_rng(1).integers(0, 255, (40, 80, 3), dtype=np.uint8), (800, 240))
     for frame in frames:
         frame.image[:, :240] = pattern[:, shift_px * frame.index : shift_px * frame.index + 240]
-        yield replace(frame, movers=np.array([[0.0, 0.0, 240.0, 240.0]]))
+        yield frame, FramePrior(movers=np.array([[0.0, 0.0, 240.0, 240.0]]))
 
 
 def test_planar_looks_past_people_who_walk_by():
     _, poses = drive(MOTIONS["straight"])
-    frames = list(walked_by(drive(MOTIONS["straight"])[0]))
-    off = off_after(frames, poses)
+    frames, priors = zip(*walked_by(drive(MOTIONS["straight"])[0]), strict=True)
+    off = off_after(frames, poses, priors=priors)
     assert math.hypot(off.x_m, off.y_m) < 0.03
     assert abs(off.yaw_rad) < 0.02
-    unknown = off_after([replace(frame, movers=np.zeros((0, 4))) for frame in frames], poses)
+    unknown = off_after(frames, poses)
     assert math.hypot(unknown.x_m, unknown.y_m) > 0.1
 
 
@@ -85,22 +86,23 @@ def test_planar_learns_an_axle_that_nobody_measured():
     assert abs(off.yaw_rad) < 0.02
 
 
-def off_after(frames, poses, rule=None, camera=CAMERA):
+def off_after(frames, poses, rule=None, camera=CAMERA, priors=None):
     odometry, pose = PlanarOdometry(camera, rule), SE2()
-    for frame in frames:
-        pose = pose @ odometry.step(frame, {}).motion
+    for frame, prior in zip(frames, priors or [NO_PRIOR] * len(frames), strict=True):
+        pose = pose @ odometry.step(frame, {}, prior).motion
     return pose.inverse() @ poses[-1]
 
 
 def test_planar_follows_a_camera_that_nods_by_its_attitude():
     """Three degrees up and down over a second: a metre ahead that is 0.2 m of floor."""
     _, poses = drive(MOTIONS["straight"])
-    frames = []
+    frames, priors = [], []
     for index, pose in enumerate(poses):
         tilt = math.radians(3.0) * math.sin(0.6 * index)
         attitude = Attitude(0.0, CAMERA.mount.pitch_rad + tilt, np.eye(2) * math.radians(0.1) ** 2)
-        frames.append(Frame(index, index / 10, seen_by(CAMERA.at(attitude), pose), attitude=attitude))
-    off = off_after(frames, poses)
+        frames.append(Frame(index, index / 10, seen_by(CAMERA.at(attitude), pose)))
+        priors.append(FramePrior(attitude))
+    off = off_after(frames, poses, priors=priors)
     assert math.hypot(off.x_m, off.y_m) < 0.03
     assert abs(off.yaw_rad) < 0.01
 
@@ -111,14 +113,11 @@ def gyro_rotation(yaw_rad, sigma_rad):
     return GyroRotation(base.T @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ base, yaw_rad, sigma_rad)
 
 
-def with_gyro(frames, poses, bias_rad, sigma_rad):
-    """Frames whose gyro is off by so much in each."""
+def with_gyro(poses, bias_rad, sigma_rad):
+    """Priors of frames whose gyro is off by so much in each."""
     level = replace(Attitude.of_mount(CAMERA.mount, math.radians(0.3)), source="imu")
     turns = [0.0] + [(a.inverse() @ b).yaw_rad for a, b in itertools.pairwise(poses)]
-    return [
-        replace(frame, attitude=replace(level, rotation=gyro_rotation(yaw_rad + bias_rad, sigma_rad)))
-        for frame, yaw_rad in zip(frames, turns, strict=True)
-    ]
+    return [FramePrior(replace(level, rotation=gyro_rotation(yaw_rad + bias_rad, sigma_rad))) for yaw_rad in turns]
 
 
 CARRIED = PlanarRule(carried=CarriedRule(level_rad=-1e-6))  # takes any camera for one that is carried
@@ -135,9 +134,9 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
         attitude = Attitude.of_mount(CAMERA.mount, sigma_rad)
         tilted = (attitude.roll_rad + wrong * roll_rad, attitude.pitch_rad + wrong * pitch_rad)
         known = replace(attitude, roll_rad=tilted[0], pitch_rad=tilted[1], source="imu")
-        told.append(replace(frame, attitude=replace(known, rotation=GyroRotation(np.eye(3), 0.0, 0.001))))
+        told.append((frame, FramePrior(replace(known, rotation=GyroRotation(np.eye(3), 0.0, 0.001)))))
     odometry = PlanarOdometry(CAMERA, CARRIED)
-    motions = [odometry.step(frame, {}) for frame in told]
+    motions = [odometry.step(frame, {}, prior) for frame, prior in told]
     assert not any(motion.fault for motion in motions)
     late = SE2()
     for motion in motions[6:]:
@@ -168,7 +167,7 @@ def test_a_room_is_not_looked_for_on_a_road():
     for camera in (CAMERA, FloorCamera(CAMERA.intrinsics, mount)):
         odometry, motion = PlanarOdometry(camera), Motion()
         for frame in frames:
-            motion = odometry.step(replace(frame, attitude=scattered), {})
+            motion = odometry.step(frame, {}, FramePrior(scattered))
         unit_sigmas.append(math.sqrt(motion.covariance[1, 1]) / camera.unit_m)
     assert unit_sigmas[1] < 0.8 * unit_sigmas[0]  # what has gone 2 units rolls, which holds it across its heading
 
@@ -194,7 +193,7 @@ def test_planar_starts_in_a_car_that_drives(shared_data, first):
 
 def test_planar_denies_a_gyro_whose_bias_was_learnt_in_motion():
     frames, poses = drive(MOTIONS["straight"])
-    off = off_after(with_gyro(frames, poses, 0.03, 0.0003), poses, CARRIED)
+    off = off_after(frames, poses, CARRIED, priors=with_gyro(poses, 0.03, 0.0003))
     assert abs(off.yaw_rad) < 0.06  # 0.03 in every step
 
 
@@ -203,10 +202,10 @@ def test_a_gyro_tells_a_carried_cameras_yaw_while_its_tilt_is_unknown():
     sigmas, rule = [], replace(CARRIED, gyro_rad=0.0, gyro_share=0.0)
     for sigma_rad in (0.0001, 0.1):
         odometry, motion = PlanarOdometry(CAMERA, rule), Motion()
-        for frame in with_gyro(frames, poses, 0.0, sigma_rad):
-            assert frame.attitude is not None
-            tilted = replace(frame.attitude, covariance_rad2=np.eye(2) * math.radians(8.0) ** 2)
-            motion = odometry.step(replace(frame, attitude=tilted), {})
+        for frame, prior in zip(frames, with_gyro(poses, 0.0, sigma_rad), strict=True):
+            assert prior.attitude is not None
+            tilted = replace(prior.attitude, covariance_rad2=np.eye(2) * math.radians(8.0) ** 2)
+            motion = odometry.step(frame, {}, FramePrior(tilted))
         sigmas.append(math.sqrt(motion.covariance[2, 2]))
     assert sigmas[0] < 0.7 * sigmas[1]
 
@@ -216,7 +215,8 @@ def test_a_better_yaw_tells_no_translation_of_a_carried_camera(rule, apart):
     """Its yaw errs by its tilt too, which moves nothing."""
     frames, poses = drive(MOTIONS["left arc"])
     odometry = PlanarOdometry(CAMERA, rule)
-    motions = [odometry.step(frame, {}) for frame in with_gyro(frames, poses, 0.0, 0.0003)]
+    priors = with_gyro(poses, 0.0, 0.0003)
+    motions = [odometry.step(frame, {}, prior) for frame, prior in zip(frames, priors, strict=True)]
     assert all((motion.covariance[:2, 2] == 0.0).all() == apart for motion in motions[1:])
     np.linalg.cholesky(motions[-1].covariance)
 
@@ -225,11 +225,12 @@ def test_a_better_yaw_tells_no_translation_of_a_carried_camera(rule, apart):
 def test_planar_follows_a_turn_of_seventeen_degrees_between_two_pictures(gyro):
     yaw_rad = math.radians(17.0)
     frames, poses = drive([*MOTIONS["straight"][:6], SE2(0.02, 0.0, yaw_rad), *MOTIONS["straight"][:3]])
+    priors = None
     if gyro:
         still, turned = (gyro_rotation(yaw, 1e-3) for yaw in (0.0, yaw_rad))
         level = Attitude.of_mount(CAMERA.mount, math.radians(0.1))
-        frames = [replace(f, attitude=replace(level, rotation=turned if f.index == 7 else still)) for f in frames]
-    off = off_after(frames, poses)
+        priors = [FramePrior(replace(level, rotation=turned if f.index == 7 else still)) for f in frames]
+    off = off_after(frames, poses, priors=priors)
     assert math.hypot(off.x_m, off.y_m) < 0.03
     assert abs(off.yaw_rad) < 0.02
 
@@ -455,3 +456,26 @@ def test_a_damaged_tum_file_is_one_line(tmp_path, text, message):
     (tmp_path / "a.tum").write_text(text)
     with pytest.raises(OdometryError, match=message):
         read_tum(tmp_path / "a.tum")
+
+
+def over_a_table(frames, poses, columns=264):
+    """The frames with a table top, at a fifth of the lens height, over the left columns; and a floor mask
+    that leaves it out."""
+    table = FloorCamera(CAMERA.intrinsics, replace(CAMERA.mount, height_m=0.8 * CAMERA.mount.height_m))
+    mask = np.zeros((60, 80), np.float32)
+    mask[20:, columns // 4 :] = 0.9
+    for frame, pose in zip(frames, poses, strict=True):
+        frame.image[:, :columns] = seen_by(table, pose)[:, :columns]
+        yield frame, FramePrior(floor=FloorMask(mask, 320, 240))
+
+
+def test_a_floor_mask_keeps_the_scale_beside_a_table():
+    frames, poses = drive(MOTIONS["straight"])
+    path_m = {}
+    for masked in (True, False):
+        odometry, pose = PlanarOdometry(CAMERA), SE2()
+        for frame, prior in over_a_table(frames, poses):
+            pose = pose @ odometry.step(frame, {}, prior if masked else NO_PRIOR).motion
+        path_m[masked] = pose.x_m
+    assert path_m[True] == pytest.approx(poses[-1].x_m, rel=0.05)
+    assert path_m[False] > 1.1 * poses[-1].x_m  # the table is nearer, so it moves faster

@@ -4,6 +4,7 @@
 
 import math
 import os
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,12 +17,13 @@ from edgemap.evaluation.attitude import attitude_figures
 from edgemap.geometry.camera.attitude import Attitude, SeenRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
+from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.tilt import Tilt
-from edgemap.runtime.attitude.pictures import PicturesAttitude
-from edgemap.runtime.calibration.level import up_optical
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.frame import Frame
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
 
 WALK = Path(os.environ.get("EDGEMAP_SHARED", "../shared")) / "data" / "hololens"
 MOUNT = Mount.from_degrees(1.7, 20.0)
@@ -43,12 +45,12 @@ def followed(poses, noise_rad, edges_every=None):
     found, true, carried = [], [], Carried()
     for index, (before, now) in enumerate(pairwise([poses[0], *poses])):
         attitude = Attitude.of_up(now[2], np.zeros((2, 2)), "truth")
-        source.step(Frame(index, index / 10.0, BLANK))
+        source.predict(Frame(index, index / 10.0, BLANK))
         if edges_every and index % edges_every == 0:
             source.begin_edges()
         rotation = before.T @ now @ rotation_of(rng.normal(0.0, noise_rad, (1, 3)))[0]
         carried = carried.seen(float(((now[2] - before[2]) ** 2).sum()) / 2.0, 0.1, 0.0)
-        found.append(source.rotated(SeenRotation(rotation, noise_rad, carried) if index else None))
+        found.append(source.update(SeenRotation(rotation, noise_rad, carried) if index else None))
         true.append(attitude)
         if edges_every and index % edges_every == 0:
             pitch_deg, roll_deg = np.degrees([attitude.pitch_rad, attitude.roll_rad]).tolist()
@@ -96,7 +98,8 @@ def test_a_rotation_carries_up_and_its_covariance():
 @pytest.mark.skipif(not WALK.is_dir(), reason=f"{WALK}: no recorded walk")
 def test_a_real_walk_is_seen_level_without_an_imu():
     drive = open_drive(f"c2w:{WALK}")
-    with edgemap.open(f"c2w:{WALK}", odometry="planar") as session:
+    camera = drive_camera(replace(drive, depth=()), f"c2w:{WALK}")
+    with edgemap.open(camera, "edgemap-pico", odometry="planar") as session:
         found = [step.observed.camera.attitude for step, _ in zip(session, range(80), strict=False)]
     true = [drive.attitudes.at(stamp_s, MOUNT.height_m) for stamp_s in drive.stamps_s[:80]]
     mount = attitude_figures([Attitude.of_mount(drive.mount)] * 45, true[35:])
@@ -110,7 +113,7 @@ def test_a_real_walk_is_seen_level_without_an_imu():
 def test_pictures_whose_rotation_nobody_told_are_not_put_together():
     """With an IMU nobody tells the rotation by corners: the room's direction is of one picture alone."""
     rng, source = np.random.default_rng(0), PicturesAttitude(MOUNT)
-    source.rotated(None)
+    source.update(None)
     found = []
     for yaw in (0.0, 30.0):
         source.begin_edges()

@@ -12,13 +12,13 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime import pose_journal
-from edgemap.runtime.loop_closing import LoopCloser
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.pose_journal import PoseJournal
-from edgemap.runtime.sinks import rewriting
-from edgemap.runtime.sinks.run_folder import RunFolder
-from edgemap.runtime.trajectory import read_tum
+from edgemap.runtime.frames.trajectory import read_tum
+from edgemap.runtime.outputs.sinks import rewriting
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step import pose_journal
+from edgemap.runtime.step.loop_closing import LoopCloser
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.pose_journal import PoseJournal
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))

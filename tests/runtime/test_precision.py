@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from support import painted
 
-from edgemap.runtime import bundle as session
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.compute import multiplies_int8
-from edgemap.runtime.engine_choice import ROUNDS, WARM_UP, report_allows_int8, time_ratio
-from edgemap.runtime.errors import BundleError
-from edgemap.runtime.manifest import BundleVariant, read_manifest, write_manifest
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.network import bundle as session
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.compute import multiplies_int8
+from edgemap.runtime.network.engine_choice import ROUNDS, WARM_UP, report_allows_int8, time_ratio
+from edgemap.runtime.network.manifest import BundleVariant, read_manifest, write_manifest
 
 CHAIR, COUCH = ("chair", 40.0, 30.0, 20.0, 24.0, 0.9), ("couch", 40.0, 30.0, 20.0, 24.0, 0.9)
 GOOD, BAD = {"ap50": {"float32": 0.70, "int8": 0.69}}, {"ap50": {"float32": 0.70, "int8": 0.68}}

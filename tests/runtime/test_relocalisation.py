@@ -11,10 +11,10 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.map_file import load_map, map_document
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.sinks.run_folder import RunFolder
-from edgemap.runtime.trajectory import read_tum
+from edgemap.runtime.frames.trajectory import read_tum
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.map_file import load_map, map_document
+from edgemap.runtime.step.mapper import Mapper
 
 ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))

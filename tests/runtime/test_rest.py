@@ -14,19 +14,19 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.health import PictureHealth
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry.gyro import GyroOdometry
-from edgemap.runtime.odometry.hybrid import HybridOdometry, Member
-from edgemap.runtime.odometry.planar import PlanarOdometry
-from edgemap.runtime.odometry.recorded import RecordedOdometry
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.rest import RestMonitor
-from edgemap.runtime.slam import SemanticSlam
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.health import PictureHealth
+from edgemap.runtime.motion.odometry.gyro import GyroOdometry
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
+from edgemap.runtime.motion.rest import RestMonitor
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam
 
 SHARED = Path(os.environ.get("EDGEMAP_SHARED", Path(__file__).parents[3] / "shared")) / "data"
 GOOD = PictureHealth()
@@ -51,7 +51,7 @@ def judged(images, still=None, rate_hz=10.0):
     """At which pictures the robot rests."""
     monitor = RestMonitor()
     frames = (Frame(index, index / rate_hz, image) for index, image in enumerate(images))
-    return [monitor.judge(frame, GOOD, still) for frame in frames]
+    return [monitor.judge(frame, GOOD, still)[0] for frame in frames]
 
 
 def test_a_robot_that_stands_rests_after_two_seconds_or_at_once_where_wheels_say_so_too(pictures):
@@ -102,14 +102,14 @@ def test_a_picture_that_stands_still_though_the_robot_cannot_have_is_frozen(
 ):
     """At 10 Hz no robot stops from 0.6 m/s within a frame; from 0.2 m/s it may, or its wheels slip."""
     monitor, moved = RestMonitor(), (SE2(0.1 * speed_m_s), np.diag([1e-6, 1e-6, 1e-6]))
-    attitude = rotation(yaw_rad) if yaw_rad else None
+    turned, health = rotation(yaw_rad).rotation if yaw_rad else None, GOOD
     for index in range(40):
-        image = noisy(pictures[min(index, 4)], index)
-        monitor.judge(Frame(index, index / 10, image, attitude=attitude), GOOD, still if index > 4 else False, moved)
-    assert (monitor.frozen_since_s is not None) is frozen
+        frame = Frame(index, index / 10, noisy(pictures[min(index, 4)], index))
+        _, health = monitor.judge(frame, GOOD, still if index > 4 else False, moved, turned)
+    assert health.kind == ("frozen" if frozen else "")
     for index in (40, 41):
-        assert not monitor.judge(Frame(index, index / 10, noisy(pictures[index], index)), GOOD, None, moved)
-    assert monitor.frozen_since_s is None
+        frame = Frame(index, index / 10, noisy(pictures[index], index))
+        assert monitor.judge(frame, GOOD, None, moved) == (False, GOOD)
 
 
 @pytest.mark.parametrize(("kind", "after"), [("repeated", True), ("covered", False)])
@@ -117,8 +117,8 @@ def test_a_repeated_picture_changes_nothing_and_one_that_shows_nothing_begins_ag
     monitor = RestMonitor()
     for index in range(30):
         monitor.judge(Frame(index, index / 10, noisy(pictures[0], index)), GOOD, None)
-    assert not monitor.judge(Frame(30, 3.0, noisy(pictures[0], 29)), PictureHealth(kind), None)
-    assert monitor.judge(Frame(31, 3.1, noisy(pictures[0], 31)), GOOD, None) is after
+    assert not monitor.judge(Frame(30, 3.0, noisy(pictures[0], 29)), PictureHealth(kind), None)[0]
+    assert monitor.judge(Frame(31, 3.1, noisy(pictures[0], 31)), GOOD, None)[0] is after
 
 
 @pytest.mark.parametrize("folder", ["hololens/image", "lounge/image", "redkitchen", "kitti00"])
@@ -184,8 +184,8 @@ def test_at_rest_no_network_runs_nothing_is_counted_and_the_first_motion_is_comp
 
 def test_a_learned_odometry_goes_on_as_if_the_last_picture_were_new():
     """Else ten seconds of rest would be a gap, after which it starts again."""
-    from edgemap.runtime.odometry.learned import LearnedOdometry
-    from edgemap.runtime.store import bundle_folder
+    from edgemap.runtime.motion.odometry.learned import LearnedOdometry
+    from edgemap.runtime.network.store import bundle_folder
 
     lens = Intrinsics(640, 480, 587.0, 587.0, 319.5, 239.5)
     odometry = LearnedOdometry(load_bundle(bundle_folder("edgemap-nano")), "flow", FloorCamera(lens, Mount(0.6, 0.2)))

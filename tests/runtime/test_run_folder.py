@@ -13,13 +13,13 @@ from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.disk import LineFile, write_atomically
-from edgemap.runtime.errors import DiskError, RunFolderError
-from edgemap.runtime.map_file import load_map
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.sinks.group import SinkGroup
-from edgemap.runtime.sinks.run_folder import RunFolder
+from edgemap.runtime.frames.disk import LineFile, write_atomically
+from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.map_file import load_map
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.sinks import SinkGroup
 
 FLOOR = FloorCamera(Intrinsics(320, 240, 250.0, 250.0, 159.5, 119.5), Mount.from_degrees(0.6, 11.5))
 
@@ -84,8 +84,8 @@ def test_a_second_run_is_refused_while_the_first_one_lasts_and_after(tmp_path):
 def test_of_many_runs_at_once_one_gets_the_folder(tmp_path):
     program = (
         "import sys, time; from pathlib import Path\n"
-        "from edgemap.runtime.errors import RunFolderError\n"
-        "from edgemap.runtime.sinks.run_folder import RunFolder\n"
+        "from edgemap.runtime.frames.errors import RunFolderError\n"
+        "from edgemap.runtime.outputs.sinks.run_folder import RunFolder\n"
         "sys.stdin.readline()\n"
         "try: mine = RunFolder(Path(sys.argv[1]), None, {}); print('mine', flush=True); time.sleep(1)\n"
         "except RunFolderError: print('refused', flush=True)\n"
@@ -159,7 +159,7 @@ def test_an_atomic_write_leaves_nothing_behind(small_disk):
 
 
 def test_lines_are_dropped_from_the_oldest_on(tmp_path, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.disk.MAX_WAITING", 3)
+    monkeypatch.setattr("edgemap.runtime.frames.disk.MAX_WAITING", 3)
     lines = LineFile(tmp_path / "gone" / "lines")
     for i in range(5):
         lines.append(f"{i}\n")

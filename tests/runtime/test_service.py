@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from edgemap.runtime.service import ServiceNotifier
+from edgemap.runtime.outputs.service import ServiceNotifier
 
 UNIT = Path(__file__).parents[2] / "deploy" / "edgemap.service"
 

@@ -7,10 +7,10 @@ from support.recordings import FACTS, drain
 from support.small_disk import fill
 from support.steps import Steps
 
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.errors import DiskError, OdometryError
-from edgemap.runtime.recordings.recorder import Recorder, RecordingSink
-from edgemap.runtime.sinks.group import SinkGroup
+from edgemap.runtime.frames.errors import DiskError, OdometryError
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
+from edgemap.runtime.step.sinks import SinkGroup
 from edgemap.view.page import LivePage
 
 DISK_KIB = 2048

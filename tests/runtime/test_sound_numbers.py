@@ -10,9 +10,9 @@ from support.drives import observed
 
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.loop_closing import LoopCloser
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.step.loop_closing import LoopCloser
+from edgemap.runtime.step.mapper import Mapper
 
 WILD = st.one_of(
     st.floats(-3.0, 3.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0, 1e9, -1e9, 1e-320])

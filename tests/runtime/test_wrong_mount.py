@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.runtime.attitude.checked_mount import MountRule
-from edgemap.runtime.attitude.inertial import AttitudeRule
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.calibration.level import seen_text
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.config import Config
-from edgemap.runtime.session import SlamOptions, build_slam
-from edgemap.runtime.store import bundle_folder
+from edgemap.geometry.camera.level import seen_text
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.attitude.checked_mount import MountRule
+from edgemap.runtime.motion.attitude.inertial import AttitudeRule
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
+from edgemap.runtime.step.build import SlamOptions, build_slam
+from edgemap.runtime.step.config import Config
 
 TRUE_DEG, FRAMES = 11.5, 130
 BLIND_TO_EDGES = MountRule(fewest=10**6, judged_s=math.inf, first_every_s=math.inf, every_s=math.inf)

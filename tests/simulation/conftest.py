@@ -35,7 +35,7 @@ def light_coarsely():
 
     def light(world):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(studio, "bake", lambda scene, seed: bake(scene, seed, coarse))
+            patch.setattr(studio, "bake", lambda scene, seed, _: bake(scene, seed, coarse))
             return studio.lit_home(world)
 
     return light

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.drives.drive import Drive
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.drives.drive import Drive
 from edgemap.simulation.carried_imu import carried_imu
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.runtime import demo
-from edgemap.runtime.drives import open_drive
+from edgemap.runtime.inputs import demo
+from edgemap.runtime.inputs.drives import open_drive
 
 FOLDER = Path(demo.__file__).parent
 

@@ -45,7 +45,7 @@ def test_obj_is_scaled_and_turned_to_rep103():
 
 
 def test_missing_extra_is_one_line():
-    from edgemap.runtime.errors import MissingExtraError
+    from edgemap.runtime.frames.errors import MissingExtraError
     from edgemap.simulation.errors import require
 
     with pytest.raises(MissingExtraError, match=r"\[simulation\]"):

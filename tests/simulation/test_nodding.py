@@ -10,12 +10,12 @@ from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.attitude.inertial import InertialAttitude
-from edgemap.runtime.attitude.sources import MountAttitude
-from edgemap.runtime.drives import open_drive
-from edgemap.runtime.drives.write import write_drive
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.write import write_drive
+from edgemap.runtime.motion.attitude.inertial import InertialAttitude
+from edgemap.runtime.motion.attitude.sources import MountAttitude
 from edgemap.simulation.render.view import View
 from edgemap.simulation.robot.imu import GRAVITY_M_S2, ImuErrors, imu_samples
 from edgemap.simulation.robot.motion import SAMPLE_S, Limits, SampledDrive, stand, straight, turn
@@ -85,7 +85,7 @@ def test_a_datasheets_imu_follows_the_nods():
         true = Attitude.of_up(
             (lean(tilts.at(np.array([stamp_s]))[0]) @ MOUNT.rotation_base_optical())[2], np.eye(2), ""
         )
-        found = source.step(frame)
+        found = source.predict(frame)
         errors.append((found.pitch_rad - true.pitch_rad, found.roll_rad - true.roll_rad))
     off = np.degrees(np.array(errors)[30:])
     assert np.sqrt((off**2).mean(axis=0)).max() < 0.35

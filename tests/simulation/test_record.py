@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 from itertools import islice
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,8 +13,9 @@ pytest.importorskip("moderngl")
 pytest.importorskip("embreex")
 
 from edgemap.geometry.errors import EdgemapError
-from edgemap.runtime.cameras import Camera
-from edgemap.runtime.drives import open_drive
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives import open_drive
+from edgemap.runtime.inputs.drives.floor_labels import FLOOR, WALL, floor_pairs, read_floor_labels
 from edgemap.simulation.errors import SimulationError
 
 FRAMES = 5
@@ -150,3 +152,58 @@ def test_locobot_set_is_readable(drawn, tmp_path):
     drive = open_drive(f"locobot:{tmp_path / 'one'}")
     assert len(drive.images) == len(drive.depth) == FRAMES
     assert drive.notes["truth"] == "poses.tum"
+
+
+def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered_without(recorded, drawn, tmp_path):
+    """The robot's poses lie on floor, outside of every wall and footprint; asked for again nothing is rendered."""
+    from shutil import copytree
+
+    from matplotlib.path import Path as Polygon
+
+    from edgemap.runtime.inputs.drives.floor_plan import read_floor_plan
+    from edgemap.simulation.record import record
+
+    plan = read_floor_plan(recorded)
+    poses = open_drive(f"drive:{recorded}").truth.poses
+    places = np.array([[pose.x_m, pose.y_m] for pose in poses])
+    inside = [Polygon(area.corners_m).contains_points(places, radius=-1e-3) for area in (*plan.rooms, *plan.doorways)]
+    assert np.any(inside, axis=0).all()
+    for area in (*plan.walls, *(item for item in plan.footprints if item.low_m < 0.3)):
+        assert not Polygon(area.corners_m).contains_points(places).any()
+    assert {item["label"] for item in open_drive(f"drive:{recorded}").objects} <= {i.label for i in plan.footprints}
+    older = copytree(recorded, tmp_path / "older")
+    (older / "floor_plan.json").unlink()
+    before = contents(older)
+    record(drawn, older, depth=True, workers=1)
+    after = contents(older)
+    assert after.pop("floor_plan.json") == (recorded / "floor_plan.json").read_bytes()
+    assert after == before
+
+
+def test_floor_labels_are_what_depth_and_mount_say(recorded, drawn, monkeypatch, lit):
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.simulation import label_drive as module
+
+    monkeypatch.setattr(module, "lit_home", lambda *_: lit)
+    assert module.label_drive(drawn, recorded, 2) == 3
+    before = contents(recorded)
+    assert module.label_drive(drawn, recorded, 2) == 3
+    assert contents(recorded) == before
+    pairs = floor_pairs(recorded)
+    assert [picture.stem for picture, _ in pairs] == ["000000", "000002", "000004"]
+    camera = FloorCamera(drawn.camera.intrinsics, drawn.camera.mount)
+    size = drawn.camera.intrinsics.width, drawn.camera.intrinsics.height
+    rows, columns = np.mgrid[0 : size[1], 0 : size[0]]
+    rays = camera.rays_base(np.column_stack([columns.ravel(), rows.ravel()]))[:, 2].reshape(rows.shape)
+    for picture, path in pairs:
+        labels = read_floor_labels(path, size)
+        depth_mm = cv2.imread(str(recorded / "depth" / f"{picture.stem}.png"), cv2.IMREAD_UNCHANGED)
+        assert depth_mm is not None
+        depth_m = depth_mm / 1000.0
+        height_m = camera.mount.height_m + rays * depth_m
+        near = (depth_m > 0.0) & (depth_m < 3.0)
+        floor = near & (labels == FLOOR)
+        assert floor.sum() > 1000
+        assert np.percentile(np.abs(height_m[floor]), 99) < 0.05
+        assert np.percentile(height_m[near & (labels == WALL)], 5) > 0.0
+        assert (labels[near & (np.abs(height_m) < 0.003)] == FLOOR).mean() > 0.9

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.odometry.protocol import Motion
+from edgemap.runtime.motion.odometry.protocol import Motion
 
 SIGMAS = (0.004, 0.004, 0.004)  # m, m, rad, of one frame's motion
 LASTING = 2.0  # factor on the covariance, as the hybrid states it

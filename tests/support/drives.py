@@ -7,11 +7,11 @@ import numpy as np
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.slam import StepResult
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.slam import StepResult
 
 
 def sighted(room, pose, index, random, sigma_m=0.05, reach_m=4.0, half_rad=0.7):
@@ -46,7 +46,7 @@ def drive(mapper: Mapper, room, poses, motions, seed=0, **view):
     for index, (pose, motion) in enumerate(zip(poses, motions, strict=True)):
         seen = observed(index, sighted(room, pose, index, random, **view), motion)
         update = mapper.step(seen)
-        yield StepResult.of(Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8)), seen, update), mapper.objects()
+        yield StepResult(Frame(index, index / 10, np.zeros((2, 2, 3), np.uint8)), seen, update), mapper.objects()
 
 
 def exact(poses):

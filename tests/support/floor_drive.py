@@ -12,8 +12,8 @@ from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.odometry.flow_cells import flow_cells
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.manifest import InputSpec
-from edgemap.runtime.preprocess import cell_grid
+from edgemap.runtime.network.manifest import InputSpec
+from edgemap.runtime.network.preprocess import cell_grid
 
 SIZE = 160
 LENS = Intrinsics(SIZE, SIZE, 130.0, 130.0, 79.5, 79.5)

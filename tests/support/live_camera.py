@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.runtime.cameras.live import LiveCamera
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras.live import LiveCamera
 
 
 class Clock:
@@ -31,7 +31,7 @@ def picture(level, size=(6, 4)):
 
 
 class ScriptedDriver:
-    """A camera at `rate_hz`. script: what the n-th grabs give: a value to raise, a picture to deliver, or None for
+    """A camera at `rate_hz`. script: what the n-th grabs give: a value to raise, anything to return, or None for
     silence; a frame with the device's own clock else. closed: how often `open` fails after the first time."""
 
     name = "fake"
@@ -57,8 +57,8 @@ class ScriptedDriver:
             return None
         if isinstance(planned, Exception):
             raise planned
-        if isinstance(planned, tuple):
-            return planned
+        if not isinstance(planned, str) or planned != "frame":
+            return planned  # whatever it is
         return self.clock() - 900.0, picture(number, self.size)
 
     def close(self):
@@ -81,7 +81,7 @@ def scripted(script=None, rule=None, **options) -> Any:
 
 def drain(camera, frames, told=None, limit=100_000):
     """The next frames; faults go to `told`, and timeouts are waited through."""
-    from edgemap.runtime.cameras.fault import CameraFault, FrameTimeout
+    from edgemap.runtime.frames.fault import CameraFault, FrameTimeout
 
     got = []
     while len(got) < frames:

@@ -10,13 +10,14 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from edgemap.runtime.manifest import (
+from edgemap.runtime.network.manifest import (
     FORMAT,
     METADATA_KEY,
     BundleVariant,
     ClassEntry,
     DetectorSpec,
     FeatureSpec,
+    FloorSpec,
     HeadSpec,
     InputSpec,
     Manifest,
@@ -161,6 +162,23 @@ def with_int8(
     manifest.sha256[file] = sha256_file(folder / file)
     manifest.variants["int8"] = BundleVariant(file=file, measured=measured)
     write_manifest(folder, manifest)
+    return folder
+
+
+def with_floor(folder: Path, floor: np.ndarray, stride: int) -> Path:
+    """Give a painted bundle a floor mask, (1, 1 or 2, rows, columns) of probabilities."""
+    manifest = read_manifest(folder)
+    labels = ("floor", "wall")[: floor.shape[1]]
+    spec = FloorSpec(name="floor", shape=floor.shape, stride=stride, labels=labels)
+    detector = msgspec.structs.replace(manifest.detector, floor=spec)
+    model = onnx.load(folder / detector.file)
+    model.graph.initializer.append(numpy_helper.from_array(floor.astype(np.float32), "painted_floor"))
+    model.graph.node.append(helper.make_node("Add", ["painted_floor", "nothing"], ["floor"]))
+    model.graph.output.append(helper.make_tensor_value_info("floor", TensorProto.FLOAT, floor.shape))
+    del model.metadata_props[:]
+    save(folder / detector.file, model, contract_metadata(detector))
+    write_manifest(folder, msgspec.structs.replace(manifest, detector=detector))
+    resum(folder)
     return folder
 
 

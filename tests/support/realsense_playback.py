@@ -1,7 +1,7 @@
 """The live RealSense driver on a recording."""
 
-from edgemap.runtime.cameras.realsense import RealSenseDriver
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver
 
 
 class Playback(RealSenseDriver):

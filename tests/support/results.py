@@ -8,16 +8,16 @@ import numpy as np
 from support.recordings import LENS, MOUNT
 
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import FloorRule, sightings_of
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.mapper import MapUpdate
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.pose_journal import PoseJournal
-from edgemap.runtime.slam import StepResult
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.mapper import MapUpdate
+from edgemap.runtime.step.pose_journal import PoseJournal
+from edgemap.runtime.step.slam import StepResult
 
 CHAIR = MapObject(
     "chair-1", "chair", np.array([2.0, -1.0]), np.array([[0.04, 0.01], [0.01, 0.02]]), 0.5, 0.9, 7, 0.97, 1.0, 2.0
@@ -39,4 +39,4 @@ def results(frames: list[Frame], poses: list[SE2]) -> Iterator[StepResult]:
         )
         by_odometry = {"pose_odom_base": OFF @ pose, "odom_covariance": 2.0 * COVARIANCE}
         update = MapUpdate(placed, ["chair-1"], {}, pose, COVARIANCE, PoseJournal(), 0.0, {}, **by_odometry)
-        yield StepResult.of(frame, observed, update)
+        yield StepResult(frame, observed, update)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edgemap.geometry.objects.map_object import MapObject
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.se2 import SE2
 
 LABELS = ["chair", "potted plant", "couch", "tv", "bed", "dining table", "refrigerator"]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import replace
 
-from edgemap.geometry.objects.map_object import MapObject
+import numpy as np
+from support.boxed_room import CAMERA, Box, floor_mask
+
+from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.sighting import Sighting
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.frame_observations import FrameObservations
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry.protocol import Motion
-from edgemap.runtime.sinks.group import Sink
-from edgemap.runtime.slam import StepResult
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.sinks import Sink
+from edgemap.runtime.step.slam import StepResult
 
 NAMES = ("chair", "couch", "person")
 THINGS = (("chair", 3.0, 1.0), ("couch", 4.0, -1.5))  # label and place on the map, metres
@@ -22,7 +26,9 @@ THINGS = (("chair", 3.0, 1.0), ("couch", 4.0, -1.5))  # label and place on the m
 class Steps:
     """Drives straight ahead by 5 cm a step past a chair and a couch; a person stands by, boxed and never mapped."""
 
-    def __init__(self, width: int = 320, height: int = 240) -> None:
+    def __init__(self, width: int = 320, height: int = 240, boxes: Sequence[Box] | None = None) -> None:
+        """boxes: what stands in a room whose floor the picture shows; None of a bundle without a floor head."""
+        self._boxes = boxes
         self.mapper = Mapper()
         self.index = 0
         self._picture = np.random.default_rng(0).integers(0, 255, (height, width, 3), dtype=np.uint8)
@@ -42,8 +48,10 @@ class Steps:
         motion = Motion(SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-4, fault)
         stages_ms = {"preprocess": 1.0, "backbone": 10.0}
         observed = FrameObservations(index, frame.stamp_s, detections, sightings, motion, stages_ms)
+        if self._boxes is not None:
+            observed = replace(observed, camera=CAMERA, floor=floor_mask(self._boxes, pose))
         self.index += 1
-        return StepResult.of(frame, observed, self.mapper.step(observed)), self.mapper.objects()
+        return StepResult(frame, observed, self.mapper.step(observed)), self.mapper.objects()
 
     def into(self, sink: Sink, count: int = 1) -> None:
         """Write so many steps."""

@@ -4,7 +4,7 @@ from dataclasses import asdict
 import pytest
 from support.steps import Steps
 
-from edgemap.runtime.colours import SHAPES, label_mark
+from edgemap.runtime.frames.colours import SHAPES, label_mark
 
 pytest.importorskip("starlette", reason="the live page needs the extra 'view'")
 pytest.importorskip("uvicorn", reason="the live page needs the extra 'view'")
@@ -12,7 +12,9 @@ pytest.importorskip("websockets", reason="the live page needs the extra 'view'")
 
 ABOUT = {
     "camera": "made", "live": False, "frames": 100, "rate_hz": 10.0, "bundle": "painted", "odometry": "truth",
-    "folder": "runs/made", "picture_px": [320, 240], "view_rad": 1.0, "lens_m": [0.1, 0.0], "chi2_95": 5.991,
+    "folder": "runs/made", "picture_px": [320, 240], "view_rad": 1.0, "chi2_95": 5.991,
+    "lens": {"fx": 293.0, "fy": 293.0, "cx": 159.5, "cy": 119.5, "distortion": {"model": "none", "coefficients": []}},
+    "mount": {"height_m": 0.6, "pitch_deg": 11.5, "roll_deg": 2.0, "forward_m": 0.1, "left_m": 0.0},
     "marks": {name: asdict(label_mark(name)) for name in ("chair", "couch", "person")}, "shapes": SHAPES,
 }  # fmt: skip
 
@@ -62,3 +64,19 @@ def serve(tmp_path):
     yield start
     for one in served:
         one.close()
+
+
+@pytest.fixture
+def look(browser):
+    """look(served, …) -> a tab at its page with the first update shown; at the end all are closed, none complained."""
+    tabs = []
+
+    def open_tab(served, **options):
+        tabs.append(browser.open(served.url, **options))
+        tabs[-1].until("window.edgemap?.updates > 0")
+        return tabs[-1]
+
+    yield open_tab
+    for tab in tabs:
+        assert tab.said("Runtime.exceptionThrown") == []
+        tab.close()

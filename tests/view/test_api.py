@@ -5,6 +5,7 @@ import re
 import shlex
 import socket
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,9 +15,11 @@ import yaml
 from support.http_client import Api
 from support.live import raw_viewer
 
-from edgemap.runtime.map_file import save_map
-from edgemap.view.api import BODY_BYTES, OPENAPI
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.runtime.step.map_file import save_map
+from edgemap.view.api import OPENAPI
 from edgemap.view.api import Api as Served
+from edgemap.view.questions import BODY_BYTES
 from edgemap.view.updates import Pictures, Vitals
 
 DOCS = Path(__file__).parents[2] / "docs" / "http-api.md"
@@ -231,6 +234,118 @@ def test_zones_are_drawn_changed_and_dropped(robot):
     assert api("POST", "/api/zones", square)[2]["id"] == "zone-2"  # no id is given twice
 
 
+def test_a_room_of_the_floor_plan_becomes_a_named_zone(robot):
+    served, api = robot
+    conforms("/api/rooms", "GET", 200, api.get("/api/rooms"))
+    assert api.get("/api/rooms") == []  # nothing is closed yet
+    odds = np.full((84, 64), 40, np.int8)  # a room of 3 x 4 m whose walls are obstacles
+    odds[2:82, 2:62] = -40
+    result, objects = served.steps.next()
+    update = replace(result.update, grid=OccupancyGrid(odds, 1.0, -1.0, 0.05))
+    served.page.write(replace(result, update=update), objects)
+    (room,) = rooms = api.get("/api/rooms")
+    conforms("/api/rooms", "GET", 200, rooms)
+    assert room["area_m2"] == pytest.approx(12.0, rel=0.08)
+    status, _, zone = api("POST", "/api/zones", {"name": "kitchen", "corners_m": room["corners_m"]})
+    assert (status, zone["name"], zone["objects"]) == (201, "kitchen", ["chair-1"])
+
+
+def test_an_object_is_corrected_and_measured_again(robot):
+    served, api = robot
+    before = api.get("/api/objects/chair-1")
+    wish = {"label": "bench", "x_m": 2.0, "y_m": -1.0, "depth_m": 0.4, "yaw_rad": 1.5}
+    status, _, item = api("PATCH", "/api/objects/chair-1", wish)
+    conforms("/api/objects/{id}", "PATCH", status, item)
+    assert item["corrected"] == ["label", "position", "size", "yaw"]
+    assert (item["label"], item["labels"], item["x_m"], item["y_m"]) == ("bench", {"bench": 1.0}, 2.0, -1.0)
+    assert item["footprint_m"] == [before["footprint_m"][0], 0.4]
+    served.step(3)  # and it stays so while the chair is seen elsewhere
+    assert api.get("/api/objects/chair-1")["x_m"] == 2.0
+    assert api("POST", "/api/objects/chair-1/restore", {})[0] == 200
+    again = api.get("/api/objects/chair-1")
+    assert (again["label"], again["x_m"]) == ("chair", pytest.approx(before["x_m"], abs=0.05))
+    assert "corrected" not in again
+
+
+def test_an_object_is_added_and_becomes_what_is_detected_there(robot):
+    served, api = robot
+    status, _, plant = api("POST", "/api/objects", {"label": "potted plant", "x_m": 1.0, "y_m": 2.0, "name": "fern"})
+    conforms("/api/objects", "POST", status, plant)
+    assert (plant["id"], plant["name"], plant["confirmed"]) == ("potted plant-added-1", "fern", True)
+    assert plant["footprint_m"] == [0.4, 0.4]
+    _, _, chair = api("POST", "/api/objects", {"label": "chair", "x_m": 3.1, "y_m": 1.0})
+    served.step()
+    found = {item["id"]: item for item in api.get("/api/objects")}
+    assert set(found) == {"couch-1", "potted plant-added-1", chair["id"]}  # the chair that is seen there is this one
+    assert found[chair["id"]]["count"] > 10
+    assert api("DELETE", "/api/objects/potted%20plant-added-1")[0] == 200
+    assert [item["id"] for item in api.get("/api/map")["deleted"]] == ["potted plant-added-1"]
+    assert api("POST", "/api/objects/potted%20plant-added-1/restore", {})[0] == 200
+    assert api.get("/api/objects/potted%20plant-added-1")["name"] == "fern"
+
+
+def test_a_merge_is_shown_before_it_is_made(robot):
+    served, api = robot
+    before = served.page.map_text()
+    status, _, preview = api("GET", "/api/objects/chair-1/merge?into=couch-1")
+    conforms("/api/objects/{id}/merge", "GET", status, preview)
+    assert served.page.map_text() == before
+    status, _, merged = api("POST", "/api/objects/chair-1/merge", {"into": "couch-1"})
+    assert status == 200
+    assert (merged["id"], merged["count"]) == ("couch-1", preview["count"])
+    assert merged["label"] == preview["label"] == max(merged["labels"], key=merged["labels"].__getitem__)
+    assert merged["x_m"] == pytest.approx(preview["x_m"])
+
+
+def test_an_object_that_leaves_its_zone_is_an_event(robot):
+    served, api = robot
+    assert api.get("/api/events") == []
+    api("POST", "/api/zones", {"name": "corner", "corners_m": [[2, 0], [4, 0], [4, 2], [2, 2]]})
+    served.step(6)
+    api("PATCH", "/api/objects/chair-1", {"x_m": 0.0, "y_m": -3.0})
+    served.step(20)
+    events = api.get("/api/events")
+    conforms("/api/events", "GET", 200, events)
+    assert [(one["event_type"], one["id"], one["zone_name"]) for one in events] == [("left", "chair-1", "corner")]
+
+
+def test_the_pose_and_the_dock_are_set(robot):
+    served, api = robot
+    status, _, dock = api("PUT", "/api/dock", {})
+    conforms("/api/dock", "PUT", status, dock)
+    assert dock["x_m"] == pytest.approx(0.55)
+    assert api.get("/api/map")["dock"] == api.get("/api/dock") == dock
+    status, _, pose = api("PUT", "/api/pose", {"x_m": -2.0, "y_m": 1.0, "yaw_rad": 0.0, "sigma_m": 0.2})
+    conforms("/api/pose", "PUT", status, pose)
+    served.step()
+    now = api.get("/api/pose")
+    assert (now["x_m"], now["y_m"]) == (pytest.approx(-1.95, abs=0.1), pytest.approx(1.0, abs=0.1))
+    assert api("PUT", "/api/dock", {"x_m": 1.0, "y_m": 2.0, "yaw_rad": 3.0})[2] == api.get("/api/dock")
+    assert api("DELETE", "/api/dock")[0] == 200
+    assert "dock" not in api.get("/api/map")
+
+
+def test_a_place_to_approach_an_object_from(robot):
+    """The chair stands at (3, 1), the robot at (0.55, 0): it is approached from this side, 0.4 m before its edge."""
+    served, api = robot
+    place = api.get("/api/objects/chair-1/approach")
+    conforms("/api/objects/{id}/approach", "GET", 200, place)
+    chair = api.get("/api/objects/chair-1")
+    away = np.array([place["x_m"] - chair["x_m"], place["y_m"] - chair["y_m"]])
+    assert np.linalg.norm(away) == pytest.approx(chair["radius_m"] + 0.4 + 0.25, abs=0.01)
+    assert np.arctan2(-away[1], -away[0]) == pytest.approx(place["yaw_rad"], abs=0.01)  # it faces the chair
+    assert away[0] < 0  # from the robot's side
+    assert place["floor"] == "unknown"
+    assert api("GET", "/api/objects/chair-1/approach?standoff_m=-1")[0] == 400
+    assert api("GET", "/api/objects/chair-9/approach")[0] == 404
+    status, _, body = api("POST", "/api/objects/chair-1/go", {})
+    assert (status, "run with --ros2" in body["error"]) == (409, True)
+    went = []
+    served.page.goals.append(went.append)
+    assert api("POST", "/api/objects/chair-1/go", {})[2] == place
+    assert went[0].vector() == pytest.approx([place["x_m"], place["y_m"], place["yaw_rad"]], abs=1e-3)
+
+
 def test_edits_that_cannot_be_are_refused_in_one_line(robot):
     served, api = robot
     square = [[0, 0], [1, 0], [1, 1]]
@@ -250,6 +365,19 @@ def test_edits_that_cannot_be_are_refused_in_one_line(robot):
         ("POST", "/api/zones", {"name": "two", "corners_m": square[:2]}, 400),
         ("POST", "/api/zones", {"name": "far", "corners_m": [[0, 0], [1e9, 0], [1, 1]]}, 400),
         ("POST", "/api/zones", {"name": "many", "corners_m": [[k, k * k] for k in range(101)]}, 400),
+        ("PATCH", "/api/objects/chair-1", {"x_m": 1.0}, 400),
+        ("PATCH", "/api/objects/chair-1", {"width_m": 0.0}, 400),
+        ("PATCH", "/api/objects/chair-1", {"label": ""}, 400),
+        ("PATCH", "/api/objects/chair-1", {"label": "line\nbreak"}, 409),
+        ("POST", "/api/objects", {"label": "chair", "x_m": 1.0}, 400),
+        ("POST", "/api/objects", {"label": "chair", "x_m": 1.0, "y_m": 0.0, "width_m": 0.5}, 400),
+        ("GET", "/api/objects/chair-1/merge?into=chair-9", None, 404),
+        ("GET", "/api/objects/chair-1/merge?into=chair-1", None, 409),
+        ("PUT", "/api/pose", {"x_m": 1.0, "y_m": 0.0}, 400),
+        ("PUT", "/api/pose", {"x_m": 1.0, "y_m": 0.0, "yaw_rad": 0.0, "sigma_m": 0.0}, 400),
+        ("PUT", "/api/dock", {"x_m": 1.0}, 400),
+        ("GET", "/api/dock", None, 404),
+        ("DELETE", "/api/dock", None, 404),
         ("PUT", "/api/zones/zone-9", {"name": "none", "corners_m": square}, 404),
         ("DELETE", "/api/zones/zone-9", None, 404),
     ]
@@ -262,7 +390,7 @@ def test_edits_that_cannot_be_are_refused_in_one_line(robot):
 
 
 def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
-    monkeypatch.setattr("edgemap.view.api.EDIT_LIMIT_S", 0.05)
+    monkeypatch.setattr("edgemap.view.questions.EDIT_LIMIT_S", 0.05)
     served = serve()
     served.step(12)
     with served._stepping:  # the run is busy in a step
@@ -273,9 +401,9 @@ def test_an_edit_that_the_run_does_not_take_is_withdrawn(serve, monkeypatch):
 
 
 def test_a_body_that_never_comes_is_not_waited_for(serve, monkeypatch):
-    from edgemap.view import api
+    from edgemap.view import questions
 
-    monkeypatch.setattr(api, "BODY_LIMIT_S", 0.05)
+    monkeypatch.setattr(questions, "BODY_LIMIT_S", 0.05)
     served = serve()
     with socket.create_connection(("127.0.0.1", served.port), timeout=10) as rude:
         head = f"POST /api/save HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nContent-Type: application/json\r\n"

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from support.steps import Steps
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras import Camera, open_camera
-from edgemap.runtime.cameras.around import PacedCamera
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.fault import FrameTimeout
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.map_file import load_map, save_map
+from edgemap.runtime.frames.fault import FrameTimeout
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.around import PacedCamera
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.view.page import LivePage
 from edgemap.view.pause import PausableCamera, Pause
 from edgemap.view.tail import Tail
@@ -83,7 +84,9 @@ def test_way_and_sightings_move_into_the_map_that_the_run_found_itself_in(tmp_pa
     result, objects = steps.next()
     turn = SE2(10.0, 0.0, math.pi / 2)
     result.trajectory.transform(turn)
-    moved = replace(result, relocated=turn, pose_map_base=SE2(10.0, 0.15, math.pi / 2), sightings=[], object_ids=[])
+    pose = SE2(10.0, 0.15, math.pi / 2)
+    update = replace(result.update, relocated=turn, pose_map_base=pose, sightings=[], object_ids=[])
+    moved = replace(result, update=update)
     page.write(moved, objects)
     trail, _ = page.trail.since(0, 99)
     np.testing.assert_allclose(trail, [(10.0, 0.05 * i) for i in range(4)], atol=1e-12)

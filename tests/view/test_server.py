@@ -1,6 +1,7 @@
 """The server as any program meets it: who is let in, what is sent, and what a slow or rude viewer does to others."""
 
 import http.client
+import json
 import socket
 from contextlib import suppress
 from dataclasses import replace
@@ -80,6 +81,29 @@ def test_another_sites_script_gets_neither_map_nor_socket(serve, origin):
     assert ask(port, "/api/map", Origin=own)[0] == 200
     with raw_viewer(port, origin=own) as viewer:
         assert viewer.hello["camera"] == "made"
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_another_sites_picture_of_the_page_stays_empty(serve, site):
+    served = serve()
+    served.step()
+    asked = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}
+    assert ask(served.port, "/api/picture", **asked)[0] == 403
+    assert ask(served.port, "/", **asked | {"Sec-Fetch-Dest": "iframe", "Sec-Fetch-Mode": "navigate"})[0] == 403
+    followed = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    assert ask(served.port, "/", **followed)[0] == 200
+    assert ask(served.port, "/api/picture", **followed)[0] == 403
+    status, headers, _ = ask(served.port, "/api/pose", **asked | {"Sec-Fetch-Site": "same-origin"})
+    assert (status, headers["cross-origin-resource-policy"]) == (200, "same-origin")
+
+
+@pytest.mark.parametrize(
+    ("path", "method", "status"), [("/api/nothing", "GET", 404), ("/api/map", "DELETE", 405), ("/api/", "GET", 404)]
+)
+def test_what_is_not_in_the_api_is_json_too(serve, path, method, status):
+    found, headers, body = ask(serve().port, path, method)
+    assert (found, headers["content-type"]) == (status, "application/json")
+    assert json.loads(body) == {"error": f"{method} '{path}' is not in this API"}
 
 
 def test_beyond_loopback_nothing_comes_without_the_token(serve):
@@ -176,7 +200,7 @@ def test_an_update_is_what_changed_since_the_last(serve):
         viewer.say("shown")
         served.page.fault("the camera fell off")
         third = viewer.update()
-        assert third["faults"] == [{"frame": 4, "text": "the camera fell off"}]
+        assert third["faults"] == [{"frame": 4, "text": "the camera fell off", "remedy": ""}]
         assert third["jpeg"] == b""  # the same picture is not sent twice
         assert third["changed"] == []
 
@@ -192,7 +216,7 @@ def test_after_a_relocation_all_is_sent_anew(serve):
         result, objects = served.steps.next()
         moved = SE2(10.0, 0.0, 0.0)
         result.trajectory.transform(moved)
-        served.page.write(replace(result, relocated=moved), objects)
+        served.page.write(replace(result, update=replace(result.update, relocated=moved)), objects)
         second = viewer.update()
         assert second["moved"]
         assert [place[0] for place in second["trail"][:3]] == pytest.approx([10.0, 10.05, 10.1])

@@ -3,18 +3,25 @@ import { api, Connection } from "/connection.js";
 import { FloorMap } from "/map.js";
 import { button, byId, element, setText } from "/dom.js";
 import { learnMarks } from "/marks.js";
-import { Objects } from "/objects.js";
+import { nameOf, Objects } from "/objects.js";
 import { Panels } from "/panels.js";
 import { Picture } from "/picture.js";
+import { FloorGrid } from "/floor_grid.js";
+import { Guide } from "/guide.js";
+import { Placing } from "/placing.js";
+import { Robot } from "/robot.js";
+import { Sheet } from "/sheet.js";
 import { Zones } from "/zones.js";
 
 const press = (id, on) => byId(id).setAttribute("aria-pressed", on);
 
 const picture = new Picture(byId("picture"));
 const map = new FloorMap(byId("map"), (mode) => { press("fit", mode === "fit"); press("follow", mode === "follow"); }, choose);
-const objects = new Objects(choose, ask, notice);
-const zones = new Zones(map, ask, notice);
-const panels = new Panels();
+const placing = new Placing(map), sheet = new Sheet(), guide = new Guide();
+const objects = new Objects(map, placing, choose, ask, notice);
+const zones = new Zones(map, placing, ask, notice);
+const robot = new Robot(map, placing, ask, notice);
+const panels = new Panels(), grid = new FloorGrid(picture, ask, notice);
 // For the console and the tests: pictures drawn, updates received, the last state told.
 const page = window.edgemap = { drawn: 0, updates: 0, state: "connecting", frame: -1, map };
 let info = null, lastDrawn = -1;
@@ -24,7 +31,8 @@ const connection = new Connection({
     info = about;
     lastDrawn = -1;
     learnMarks(about);
-    for (const part of [picture, map, panels]) part.about(about);
+    for (const part of [picture, map, panels, objects, grid]) part.about(about);
+    placing.stop();
     for (const part of [picture, map, panels, objects, zones]) part.clear();
     byId("about").textContent = [about.camera, about.bundle, `${about.odometry} odometry`].join("  ·  ");
     byId("pause").title = about.live ? "Hold this page; the robot goes on" : "Hold the run";
@@ -36,6 +44,9 @@ const connection = new Connection({
     panels.update(news);
     objects.update(news, map.objects, map.seen);
     zones.update(map.zones, map.objects);
+    for (const { event_type, id, zone_name } of news.events) notice(`${nameOf(map.objects.get(id) ?? { id })} ${event_type} ${zone_name}`);
+    guide.update(news, map.objects.size);
+    sheet.tell(objects.summary());
     tellState(connection.held ? "held" : news.state);
     if (news.frame !== undefined) caption(news);
     show(news, jpeg);
@@ -87,12 +98,13 @@ function text(content) {
 function choose(id) {
   map.choose(id);
   objects.pick(id);
+  if (id) sheet.reveal();
 }
 
 // A line that goes by itself, later where something can be taken back.
-function notice(message, undo = null) {
+function notice(message, undo = null, act = "Undo") {
   const place = byId("notice"), hide = () => { place.hidden = true; };
-  place.replaceChildren(element("span", message), ...(undo ? [button("Undo", () => { hide(); undo(); })] : []));
+  place.replaceChildren(element("span", message), ...(undo ? [button(act, () => { hide(); undo(); })] : []));
   place.hidden = false;
   clearTimeout(notice.timer);
   notice.timer = setTimeout(hide, undo ? 12000 : 5000);
@@ -108,7 +120,7 @@ async function ask(method, path, body) {
   }
 }
 
-page.connection = connection;
+Object.assign(page, { connection, sheet, robot, grid });
 
 byId("pause").onclick = () => {
   const on = byId("pause").getAttribute("aria-pressed") !== "true";
@@ -124,6 +136,19 @@ byId("fit").onclick = () => map.view.setMode("fit");
 byId("follow").onclick = () => map.view.setMode(map.view.mode === "follow" ? "free" : "follow");
 byId("closer").onclick = () => map.view.zoom(1.25);
 byId("farther").onclick = () => map.view.zoom(.8);
+// A menu closes when something in it was chosen, and when the focus or a click goes elsewhere.
+const menu = byId("edit");
+menu.addEventListener("click", ({ target }) => { if (target.tagName === "BUTTON") menu.open = false; });
+menu.addEventListener("keydown", ({ key }) => { if (key === "Escape") { menu.open = false; menu.firstElementChild.focus(); } });
+document.addEventListener("pointerdown", ({ target }) => { if (!menu.contains(target)) menu.open = false; });
+menu.addEventListener("focusout", ({ relatedTarget }) => { if (relatedTarget && !menu.contains(relatedTarget)) menu.open = false; });
+placing.started = () => sheet.show("peek"); // on a phone the map is worth more then
+byId("faults-link").onclick = () => { byId("diagnostics").open = true; if (sheet.size === "peek") sheet.show("full"); };
+byId("doubtful").onclick = () => {
+  map.showDoubtful = !map.showDoubtful;
+  press("doubtful", map.showDoubtful);
+  map.redraw();
+};
 byId("sightings").onclick = () => {
   const on = byId("sightings").getAttribute("aria-pressed") !== "true";
   press("sightings", on);

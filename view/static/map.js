@@ -1,45 +1,62 @@
-// The map from above: grid, way, robot, objects with their 95 % ellipses, and every sighting when asked for.
+// The map from above: grid, path, robot, objects, the chosen one's 95 % ellipse, and every sighting when asked for.
+import { SeenFloor } from "/floor.js";
 import { markOf, tracePath } from "/marks.js";
+import { drawFootprint } from "/furniture.js";
 import { classDoubt, DOUBT, nameOf } from "/objects.js";
 import { Viewport } from "/viewport.js";
 
-const PICK_PX = 22, TOOLS_PX = 50, LONGEST_AXIS_M = 10;
+const PICK_PX = 22, TOOLS_PX = 50, LONGEST_AXIS_M = 10, SIGHT_M = 3;
 
 export class FloorMap {
   // chosen(id or null): somebody picks an object.
   constructor(canvas, modeChanged, chosen) {
     this.canvas = canvas;
     this.pickedBy = chosen;
+    this.floor = new SeenFloor();
     this.view = new Viewport(canvas, () => this.redraw(), modeChanged, (left, top) => this.tap(left, top));
     this.clear();
+    for (const name of ["focus", "blur"]) canvas.addEventListener(name, () => this.redraw());
     new ResizeObserver(() => this.redraw()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.style = null; this.redraw(); });
   }
 
   clear() {
     this.chosen = null;
-    this.corners = null; // of the zone that is being drawn
+    this.corners = null; // points that are being set: of a zone, a pose or an object
+    this.placing = null; // what they are for: zone, pose or point
+    this.ghost = null; // a pose that is being set
+    this.dock = null;
+    this.walls = [];
     this.forget();
   }
 
   forget() {
     this.objects = new Map();
+    this.floor.clear();
     this.trail = [];
     this.zones = [];
     this.sightings = [];
     this.seen = new Set();
     this.pose = this.from = this.poseCovariance = null;
-    this.info = this.info ?? { chi2_95: 0, view_rad: 1, lens_m: [0, 0] };
+    this.info = this.info ?? { chi2_95: 0, view_rad: 1, mount: { forward_m: 0, left_m: 0 } };
     this.redraw();
   }
 
   about(info) { this.info = info; }
+
+  // Objects that are as likely nothing, or anywhere, only when asked for or chosen.
+  shown() { return [...this.objects.values()].filter((item) => this.showDoubtful || !item.doubtful || item.id === this.chosen); }
 
   update(news) {
     if (news.moved) this.forget(); // all of it comes anew, in another frame
     for (const item of news.changed ?? []) this.objects.set(item.id, item);
     for (const id of news.gone ?? []) this.objects.delete(id);
     this.zones = news.zones ?? this.zones;
+    if (news.dock !== undefined) this.dock = news.dock;
+    if (news.floor) {
+      this.floor.take(news.floor);
+      this.walls = news.floor.walls;
+    }
     this.trail.push(...news.trail);
     this.sightings.push(...(news.sightings ?? []));
     if (news.pose) {
@@ -63,6 +80,7 @@ export class FloorMap {
 
   choose(id) {
     this.chosen = id;
+    if (!this.placing) this.ghost = null;
     const item = this.objects.get(id);
     if (item && !this.view.shows(item.x_m, item.y_m)) {
       this.view.setMode("free");
@@ -79,7 +97,7 @@ export class FloorMap {
       return this.redraw();
     }
     const far = ({ x_m, y_m }) => { const [x, y] = this.view.toScreen(x_m, y_m); return Math.hypot(x - left, y - top); };
-    const nearest = [...this.objects.values()].sort((a, b) => far(a) - far(b))[0];
+    const nearest = this.shown().sort((a, b) => far(a) - far(b))[0];
     this.pickedBy(nearest && far(nearest) <= PICK_PX ? nearest.id : null);
   }
 
@@ -92,13 +110,13 @@ export class FloorMap {
     const [[xx], [, yy]] = this.poseCovariance ?? [[0], [0, 0]], far = Math.max(.75, limit(xx));
     xs.push(x - far, x + far);
     ys.push(y - limit(yy), y + limit(yy));
-    for (const { x_m, y_m, radius_m, covariance_m2: [[xx], [, yy]] } of this.objects.values()) {
+    for (const { x_m, y_m, radius_m, covariance_m2: [[xx], [, yy]] } of this.shown()) {
       const [ahead, aside] = [Math.max(radius_m, limit(xx)), Math.max(radius_m, limit(yy))];
       xs.push(x_m - ahead, x_m + ahead);
       ys.push(y_m - aside, y_m + aside);
     }
     for (const [x, y] of this.zones.flatMap(({ corners_m }) => corners_m)) { xs.push(x); ys.push(y); }
-    for (const place of this.trail) { xs.push(place[0]); ys.push(place[1]); }
+    for (const place of [...this.floor.corners(), ...this.trail]) { xs.push(place[0]); ys.push(place[1]); }
     const least = (values) => values.reduce((a, b) => Math.min(a, b)), most = (values) => values.reduce((a, b) => Math.max(a, b));
     return { x0: least(xs), x1: most(xs), y0: least(ys), y1: most(ys) };
   }
@@ -120,14 +138,19 @@ export class FloorMap {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     pen.lineJoin = "round";
+    this.floor.draw(pen, this.view, this.style);
     const step = this.grid(pen, width, height);
     for (const zone of this.zones) this.zone(pen, zone.corners_m, zone.name);
     this.way(pen, robot);
     this.points(pen);
-    for (const item of this.objects.values()) this.footprint(pen, item);
+    for (const item of this.shown()) drawFootprint(pen, item, view, this.walls, this.style, item.id === this.chosen);
+    if (this.dock) this.home(pen, this.dock);
     if (robot) this.robot(pen, robot);
     this.things(pen, robot);
-    if (this.corners) this.zone(pen, this.corners, "", true);
+    if (this.corners && this.placing === "zone") this.zone(pen, this.corners, "", true);
+    else if (this.corners?.length) this.cross(pen, view.toScreen(...this.corners[0]), this.style.ink);
+    if (this.ghost) this.arrow(pen, this.ghost, .6);
+    if (canvas.matches(":focus-visible") || this.corners) this.cross(pen, [width / 2, height / 2], this.style.muted);
     this.scaleBar(pen, height, step);
     if (moving || (this.pose && now - this.poseAt < this.glideMs)) this.redraw();
     else this.drawnAt = null;
@@ -180,33 +203,20 @@ export class FloorMap {
 
   robot(pen, [x, y, yaw]) {
     const { view, info } = this, [left, top] = view.toScreen(x, y);
-    const [ahead, aside] = info.lens_m, [c, s] = [Math.cos(yaw), Math.sin(yaw)];
-    const lens = view.toScreen(x + c * ahead - s * aside, y + s * ahead + c * aside);
-    const reach = 3 * view.now.scale, middle = -Math.PI / 2 - yaw; // of the canvas: 0 right, clockwise
+    const { forward_m: ahead, left_m: aside } = info.mount, [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+    const lens = [x + c * ahead - s * aside, y + s * ahead + c * aside];
     pen.beginPath();
-    pen.moveTo(...lens);
-    pen.arc(...lens, reach, middle - info.view_rad / 2, middle + info.view_rad / 2);
+    for (const corner of this.floor.sight(lens, yaw - info.view_rad / 2, yaw + info.view_rad / 2, SIGHT_M)) pen.lineTo(...view.toScreen(...corner));
     pen.closePath();
     pen.fillStyle = this.style.sight;
     pen.fill();
     if (this.poseCovariance) this.ellipse(pen, this.poseCovariance, [left, top], this.style.ink, [2, 3]);
-    pen.save();
-    pen.translate(left, top);
-    pen.rotate(-yaw);
-    pen.beginPath();
-    for (const [px, py] of [[0, -12], [8, 9], [0, 5], [-8, 9]]) pen.lineTo(px, py);
-    pen.closePath();
-    pen.fillStyle = this.style.ink;
-    pen.strokeStyle = this.style.card;
-    pen.lineWidth = 2;
-    pen.stroke();
-    pen.fill();
-    pen.restore();
+    this.arrow(pen, [x, y, yaw]);
   }
 
   things(pen, robot) {
     const placed = robot ? [around(this.view.toScreen(robot[0], robot[1]), 12)] : [];
-    const items = [...this.objects.values()];
+    const items = this.shown();
     for (const item of items) {
       const at = this.view.toScreen(item.x_m, item.y_m), colour = markOf(item.label).colour, seen = this.seen.has(item.id);
       if (seen && robot) {
@@ -218,8 +228,10 @@ export class FloorMap {
         pen.globalAlpha = 1;
       }
       const doubtful = item.confidence < DOUBT;
-      this.ellipse(pen, item.covariance_m2, at, colour, doubtful ? [5, 4] : []);
-      if (item.id === this.chosen) this.ring(pen, at);
+      if (item.id === this.chosen) {
+        this.ellipse(pen, item.covariance_m2, at, colour, doubtful ? [5, 4] : []);
+        this.ring(pen, at);
+      }
       tracePath(pen, item.label, at, seen ? 7 : 5.5);
       Object.assign(pen, { strokeStyle: this.style.card, lineWidth: 3 });
       pen.stroke();
@@ -251,13 +263,46 @@ export class FloorMap {
     pen.textAlign = "start";
   }
 
-  // How much floor it takes: a disc, as nobody knows which way it faces.
-  footprint(pen, { x_m, y_m, radius_m, label }) {
+  // Where the keyboard acts.
+  cross(pen, [left, top], colour) {
     pen.beginPath();
-    pen.arc(...this.view.toScreen(x_m, y_m), radius_m * this.view.now.scale, 0, 2 * Math.PI);
-    Object.assign(pen, { fillStyle: markOf(label).colour, globalAlpha: .17 });
+    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      pen.moveTo(left + 4 * dx, top + 4 * dy);
+      pen.lineTo(left + 12 * dx, top + 12 * dy);
+    }
+    Object.assign(pen, { lineWidth: 1.5, strokeStyle: colour });
+    pen.stroke();
+  }
+
+  // The dock: a house, with a line the way the robot faces in it.
+  home(pen, [x, y, yaw]) {
+    const [left, top] = this.view.toScreen(x, y);
+    pen.beginPath();
+    for (const [dx, dy] of [[0, -9], [8, -2], [6, -2], [6, 7], [-6, 7], [-6, -2], [-8, -2]]) pen.lineTo(left + dx, top + dy);
+    pen.closePath();
+    Object.assign(pen, { fillStyle: this.style.card, strokeStyle: this.style.ink, lineWidth: 1.5 });
     pen.fill();
-    pen.globalAlpha = 1;
+    pen.stroke();
+    pen.beginPath();
+    pen.moveTo(left, top);
+    pen.lineTo(left - 18 * Math.sin(yaw), top - 18 * Math.cos(yaw));
+    pen.stroke();
+  }
+
+  // A pose: an arrow the way it faces.
+  arrow(pen, [x, y, yaw], alpha = 1) {
+    const [left, top] = this.view.toScreen(x, y);
+    pen.save();
+    pen.globalAlpha = alpha;
+    pen.translate(left, top);
+    pen.rotate(-yaw);
+    pen.beginPath();
+    for (const [px, py] of [[0, -12], [8, 9], [0, 5], [-8, 9]]) pen.lineTo(px, py);
+    pen.closePath();
+    Object.assign(pen, { fillStyle: this.style.ink, strokeStyle: this.style.card, lineWidth: 2 });
+    pen.stroke();
+    pen.fill();
+    pen.restore();
   }
 
   ring(pen, at) {
@@ -319,6 +364,6 @@ function apart(a, b) { return a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] 
 
 function readStyle() {
   const style = getComputedStyle(document.documentElement), names = { grid: "--grid", gridStrong: "--grid-strong", trail: "--trail",
-    ink: "--ink", card: "--card", muted: "--muted", sight: "--sight", zone: "--zone" };
+    ink: "--ink", card: "--card", muted: "--muted", sight: "--sight", zone: "--zone", floor: "--floor", obstacle: "--obstacle" };
   return Object.fromEntries(Object.entries(names).map(([key, name]) => [key, style.getPropertyValue(name).trim()]));
 }

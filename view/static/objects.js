@@ -1,4 +1,5 @@
 // The list of objects, nearest first, and the card of the one that is picked, where it is named, confirmed, merged or deleted.
+import { Corrections } from "/corrections.js";
 import { ago, button, byId, element, metres, setText } from "/dom.js";
 import { markPicture } from "/marks.js";
 
@@ -12,10 +13,20 @@ export function classDoubt(item) { return Math.max(0, ...Object.values(item.labe
 export class Objects {
   // choose(id or null): somebody picks an object. ask(method, path, body): a request to the robot, null where it refuses.
   // undoable(text, act): tell what was done, and how to take it back.
-  constructor(choose, ask, undoable) {
+  constructor(map, placing, choose, ask, undoable) {
     Object.assign(this, { choose, ask, undoable });
+    this.corrections = new Corrections(map, placing, choose, ask, undoable);
     this.rows = new Map();
     this.clear();
+  }
+
+  about(info) { this.corrections.about(info); }
+
+  // The list in one line, for a sheet that is down.
+  summary() {
+    if (!this.pose || !this.items.size) return "No objects yet";
+    const nearest = [...this.items.values()].reduce((a, b) => (this.away(a) < this.away(b) ? a : b));
+    return `${this.items.size} object${this.items.size > 1 ? "s" : ""} · nearest ${nameOf(nearest)}, ${metres(this.away(nearest))}`;
   }
 
   clear() {
@@ -126,12 +137,16 @@ export class Objects {
     input.setAttribute("aria-label", `Name of ${item.id}`);
     input.onkeydown = ({ key }) => { if (key === "Enter") this.rename(input.value); };
     called.append(input, button("Rename", () => this.rename(input.value)));
-    const acts = element("div", "", "acts"), into = element("select");
-    into.setAttribute("aria-label", `Merge ${item.id} into another object`);
+    const acts = element("div", "", "acts"), merge = element("div", "", "merge"), into = element("select");
+    const preview = element("p", "", "preview"), same = button("Merge", () => this.merge(into.value));
+    into.setAttribute("aria-label", `Another object that is the same as ${item.id}`);
     into.onfocus = () => this.offerMerges(into);
-    into.onchange = () => this.merge(into.value);
-    acts.append(confirm, button("Delete", () => this.delete()), into);
-    place.replaceChildren(head, called, acts, facts, labels);
+    into.onchange = () => this.previewMerge(into.value, preview, same);
+    preview.setAttribute("role", "status");
+    preview.hidden = same.hidden = true;
+    merge.append(into, same, preview);
+    acts.append(confirm, button("Approach", () => this.approach()), button("Delete", () => this.delete()));
+    place.replaceChildren(head, called, acts, merge, this.corrections.form(item), facts, labels);
     this.detail = { name, kind, facts, labels, confirm };
     this.offerMerges(into);
     this.fillDetail();
@@ -141,9 +156,29 @@ export class Objects {
   confirm() { return this.ask("PATCH", this.path(), { confirmed: !this.items.get(this.chosen).confirmed }); }
   path(id = this.chosen) { return `objects/${encodeURIComponent(id)}`; }
 
+  // Where the robot would go; and off it goes, where somebody drives.
+  async approach() {
+    const id = this.chosen, found = await this.ask("GET", `${this.path(id)}/approach`);
+    if (!found) return;
+    this.corrections.map.ghost = [found.x_m, found.y_m, found.yaw_rad];
+    this.corrections.map.redraw();
+    const words = `${nameOf(this.items.get(id))}: from x ${found.x_m.toFixed(2)}, y ${found.y_m.toFixed(2)} m${found.floor === "free" ? "" : " (floor unknown)"}`;
+    this.undoable(words, () => this.ask("POST", `${this.path(id)}/go`, {}), "Go there");
+  }
+
   async delete() {
     const id = this.chosen, name = nameOf(this.items.get(id));
     if (await this.ask("DELETE", this.path())) this.undoable(`${name} is off the map`, () => this.ask("POST", `${this.path(id)}/restore`, {}));
+  }
+
+  // What both would be as one, before it is done: several can be looked at with the arrow keys.
+  async previewMerge(into, place, act) {
+    place.hidden = act.hidden = true;
+    const found = into && await this.ask("GET", `${this.path()}/merge?into=${encodeURIComponent(into)}`);
+    if (!found) return;
+    const { x_m, y_m, label, labels, count } = found, share = labels[label];
+    place.textContent = `Together: ${into}, ${label}${share === undefined ? "" : ` ${percent(share)}`}, at x ${x_m.toFixed(2)}, y ${y_m.toFixed(2)} m, seen ${count} times`;
+    place.hidden = act.hidden = false;
   }
 
   async merge(into) {
@@ -169,12 +204,12 @@ export class Objects {
     setText(confirm, item.confirmed ? "Confirmed" : "Confirm");
     confirm.title = item.confirmed ? "Take it back" : "It is there: it will not be forgotten";
     confirm.setAttribute("aria-pressed", Boolean(item.confirmed));
-    setText(kind, item.name ? `${item.id}, ${item.label}` : item.label);
+    setText(kind, [item.name ? item.id : "", item.label, item.corrected ? `corrected: ${item.corrected.join(", ")}` : ""].filter(Boolean).join(", "));
     const told = {
       "From the robot": `${this.away(item).toFixed(2)} m`,
       "Position": `x ${item.x_m.toFixed(2)}, y ${item.y_m.toFixed(2)} m`.replaceAll("-", "−"),
       "Uncertainty": `± ${Math.sqrt((xx + yy) / 2).toFixed(2)} m`,
-      "Size": `${item.width_m.toFixed(2)} × ${item.height_m.toFixed(2)} m`,
+      "Size": `${item.footprint_m.map((side) => side.toFixed(2)).join(" × ")} m, ${item.height_m.toFixed(2)} m high`,
       "Confidence": percent(item.confidence),
       "Seen": `${item.count} times, ${this.seen.has(item.id) ? "in view" : `last ${ago(Math.max(0, this.stamp_s - item.last_seen_s))}`}`,
     };

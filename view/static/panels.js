@@ -1,7 +1,8 @@
 // The status in words at the top, figures, latency by stage and the faults.
 import { byId, element, setText } from "/dom.js";
 
-const SMOOTH = .15, SILENT_S = 2;
+const TRUST = { good: "good", care: "use with care", unreliable: "not reliable" };
+const SMOOTH = .15, SILENT_S = 2, UNSURE_M = .5, UNSURE_RAD = 15 * Math.PI / 180;
 
 export class Panels {
   constructor() {
@@ -25,22 +26,30 @@ export class Panels {
     byId("faults").append(element("li", "none", "muted"));
     this.faultCount = 0;
     byId("faults-link").hidden = true;
+    setText(byId("fault-count"), "");
   }
 
   about(info) { this.info = info; }
 
   update(news) {
     this.faults(news.faults);
-    this.status(news.status);
+    this.status(news.status, news.state);
     if (news.frame === undefined) return;
     this.stages(news.stages_ms);
     this.health(news);
   }
 
   // What a person must know first. level: ok, degraded, fault, wait.
-  status({ level, headline, problems }) {
+  status({ level, headline, problems, verdict }, state) {
     byId("status").dataset.level = level;
     setText(byId("headline"), headline);
+    const trust = byId("trust");
+    trust.hidden = !verdict || state === "finished"; // the headline of a finished run says it
+    if (verdict) {
+      trust.dataset.level = verdict.level;
+      setText(trust, `map so far: ${TRUST[verdict.level]}${verdict.reasons.length ? ` (${verdict.reasons[0]})` : ""}`);
+      trust.title = verdict.reasons.join("; ");
+    }
     const rest = problems.slice(1).map(({ text }) => text), list = byId("problems"), key = rest.join("\n");
     list.hidden = !rest.length;
     if (list.dataset.told === key) return;
@@ -78,8 +87,10 @@ export class Panels {
     const still = state !== "running";
     mark(this.camera, silent ? "bad" : still ? "still" : "", silent ? `${away ? `${camera_state}, ` : ""}silent for ${age_s.toFixed(0)} s` : still ? state : "delivering", this.info.camera);
     const at = `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${(pose[2] * 180 / Math.PI).toFixed(0)}°`.replaceAll("-", "−");
-    const sure = `± ${pose_sigma[0].toFixed(2)} m, ± ${(pose_sigma[1] * 180 / Math.PI).toFixed(1)}°`;
-    mark(this.odometry, motion_fault ? "bad" : still ? "still" : "", motion_fault || at, `${sure}, ${this.info.odometry} odometry`);
+    const unsure = pose_sigma[0] > UNSURE_M || pose_sigma[1] > UNSURE_RAD;
+    const heading = pose_sigma[1] > Math.PI / 2 ? "heading unknown" : `± ${(pose_sigma[1] * 180 / Math.PI).toFixed(1)}°`;
+    const sure = `± ${pose_sigma[0].toFixed(2)} m, ${heading}`;
+    mark(this.odometry, motion_fault || unsure ? "bad" : still ? "still" : "", motion_fault || at, `${sure}, ${this.info.odometry} odometry`);
   }
 
   faults(faults) {
@@ -87,13 +98,15 @@ export class Panels {
     const list = byId("faults"), link = byId("faults-link");
     if (!this.faultCount) list.replaceChildren();
     this.faultCount += faults.length;
-    for (const { frame, text } of faults) {
+    for (const { frame, text, remedy } of faults) {
       const item = element("li");
       item.append(element("b", `frame ${frame + 1}`), text);
+      if (remedy) item.append(element("small", remedy));
       list.prepend(item);
     }
     while (list.children.length > 100) list.lastChild.remove();
     link.hidden = false;
+    setText(byId("fault-count"), this.faultCount === 1 ? "1 fault" : `${this.faultCount} faults`);
     setText(link, this.faultCount === 1 ? "1 fault so far" : `${this.faultCount} faults so far`);
   }
 }

@@ -11,6 +11,7 @@ export class Picture {
     this.waiting = stack.querySelector(".waiting");
     this.last = [];
     this.size = [4, 3];
+    this.grid = null; // a floor grid that is being laid: the picture stands still under it
     new ResizeObserver(() => this.drawBoxes()).observe(stack);
   }
 
@@ -27,6 +28,7 @@ export class Picture {
   }
 
   draw(bitmap, boxes) {
+    if (this.grid) return;
     if (this.image.width !== bitmap.width || this.image.height !== bitmap.height) {
       [this.image.width, this.image.height] = [bitmap.width, bitmap.height];
     }
@@ -44,6 +46,7 @@ export class Picture {
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, columns, rows);
     pen.setTransform(ratio, 0, 0, ratio, (columns - ratio * scale * this.size[0]) / 2, (rows - ratio * scale * this.size[1]) / 2);
+    if (this.grid) return this.grid.draw(pen, scale);
     const ordered = [...this.last].sort((a, b) => (a.distance_m !== null) - (b.distance_m !== null) || b.distance_m - a.distance_m);
     for (const found of ordered) this.frame(pen, found, scale);
     const taken = [];

@@ -122,6 +122,7 @@ export class Viewport {
     const step = 60 / this.now.scale, ways = { ArrowUp: [step, 0], ArrowDown: [-step, 0], ArrowLeft: [0, step], ArrowRight: [0, -step] };
     if (event.key === "+" || event.key === "=") this.zoom(1.25);
     else if (event.key === "-") this.zoom(.8);
+    else if (event.key === "Enter" || event.key === " ") this.tapped(this.canvas.clientWidth / 2, this.canvas.clientHeight / 2);
     else if (ways[event.key]) {
       this.now.x += ways[event.key][0];
       this.now.y += ways[event.key][1];

@@ -1,53 +1,40 @@
-// Named parts of the floor: drawn by tapping their corners on the map, listed with the objects in them.
+// Named parts of the floor: drawn by their corners on the map, listed with the objects in them.
+import { api } from "/connection.js";
 import { button, byId, element } from "/dom.js";
 import { nameOf } from "/objects.js";
 
 export class Zones {
-  constructor(map, ask, undoable) {
-    Object.assign(this, { map, ask, undoable });
-    map.cornersChanged = () => this.told();
-    byId("draw").onclick = () => (map.corners ? this.stop() : this.start());
+  constructor(map, placing, ask, undoable) {
+    Object.assign(this, { map, placing, ask, undoable });
+    byId("draw").onclick = () => (map.placing === "zone" ? placing.stop() : this.start());
     this.clear();
   }
 
   clear() {
-    this.stop();
     this.drawn = "";
     byId("zones").hidden = true;
   }
 
+  // A tap inside a room that the floor plan shows offers its outline; else the corners are drawn one by one.
   start() {
-    this.map.corners = [];
-    this.map.redraw();
-    byId("draw").setAttribute("aria-pressed", true);
-    const bar = byId("drawing"), name = element("input");
+    let rooms = [];
+    api("GET", "rooms").then((found) => { rooms = found; }, () => {});
+    const name = element("input"), room = button("Use this room", () => {
+      this.map.corners.splice(0, 1, ...roomAt(rooms, this.map.corners[0]).corners_m);
+      this.placing.changed();
+    });
+    room.hidden = true;
     Object.assign(name, { placeholder: "Name of the zone", maxLength: 80 });
     name.setAttribute("aria-label", "Name of the zone");
-    name.onkeydown = ({ key }) => { if (key === "Enter") this.save(); };
-    name.oninput = () => this.told();
-    Object.assign(this, { name, words: element("p"), keep: button("Save zone", () => this.save()) });
-    bar.replaceChildren(this.words, name, button("Corner back", () => { this.map.corners.pop(); this.map.redraw(); this.told(); }),
-      button("Cancel", () => this.stop()), this.keep);
-    bar.hidden = false;
-    this.told();
-  }
-
-  stop() {
-    this.map.corners = null;
-    this.map.redraw();
-    byId("draw").setAttribute("aria-pressed", false);
-    byId("drawing").hidden = true;
-  }
-
-  told() {
-    const count = this.map.corners.length;
-    this.words.textContent = count < 3 ? `Tap the corners on the map: ${count} of at least 3` : `${count} corners`;
-    this.keep.disabled = count < 3 || !this.name.value.trim();
-  }
-
-  async save() {
-    if (this.keep.disabled) return;
-    if (await this.ask("POST", "zones", { name: this.name.value.trim(), corners_m: this.map.corners })) this.stop();
+    byId("draw").setAttribute("aria-pressed", true);
+    this.placing.start({
+      kind: "zone", save: "Save zone", fields: [name, room],
+      moved: (points) => { room.hidden = points.length !== 1 || !roomAt(rooms, points[0]); },
+      words: (count) => count < 3 ? `Tap the corners on the map, or press Enter at the cross: ${count} of at least 3` : `${count} corners`,
+      ready: (count) => count >= 3 && Boolean(name.value.trim()),
+      stopped: () => byId("draw").setAttribute("aria-pressed", false),
+      done: (corners_m) => this.ask("POST", "zones", { name: name.value.trim(), corners_m }),
+    });
   }
 
   update(zones, objects) {
@@ -79,4 +66,11 @@ export class Zones {
     }));
     return row;
   }
+}
+
+function roomAt(rooms, [x, y]) {
+  return rooms.find(({ corners_m }) => corners_m.reduce((inside, [ax, ay], k) => {
+    const [bx, by] = corners_m.at(k - 1);
+    return (ay > y) !== (by > y) && x < ax + (y - ay) * (bx - ax) / (by - ay) ? !inside : inside;
+  }, false));
 }

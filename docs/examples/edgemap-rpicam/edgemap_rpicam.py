@@ -16,7 +16,7 @@ import numpy as np
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
 
 WIDTH, HEIGHT, RATE_HZ = 640, 480, 30
 WAIT_S = 1.0
@@ -24,7 +24,7 @@ END = b"\xff\xd9"  # of a JPEG; its data never holds these two bytes
 
 
 class RpicamDevice:
-    """A running `rpicam-vid`. Implements `edgemap.runtime.cameras.protocol.Device`."""
+    """A running `rpicam-vid`. Implements `edgemap.runtime.inputs.cameras.protocol.Device`."""
 
     def __init__(self, number: str, size: tuple[int, int]) -> None:
         self.size, self.rate_hz, self.intrinsics = size, float(RATE_HZ), None
@@ -61,7 +61,7 @@ class RpicamDevice:
 
 
 class RpicamDriver:
-    """Opens one camera, again and again. Implements `edgemap.runtime.cameras.protocol.Driver`."""
+    """Opens one camera, again and again. Implements `edgemap.runtime.inputs.cameras.protocol.Driver`."""
 
     def __init__(self, number: str, intrinsics: Intrinsics | None) -> None:
         self.name, self._number = f"rpicam:{number}", number

@@ -1,75 +1,130 @@
-"""Models of our own, drawn anew for every number: `edgemap/vase-1` and so on. No catalogue, no licence needed.
+"""Furniture of our own: `edgemap/vase-1` and so on, which needs no catalogue and no licence.
 
-Test and validation homes show the few of them that `models.toml` lists for what the libraries have too few of; training
-homes show as many more as its `made` says, so that a detector learns what a chair is and not which chairs there are.
+`pieces/KIND.json.xz` holds each piece as shapes (functions of shapes/ with their arguments in metres) and materials.
+Test and validation homes show the few that `models.toml` lists for what the libraries have too few of; training homes
+show as many more as its `made` gives. The generators that drew them are in this repository's history, at 70b7955.
 """
 
 from __future__ import annotations
 
+import json
+import lzma
 from collections.abc import Callable
+from functools import cache
+from importlib import resources
+from typing import Any
 
 import numpy as np
 
-from edgemap.simulation.apartment.made.bags.backpacks import backpack
-from edgemap.simulation.apartment.made.bags.cases import other_luggage
-from edgemap.simulation.apartment.made.bags.trolleys import suitcase
-from edgemap.simulation.apartment.made.bathroom.basins import basin
-from edgemap.simulation.apartment.made.bathroom.toilets import toilet
-from edgemap.simulation.apartment.made.beds.beds import bed
-from edgemap.simulation.apartment.made.kitchen.microwaves import microwave
-from edgemap.simulation.apartment.made.kitchen.ovens import oven
-from edgemap.simulation.apartment.made.kitchen.refrigerators import refrigerator
-from edgemap.simulation.apartment.made.plants.plants import potted_plant, small_plant
-from edgemap.simulation.apartment.made.screens import tv
-from edgemap.simulation.apartment.made.seats.chairs import chair
-from edgemap.simulation.apartment.made.seats.couches import armchair, corner_couch, couch
-from edgemap.simulation.apartment.made.seats.office_chairs import office_chair
-from edgemap.simulation.apartment.made.seats.stools import stool
-from edgemap.simulation.apartment.made.shapes.placing import centred
-from edgemap.simulation.apartment.made.tables.dining_tables import dining_table
-from edgemap.simulation.apartment.made.vases import vase
+from edgemap.simulation.apartment.made import textures
+from edgemap.simulation.apartment.made.shapes import bars, grids, lofts, outlines, solids
+from edgemap.simulation.apartment.made.shapes.leaves import leaves
 from edgemap.simulation.errors import SimulationError
-from edgemap.simulation.render.mesh import Mesh
+from edgemap.simulation.render.mesh import Material, Mesh, Part, box, quad
 
 LIBRARY = "edgemap"
-# By kind of models.toml.
-MAKERS: dict[str, Callable[[np.random.Generator], Mesh]] = {
-    "armchair": armchair,
-    "backpack": backpack,
-    "basin": basin,
-    "bed": bed,
-    "chair": chair,
-    "corner couch": corner_couch,
-    "couch": couch,
-    "dining table": dining_table,
-    "microwave": microwave,
-    "office chair": office_chair,
-    "oven": oven,
-    "potted plant": potted_plant,
-    "refrigerator": refrigerator,
-    "small plant": small_plant,
-    "stool": stool,
-    "suitcase": suitcase,
-    "toilet": toilet,
-    "tv": tv,
-    "vase": vase,
-}
-
-# Suitcases above this number are other luggage than trolleys, of which validation and test homes show the first ten.
-_TROLLEYS = 18
-
+KINDS = (
+    "armchair", "backpack", "basin", "bed", "chair", "corner couch", "couch", "dining table", "microwave",
+    "office chair", "oven", "potted plant", "refrigerator", "small plant", "stool", "suitcase", "toilet", "tv", "vase",
+)  # fmt: skip
 # Kinds whose top other things stand on.
 FLAT_TOPS = {"dining table"}
+
+_SHAPES: dict[str, Callable[..., Any]] = {
+    function.__name__: function
+    for function in (
+        *(bars.beam, bars.tube, bars.bar, bars.rod, grids.surface, lofts.loft, lofts.plate, lofts.pad, lofts.lathe),
+        *(lofts.sheet, solids.block, solids.rounded, solids.cushion, solids.padded, solids.ball, box, quad, leaves),
+    )
+}
+_OUTLINES: dict[str, Callable[..., Any]] = {
+    function.__name__: function
+    for function in (outlines.arc, outlines.filleted, outlines.oval, outlines.raised, outlines.rectangle)
+}
 
 
 def made(name: str) -> Mesh:
     """`KIND-NUMBER` in metres, x out of its front, y left, z up, origin on the floor at its box's centre.
 
-    The number draws proportions, build and colours. Raises SimulationError for a name of no such kind or number.
+    Raises SimulationError for a name of no such kind or number.
     """
-    kind, _, digits = name.rpartition("-")
-    if kind not in MAKERS or not digits.isdecimal():
-        raise SimulationError(f"no furniture model {LIBRARY}/{name}: expected KIND-NUMBER, of {', '.join(MAKERS)}")
-    number = int(digits)
-    maker = other_luggage if kind == "suitcase" and number > _TROLLEYS else MAKERS[kind]
-    return centred(maker(np.random.default_rng([sum(map(ord, kind)), number])))
+    kind, _, number = name.rpartition("-")
+    piece = _pieces(kind).get(number) if kind in KINDS else None
+    if piece is None:
+        raise SimulationError(f"no furniture model {LIBRARY}/{name}: expected KIND-NUMBER, of {', '.join(KINDS)}")
+    materials = _materials(piece["materials"], [sum(map(ord, kind)), int(number)])
+    parts = [part for shape in piece["shapes"] for part in _shaped(dict(shape), materials)]
+    points = np.concatenate([part.positions for part in parts]).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    shift = -np.array([(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, low[2]])
+    return Mesh(tuple(part.moved(np.eye(3), shift) for part in parts))
+
+
+@cache
+def _pieces(kind: str) -> dict[str, Any]:
+    """Each piece of a kind by its number, as text."""
+    file = resources.files(__package__ or __name__) / "pieces" / f"{kind.replace(' ', '-')}.json.xz"
+    return json.loads(lzma.decompress(file.read_bytes()))
+
+
+def _materials(entries: list[dict[str, Any]], seed: list[int]) -> list[Material]:
+    """A piece's materials; those with one texture share it. seed: of its textures' noise, `draws` numbers on."""
+    drawn: dict[str, textures.Texture] = {}
+    for spec in (entry["texture"] for entry in entries if "texture" in entry):
+        if (key := json.dumps(spec)) not in drawn:
+            values = {name: value for name, value in spec.items() if name not in ("of", "draws")}
+            generator = np.random.PCG64(np.random.SeedSequence(seed)).advance(spec.get("draws", 0))
+            draw = textures.DRAWN.get(spec["of"])
+            drawn[key] = draw(np.random.Generator(generator), **values) if draw else textures.leaf(**values)
+    return [
+        Material(
+            tuple(entry["colour"]),
+            drawn[json.dumps(entry["texture"])] if "texture" in entry else None,
+            entry.get("opacity", 1.0),
+            entry.get("gloss", 0.0),
+            tuple(entry.get("emission", (0.0, 0.0, 0.0))),
+        )
+        for entry in entries
+    ]
+
+
+def _shaped(shape: dict[str, Any], materials: list[Material]) -> list[Part]:
+    """One shape's parts. parts: those that are shown, by default all; then: what they go through, in order."""
+    function, shown, then = _SHAPES[shape.pop("build")], shape.pop("parts", None), shape.pop("then", [])
+    for name, value in shape.items():
+        if name == "materials":
+            shape[name] = [materials[number] for number in value]
+        elif name in ("material", "behind"):
+            shape[name] = None if value is None else materials[value]
+        else:
+            shape[name] = _value(value)
+    result = function(**shape)
+    parts = [result] if isinstance(result, Part) else list(result.parts if isinstance(result, Mesh) else result)
+    parts = parts if shown is None else [parts[number] for number in shown]
+    for way, *values in then:
+        parts = [_THEN[way](part, *map(np.array, values)) for part in parts]
+    return parts
+
+
+def _value(value: Any) -> Any:
+    """A list of numbers as an array, {"of": outline, its arguments} as its points, a list of those as one of arrays."""
+    if isinstance(value, dict):
+        return _OUTLINES[value["of"]](**{name: _value(part) for name, part in value.items() if name != "of"})
+    if isinstance(value, list):
+        return [_value(part) for part in value] if isinstance(value[0], dict) else np.array(value)
+    return value
+
+
+def _scaled(part: Part, about: np.ndarray, factor: np.ndarray) -> Part:
+    return Part(part.material, about + (part.positions - about) * factor, part.normals, part.uv)
+
+
+def _flipped(part: Part) -> Part:
+    return Part(part.material, part.positions[:, ::-1], -part.normals[:, ::-1], part.uv[:, ::-1])
+
+
+def _tiled(part: Part, repeat: np.ndarray) -> Part:
+    return Part(part.material, part.positions, part.normals, part.uv * repeat)
+
+
+_THEN: dict[str, Callable[..., Part]] = {"moved": Part.moved, "scaled": _scaled, "flipped": _flipped, "uv": _tiled}

@@ -18,7 +18,7 @@ from edgemap.export.detector.loss import detection_loss, distance_loss  # noqa: 
 from edgemap.export.detector.store import Example, load_examples  # noqa: E402
 from edgemap.export.detector.train import DetectorSettings, Trainer  # noqa: E402
 from edgemap.export.errors import ExportError  # noqa: E402
-from edgemap.runtime.drives.yolo import COCO_NAMES  # noqa: E402
+from edgemap.runtime.inputs.drives.yolo import COCO_NAMES  # noqa: E402
 
 CLASSES = ("chair", "couch")
 CHAIR, COUCH = map(COCO_NAMES.index, CLASSES)

@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 from edgemap.export.detector.loader import Batches
 from edgemap.export.detector.store import Example, load_examples
 from edgemap.export.detector.teach import averaged
-from edgemap.runtime.drives.yolo import predicted_boxes
+from edgemap.runtime.inputs.drives.yolo import predicted_boxes
 
 NAMES = ("chair", "couch")
 

@@ -13,8 +13,8 @@ from edgemap.export.odometry.data import FeatureStore
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives.write import write_drive
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.write import write_drive
 from edgemap.simulation.video import write_video
 
 

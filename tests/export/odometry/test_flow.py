@@ -23,8 +23,8 @@ from edgemap.export.odometry.validate import estimate, validate  # noqa: E402
 from edgemap.geometry.camera.floor import FloorCamera  # noqa: E402
 from edgemap.geometry.camera.mount import Mount  # noqa: E402
 from edgemap.geometry.odometry.flow_cells import flow_cells  # noqa: E402
-from edgemap.runtime.manifest import InputSpec  # noqa: E402
-from edgemap.runtime.preprocess import cell_grid  # noqa: E402
+from edgemap.runtime.network.manifest import InputSpec  # noqa: E402
+from edgemap.runtime.network.preprocess import cell_grid  # noqa: E402
 
 
 def new_head() -> FlowHead:

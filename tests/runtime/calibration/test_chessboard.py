@@ -7,12 +7,12 @@ from support.scenes import floor_board, held_board
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.level import pitch_roll, up_optical
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.calibration.board import Board, BoardView
-from edgemap.runtime.calibration.floor_board import fit_mount
-from edgemap.runtime.calibration.lens import fit_lens
-from edgemap.runtime.calibration.level import pitch_roll, up_optical
-from edgemap.runtime.errors import CalibrationError
+from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.step.calibration.board import Board, BoardView
+from edgemap.runtime.step.calibration.floor_board import fit_mount
+from edgemap.runtime.step.calibration.lens import fit_lens
 
 LENS = Intrinsics(
     640, 480, 520.0, 523.0, 315.0, 243.0, Distortion("brown_conrady", (-0.12, 0.05, 0.0008, -0.0005, 0.0))

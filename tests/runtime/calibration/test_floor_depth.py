@@ -8,12 +8,12 @@ from support.depth_room import LENS, depth_room, record_depth
 
 from edgemap.geometry.camera.floor_plane import find_floor
 from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.calibration.floor_depth import fit_floor_depth
-from edgemap.runtime.calibration.gravity import gravity
-from edgemap.runtime.calibration.level import up_optical
-from edgemap.runtime.cameras.depth import depth_pictures
-from edgemap.runtime.errors import CalibrationError
+from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.inputs.cameras.depth import depth_pictures
+from edgemap.runtime.step.calibration.floor_depth import fit_floor_depth
+from edgemap.runtime.step.calibration.gravity import gravity
 
 MOUNT = Mount.from_degrees(0.62, 17.0, 2.0)
 

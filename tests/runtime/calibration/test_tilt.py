@@ -10,10 +10,10 @@ from support.scenes import room
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.calibration.segments import Segments, find_segments
-from edgemap.runtime.calibration.tilt import fit_tilt
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.errors import CalibrationError
+from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.motion.attitude.segments import Segments, find_segments
+from edgemap.runtime.step.calibration.tilt import fit_tilt
 
 BENT = Distortion("brown_conrady", (-0.1, 0.03, 0.0005, -0.0004, 0.0))
 

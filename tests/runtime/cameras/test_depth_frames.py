@@ -10,8 +10,8 @@ from support.live_camera import drain
 from support.realsense_playback import Playback
 
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.open import open_camera
 
 MOUNT = Mount.from_degrees(0.62, 17.0)
 

@@ -13,13 +13,14 @@ import pytest
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras import Camera, open_camera
-from edgemap.runtime.cameras.around import PacedCamera
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.fault import FrameTimeout
-from edgemap.runtime.drives import write_drive
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.fault import FrameTimeout
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.around import PacedCamera
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives import write_drive
+from edgemap.runtime.inputs.open import open_camera
 
 LENS = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5)
 MOUNT = Mount.from_degrees(0.6, 11.5)
@@ -80,7 +81,7 @@ def test_a_file_that_is_no_video_is_one_line(tmp_path, content):
     path = tmp_path / "v.mp4"
     path.write_bytes(content)
     program = f"""
-from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.inputs.open import open_camera
 try:
     open_camera({str(path)!r})
 except Exception as error:
@@ -229,14 +230,14 @@ def test_a_camera_that_is_not_there_is_one_line():
 def test_opening_a_folder_imports_no_realsense(tmp_path):
     write_pictures(tmp_path / "p", 1)
     program = (
-        f"import sys; from edgemap.runtime.cameras import open_camera; open_camera({str(tmp_path / 'p')!r});"
+        f"import sys; from edgemap.runtime.inputs.cameras import open_camera; open_camera({str(tmp_path / 'p')!r});"
         "print([m for m in ('pyrealsense2', 'torch', 'onnx', 'matplotlib') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "[]\n"
 
 
 def test_reading_goes_on_past_a_damaged_picture_and_one_of_another_size(tmp_path):
-    from edgemap.runtime.cameras.protocol import next_frame
+    from edgemap.runtime.inputs.cameras.protocol import next_frame
 
     write_pictures(tmp_path / "p", 5)
     (tmp_path / "p" / "0.png").write_bytes(b"broken")

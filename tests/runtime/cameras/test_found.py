@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from support.live_camera import drain
 
-from edgemap.runtime.cameras import found, open_camera, plugins
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras import found, plugins
+from edgemap.runtime.inputs.open import open_camera
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "edgemap-rpicam"
 
@@ -37,7 +38,7 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
     monkeypatch.setattr(found, "VIDEO_NODES", tmp_path)
     monkeypatch.setattr(found, "SYSFS", tmp_path / "sys")
     monkeypatch.setattr(found, "plugin_kinds", dict)
-    monkeypatch.setattr("edgemap.runtime.cameras.realsense.devices", list)
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", list)
     cameras, notes = found.found_cameras()
     assert [(camera.spec, camera.name) for camera in cameras] == [
         (f"{tmp_path}/video0", "Camera video0"),
@@ -45,7 +46,7 @@ def test_video_devices_are_those_that_capture(tmp_path, monkeypatch):
         (f"{tmp_path}/video10", "Intel(R) RealSense(TM) Depth Camera"),
     ]
     assert notes == []
-    monkeypatch.setattr("edgemap.runtime.cameras.realsense.devices", lambda: [("123", "Intel RealSense D435")])
+    monkeypatch.setattr("edgemap.runtime.inputs.cameras.realsense.devices", lambda: [("123", "Intel RealSense D435")])
     cameras, _ = found.found_cameras()
     assert [camera.spec for camera in cameras] == ["realsense:123", f"{tmp_path}/video0", f"{tmp_path}/video2"]
 

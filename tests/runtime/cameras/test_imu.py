@@ -7,10 +7,10 @@ import pytest
 from support.live_camera import Clock, ScriptedDriver, drain, picture
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.cameras.imu_buffer import ImuBuffer, ImuCamera
-from edgemap.runtime.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.imu_buffer import ImuBuffer, ImuCamera
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.open import open_camera
 
 
 class Still(CameraBase):

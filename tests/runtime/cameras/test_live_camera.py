@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.runtime.cameras.fault import CameraFault, FaultKind, FrameTimeout
-from edgemap.runtime.cameras.live import LiveCamera
-from edgemap.runtime.cameras.recovery import RecoveryRule
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.fault import CameraFault, FaultKind, FrameTimeout
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
 
 
 class Source:

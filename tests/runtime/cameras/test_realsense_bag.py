@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edgemap.runtime.cameras import open_camera
+from edgemap.runtime.inputs.open import open_camera
 
 pytest.importorskip("pyrealsense2")
 pytest.importorskip("rosbags", reason="the ROS bag writer `rosbags` is not installed")

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.open import open_camera
 
 rs: Any = pytest.importorskip("pyrealsense2")
 
-from edgemap.benchmarks.reliability.record_realsense import record_realsense  # noqa: E402
+from reliability.record_realsense import record_realsense  # noqa: E402
 
 
 def drain(camera):
@@ -126,7 +126,7 @@ def test_a_missing_library_names_its_remedy(complaint, remedy):
                     raise ImportError({complaint!r})
         sys.meta_path.insert(0, Block())
         from edgemap.geometry.errors import EdgemapError
-        from edgemap.runtime.cameras import open_camera
+        from edgemap.runtime.inputs.open import open_camera
         try:
             open_camera("realsense")
         except EdgemapError as error:
@@ -158,6 +158,6 @@ def test_what_librealsense_says_of_damaged_motion_or_depth_is_one_line(realsense
     def fails(*_):
         raise RuntimeError("Failed to read\nthe file")
 
-    monkeypatch.setattr(f"edgemap.runtime.cameras.realsense_recording.{room}", fails)
+    monkeypatch.setattr(f"edgemap.runtime.inputs.cameras.realsense_recording.{room}", fails)
     with pytest.raises(CameraError, match=r"drive\.db3: motion or depth in it is damaged \(Failed to read the file\)"):
         open_camera(f"realsense:{realsense_recording[0]}")

@@ -8,17 +8,19 @@ from support.live_camera import drain
 from support.mjpeg import MjpegServer
 from support.rtsp import RtspServer, gradients
 
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.fault import CameraState
-from edgemap.runtime.cameras.live import LiveCamera
-from edgemap.runtime.cameras.recovery import RecoveryRule
-from edgemap.runtime.cameras.webcam import StreamDriver
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.fault import CameraState
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.webcam import StreamDriver
+from edgemap.runtime.inputs.open import open_camera
 
 
 @pytest.mark.parametrize("serve", [MjpegServer, lambda: RtspServer(gradients())], ids=["http", "rtsp"])
 def test_a_stream_that_goes_away_comes_back(serve, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.cameras.webcam.READ_LIMIT_MS", 500)  # RTSP's four attempts take it in full
+    monkeypatch.setattr(
+        "edgemap.runtime.inputs.cameras.webcam.READ_LIMIT_MS", 500
+    )  # RTSP's four attempts take it in full
     # This process may be kept waiting by others, so only a driver that says so is a fault.
     patient = RecoveryRule(first_frame_limit_s=300.0, stall_limit_s=300.0)
     with serve() as server, LiveCamera(StreamDriver(server.url), rule=patient) as camera:

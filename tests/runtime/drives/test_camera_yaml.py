@@ -6,8 +6,8 @@ import pytest
 
 from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.drives.camera_yaml import read_camera_yaml, write_camera_yaml
-from edgemap.runtime.errors import CameraError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml, write_camera_yaml
 
 TEXT = """{width: 640, height: 480, fx: 587.0, fy: 587.0, cx: 319.5, cy: 239.5,
  distortion: {model: none, coefficients: []},

@@ -12,9 +12,10 @@ import pytest
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.drives import open_drive, write_drive, write_locobot
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.pictures import drive_camera
+from edgemap.runtime.inputs.drives import open_drive, write_drive, write_locobot
 
 LENS, MOUNT = Intrinsics(64, 48, 58.0, 58.0, 31.5, 23.5), Mount.from_degrees(0.6, 11.5)
 IDENTITY_12 = "1 0 0 0 0 1 0 0 0 0 1 0"
@@ -94,6 +95,24 @@ def test_c2w_reads_k_and_pictures_in_the_folder_itself(tmp_path):
     drive = open_drive(f"c2w:{folder}")
     assert drive.intrinsics == Intrinsics(64, 48, 50.0, 51.0, 32.0, 24.0)
     assert drive.truth.poses[1].vector() == pytest.approx([1.0, 0.0, 0.0])
+    assert drive.depth == ()
+
+
+def test_c2w_reads_its_depth_pictures(tmp_path):
+    folder = tmp_path / "c"
+    write_pictures(folder / "image", 2)
+    (folder / "poses.txt").write_text("0 0 1 0 -1 0 0 0 0 -1 0 1 0 0 0 1\n" * 2)
+    (folder / "K.txt").write_text("50 0 32\n0 51 24\n0 0 1\n")
+    (folder / "depth").mkdir()
+    cv2.imwrite(str(folder / "depth" / "0.png"), np.full((48, 64), 1500, np.uint16))
+    assert "1 lines for the 2 pictures" in refusal(f"c2w:{folder}")
+    cv2.imwrite(str(folder / "depth" / "1.png"), np.full((48, 64), 0, np.uint16))
+    with drive_camera(open_drive(f"c2w:{folder}"), "c") as camera:
+        depths = [camera.read().depth, camera.read().depth]
+    assert depths[0] is not None
+    assert depths[1] is not None
+    assert depths[0][20, 30] == pytest.approx(1.5)
+    assert not depths[1].any()
 
 
 def test_tum_interpolates_its_truth_and_leaves_out_pictures_without(tmp_path):

@@ -16,16 +16,24 @@ from support.rooms import furnished, mapped, somewhere
 
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.errors import PublishError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.map_file import load_map, map_document, save_map
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.step.map_file import load_map, map_document, save_map
 
 pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
 import zenoh
 
-from edgemap.runtime.fleet.keeper import MAXIMUM_OBJECTS, PlaceKeeper
-from edgemap.runtime.fleet.network import MAP_BYTES, MESSAGE_BYTES, open_session, packed, place_document, unpacked
-from edgemap.runtime.fleet.sink import MAP_EVERY_S, FleetSink
+from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper
+from edgemap.runtime.outputs.fleet.network import (
+    MAXIMUM_OBJECTS,
+    MESSAGE_BYTES,
+    ROBOT_BYTES,
+    open_session,
+    packed,
+    place_document,
+    unpacked,
+)
+from edgemap.runtime.outputs.fleet.sink import MAP_EVERY_S, FleetSink
 
 PATIENCE_S = 30.0
 
@@ -176,7 +184,7 @@ HOSTILE = [
     b"",
     b"no map",
     zlib.compress(b"{}"),
-    zlib.compress(b"\x00" * (MAP_BYTES + 1)),
+    zlib.compress(b"\x00" * (ROBOT_BYTES + 1)),
     packed(map_document([]))[:-3],
     packed({"format": "edgemap.map/1", "objects": [{"id": "a"}]}),
     packed({"format": "edgemap.map/1", "objects": [], "zones": "x" * 1000}),
@@ -210,7 +218,7 @@ def test_what_no_robot_sends_is_refused_and_the_map_stays(tmp_path, address, ope
 
 
 def test_more_robots_than_a_place_has_are_not_kept(tmp_path, address, opened, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.fleet.keeper.MAXIMUM_ROBOTS", 2)
+    monkeypatch.setattr("edgemap.runtime.outputs.fleet.keeper.MAXIMUM_ROBOTS", 2)
     keeper = opened(PlaceKeeper("home", tmp_path, listen=address))
     for name in ("a", "b", "c", "d"):
         opened(FleetSink("home", name, address))
@@ -243,7 +251,7 @@ def test_an_address_that_is_taken_or_silent_is_one_line(tmp_path, address, opene
     with pytest.raises(PublishError, match=rf"fleet, listening on {address}: ") as error:
         PlaceKeeper("home", tmp_path / "b", listen=address)
     assert "\n" not in str(error.value)
-    monkeypatch.setattr("edgemap.runtime.fleet.network.PATIENCE_S", 0.5)
+    monkeypatch.setattr("edgemap.runtime.outputs.fleet.network.PATIENCE_S", 0.5)
     with pytest.raises(PublishError, match=r"fleet, connecting to 127\.0\.0\.1:1: "):
         place_document("home", "127.0.0.1:1")
     with pytest.raises(PublishError, match="nobody keeps the map of garden at"):

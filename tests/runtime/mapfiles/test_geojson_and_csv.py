@@ -1,4 +1,5 @@
 import csv
+import io
 import json
 from dataclasses import replace
 
@@ -8,10 +9,10 @@ from support.rooms import mapped
 
 from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.mapfiles.geojson import geojson_text
-from edgemap.runtime.mapfiles.table import csv_text
-from edgemap.runtime.trajectory import Trajectory, trajectory_of, tum_line
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.trajectory import Trajectory, trajectory_of, tum_line
+from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
+from edgemap.runtime.outputs.mapfiles.table import csv_text
 
 ROOM = mapped([("chair", 1.0, -2.0), ("potted plant", 0.5, 3.0)])
 
@@ -84,3 +85,18 @@ def test_a_name_that_a_person_gave_is_a_column_of_every_line():
     rows = list(csv.DictReader(csv_text(named).splitlines()))
     assert [row["name"] for row in rows] == ["my chair"] + [""] * (len(ROOM) - 1)
     assert rows[0]["confirmed"] == "True"
+
+
+@pytest.mark.parametrize("text", ['=HYPERLINK("http://x")', "@SUM(1)", "+1", "-1", "\tx", "＝1"])
+def test_no_text_of_a_map_is_a_formula_of_a_spreadsheet(text):
+    odd = [replace(ROOM[0], id=text, label=text, name=text)]
+    (row,) = csv.DictReader(csv_text(odd).splitlines())
+    assert {row["id"], row["label"], row["name"]} == {f"'{text}"}
+    assert row["y_m"] == "-2.0"
+
+
+def test_the_table_says_in_which_zones_an_object_is():
+    square = ((0.0, -1.0), (2.0, -1.0), (2.0, 1.0), (0.0, 1.0))
+    zones = [Zone("zone-1", "hall", square), Zone("zone-2", "=now()", square)]
+    chair, bed = csv.DictReader(io.StringIO(csv_text(mapped([("chair", 1.0, 0.0), ("bed", 5.0, 0.0)]), zones)))
+    assert (chair["zones"], bed["zones"]) == ("hall; =now()", "")

@@ -8,10 +8,20 @@ import yaml
 from support.rooms import mapped
 
 from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.edits import Zone
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.mapfiles.grid import FREE, MAXIMUM_LIVE_CELLS, OCCUPIED, UNKNOWN, GridRule, grid_of, live_grid
-from edgemap.runtime.mapfiles.nav2 import vector_text, write_nav2
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.outputs.mapfiles.grid import (
+    FREE,
+    MAXIMUM_LIVE_CELLS,
+    OCCUPIED,
+    UNKNOWN,
+    CellsRule,
+    grid_of,
+    live_grid,
+)
+from edgemap.runtime.outputs.mapfiles.masks import write_masks
+from edgemap.runtime.outputs.mapfiles.nav2 import vector_text, write_nav2
 
 # An L: three chairs along x, one to the left (+y) of the first. No mirror image or transpose of it is itself.
 CROOKED = [("chair", 1.0, 0.0), ("chair", 3.0, 0.0), ("chair", 6.0, 0.0), ("chair", 1.0, 2.0)]
@@ -88,7 +98,7 @@ def test_nothing_is_mirrored_or_transposed(tmp_path):
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.013, 3.021), (100.5, -200.25)])
 def test_cells_lie_where_the_origin_says_to_half_a_cell(tmp_path, shift):
     room = mapped([("refrigerator", shift[0], shift[1])])  # radius 0.367 m
-    write_nav2(tmp_path / "map.yaml", grid_of(room, rule=GridRule(resolution_m=0.02)))
+    write_nav2(tmp_path / "map.yaml", grid_of(room, rule=CellsRule(resolution_m=0.02)))
     value = served(tmp_path / "map.yaml")
     edge = 0.65 / np.sqrt(np.pi)
     for turn in np.linspace(0, 2 * np.pi, 24):
@@ -105,7 +115,7 @@ def test_an_object_on_the_way_stays_occupied():
 
 
 def test_a_standing_robot_has_swept_its_own_circle():
-    grid = grid_of([], straight((0.0, 0.0), (0.0, 0.0)), GridRule(resolution_m=0.01, robot_width_m=1.0))
+    grid = grid_of([], straight((0.0, 0.0), (0.0, 0.0)), CellsRule(resolution_m=0.01, robot_width_m=1.0))
     assert (grid.cells == FREE).sum() * 0.01**2 == pytest.approx(np.pi / 4, rel=0.01)
 
 
@@ -149,3 +159,45 @@ def test_names_never_collide_and_an_empty_map_has_no_untyped_list():
     parameters = yaml.safe_load(vector_text(room))["vector_object_server"]["ros__parameters"]
     assert parameters["shapes"] == ["potted_plant_1", "potted_plant_1_2", "object_4_poster_1"]
     assert "shapes" not in yaml.safe_load(vector_text([]))["vector_object_server"]["ros__parameters"]
+
+
+HALL = Zone("zone-1", "hall", ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (0.0, 2.0)))
+STAIRS = Zone("zone-2", "stairs", ((3.0, 1.0), (5.0, 1.0), (5.0, 3.0)))
+
+
+def masked(path):
+    """What map_server publishes of a mask in raw mode, for a point: the pixel's value, None outside."""
+    described = yaml.safe_load(path.read_text())
+    assert described["mode"] == "raw"
+    lines = (path.parent / described["image"]).read_bytes().split(b"\n", 3)
+    width, height = map(int, lines[1].split())
+    pixels = np.frombuffer(lines[3], np.uint8).reshape(height, width)[::-1]
+    x0, y0, _ = described["origin"]
+
+    def value(x, y):
+        column, row = int((x - x0) / described["resolution"]), int((y - y0) / described["resolution"])
+        return int(pixels[row, column]) if 0 <= row < height and 0 <= column < width else None
+
+    return value
+
+
+def test_zones_are_masks_of_nav2s_filters(tmp_path):
+    keep, slow = write_masks(tmp_path / "zones.yaml", [HALL, STAIRS], ["stairs"], {"hall": 40, "zone-2": 20})
+    assert (keep.name, slow.name) == ("zones.keepout.yaml", "zones.speed.yaml")
+    value = masked(keep)
+    assert [value(4.8, 1.5), value(3.2, 2.5), value(1.0, 1.0), value(2.1, 0.1)] == [100, 0, None, 0]
+    value = masked(slow)
+    assert [value(1.0, 1.0), value(3.8, 1.4), value(4.8, 1.5), value(-0.5, 1.0)] == [40, 20, 20, 0]  # the slower counts
+    with pytest.raises(MapError, match="no zone 'cellar' on the map; it has hall, stairs"):
+        write_masks(tmp_path / "zones.yaml", [HALL, STAIRS], ["cellar"])
+
+
+def test_zones_are_polygons_of_the_vector_object_server():
+    """As nav2_map_server's Polygon reads them: closed is filled, points are x, y in turn, floating-point."""
+    document = yaml.safe_load(vector_text(mapped([("chair", 1.0, 1.0)]), zones=[HALL, STAIRS], keep_out=["stairs"]))
+    parameters = document["vector_object_server"]["ros__parameters"]
+    assert parameters["shapes"] == ["zone_1", "zone_2", "chair_1"]  # the objects lie over them
+    assert (parameters["zone_1"]["closed"], parameters["zone_1"]["value"]) == (False, -1)
+    assert (parameters["zone_2"]["closed"], parameters["zone_2"]["value"]) == (True, 100)
+    assert parameters["zone_2"]["points"] == [3.0, 1.0, 5.0, 1.0, 5.0, 3.0]
+    assert all(isinstance(value, float) for value in parameters["zone_1"]["points"])

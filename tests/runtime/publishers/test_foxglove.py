@@ -9,18 +9,19 @@ from contextlib import closing
 import cv2
 import numpy as np
 import pytest
+from support.boxed_room import walls
 from support.recordings import LENS, MOUNT
 from support.steps import Steps
 
-from edgemap.runtime.errors import PublishError
-from edgemap.runtime.messages import stream
-from edgemap.runtime.messages.stream import MessageStream
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.outputs.messages import stream
+from edgemap.runtime.outputs.messages.stream import MessageStream
 
 pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
 typesys = pytest.importorskip("rosbags.typesys")
 
-from edgemap.runtime.publishers.foxglove import FoxgloveServer  # noqa: E402
+from edgemap.runtime.outputs.publishers.foxglove import FoxgloveServer  # noqa: E402
 
 
 class Client:
@@ -78,7 +79,7 @@ def server():
 
 
 def test_a_client_reads_poses_objects_pictures_and_boxes(server):
-    steps = Steps()
+    steps = Steps(boxes=walls(-1.0, -2.0, 4.0, 2.0))
     steps.into(server, 3)
     with closing(Client(server.url)) as viewer:
         assert viewer.info["capabilities"] == ["time"]  # no client publishes, calls or changes anything

@@ -1,8 +1,10 @@
 """What a real broker (mosquitto) and its own client see of a run."""
 
 import json
+import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import closing
 from dataclasses import replace
@@ -12,14 +14,14 @@ import pytest
 from support.broker import MISSING, Broker
 from support.steps import Steps
 
-from edgemap.runtime.errors import PublishError
+from edgemap.runtime.frames.errors import PublishError
 
 pytest.importorskip("paho.mqtt")
 pytestmark = pytest.mark.skipif(
     bool(MISSING), reason=f"not here: {', '.join(MISSING)} (apt install mosquitto …-clients)"
 )
 
-from edgemap.runtime.publishers.mqtt import MqttPublisher, topic_level  # noqa: E402
+from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher, topic_level  # noqa: E402
 
 
 @pytest.fixture
@@ -40,7 +42,7 @@ STATE = "edgemap/robo/state"
 
 def objects_in(told):
     """The topics of objects."""
-    return {topic for topic in told if "/objects/" in topic}
+    return {topic for topic in told if topic.startswith("edgemap/robo/objects/")}
 
 
 def publisher(broker, robot="robo"):
@@ -62,12 +64,17 @@ def test_a_newcomer_is_told_state_objects_and_the_device(broker):
         record = json.loads(told[f"edgemap/robo/objects/{item.id}"])
         assert (record["id"], record["label"]) == (item.id, item.label)
         assert [record["x_m"], record["y_m"]] == pytest.approx(item.position_m.tolist(), abs=0.25)
-    device = json.loads(told["homeassistant/device/edgemap-robo/config"])
-    assert device["dev"] == {"ids": ["edgemap-robo"], "name": "robo", "mf": "edgemap", "sw": "1.2.3"}
-    assert device["availability_topic"] == "edgemap/robo/status"
-    topics = {component["state_topic"] for component in device["cmps"].values()}
+    entities = {topic: json.loads(text) for topic, text in told.items() if topic.startswith("homeassistant/")}
+    assert sorted(entities) == [
+        "homeassistant/event/edgemap-robo/changes/config",
+        *(f"homeassistant/sensor/edgemap-robo/{name}/config" for name in ("fault", "objects", "x", "y")),
+    ]
+    device = {"identifiers": ["edgemap-robo"], "name": "robo", "manufacturer": "edgemap", "sw_version": "1.2.3"}
+    assert all(entity["device"] == device for entity in entities.values())
+    assert all(entity["availability_topic"] == "edgemap/robo/status" for entity in entities.values())
+    topics = {entity["state_topic"] for entity in entities.values()}
     assert topics == {"edgemap/robo/state", "edgemap/robo/events"}
-    assert len({component["unique_id"] for component in device["cmps"].values()}) == len(device["cmps"]) == 5
+    assert len({entity["unique_id"] for entity in entities.values()}) == 5
     status = "edgemap/robo/status"
     assert broker.retained(status, lambda told: told[status] == "offline") == {status: "offline"}  # closed by now
     assert f"edgemap/robo/objects/{objects[0].id}" in broker.retained()  # the map stays known
@@ -82,7 +89,7 @@ def test_objects_appear_move_and_vanish(broker):
         sink.write(result, [chair, couch])
         sink.write(result, [replace(chair, position_m=chair.position_m + [0.2, 0.0]), couch])  # noise, not told
         sink.write(result, [moved, couch])
-        result = replace(result, merged={couch.id: moved.id})
+        result = replace(result, update=replace(result.update, merged={couch.id: moved.id}))
         sink.write(result, [moved])
         sink.write(result, [])
         events = [json.loads(listener.stdout.readline().split("\t")[1]) for _ in range(5)]
@@ -120,7 +127,7 @@ def test_a_broker_that_goes_away_is_a_failure_and_gets_everything_when_it_is_bac
         told = broker.retained(until=lambda told: told.get("edgemap/robo/status") == "online" and objects_in(told))
     assert told["edgemap/robo/status"] == "online"
     assert len(objects_in(told)) == 2
-    assert "homeassistant/device/edgemap-robo/config" in told
+    assert "homeassistant/event/edgemap-robo/changes/config" in told
 
 
 def test_no_broker_at_all_does_not_keep_a_run_from_starting(broker):
@@ -142,7 +149,7 @@ def test_objects_of_an_earlier_run_leave_the_broker(broker):
 
 def test_a_killed_robot_is_offline(broker):
     program = (
-        "from edgemap.runtime.publishers.mqtt import MqttPublisher; from support.steps import Steps;"
+        "from edgemap.runtime.outputs.publishers.mqtt import MqttPublisher; from support.steps import Steps;"
         f"sink = MqttPublisher('127.0.0.1', {broker.port}, 'robo'); Steps().into(sink, 2);"
         "import time; time.sleep(600)"
     )
@@ -159,3 +166,24 @@ def test_a_killed_robot_is_offline(broker):
 def test_names_are_one_level_of_a_topic():
     assert topic_level("potted plant-1") == "potted plant-1"
     assert topic_level("a/b+#$c\n") == "a_b___c_"
+
+
+def test_a_broker_that_takes_nothing_does_not_keep_a_run_from_ending(monkeypatch):
+    """It accepts the connection and then never answers: messages wait, and some find the queue full."""
+    monkeypatch.setattr("edgemap.runtime.outputs.publishers.mqtt.QUEUED", 5)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def accept():
+            connection, _ = listening.accept()
+            with connection:
+                connection.recv(4096)
+                connection.sendall(b"\x20\x02\x00\x00")  # accepted
+                while connection.recv(65536):
+                    pass
+
+        answering = threading.Thread(target=accept, daemon=True)
+        answering.start()
+        sink = MqttPublisher("127.0.0.1", listening.getsockname()[1], "robo")
+        Steps().into(sink, 60)
+        sink.close()
+        answering.join(10.0)

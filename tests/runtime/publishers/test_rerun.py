@@ -11,15 +11,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support.boxed_room import walls
 from support.recordings import LENS, MOUNT
 from support.steps import Steps
 
-from edgemap.runtime.errors import PublishError
-from edgemap.runtime.messages.stream import MessageStream
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.outputs.messages.stream import MessageStream
 
 chunks = pytest.importorskip("rerun.chunk", reason="no rerun-sdk here (extra rerun)")
 
-from edgemap.runtime.publishers.rerun import RerunStream  # noqa: E402
+from edgemap.runtime.outputs.publishers.rerun import RerunStream  # noqa: E402
 
 CAMERA = "/map/odom/base_link/camera_optical_frame"
 
@@ -48,7 +49,7 @@ def read_back(path):
 def drive(tmp_path_factory):
     """Eleven steps in a file: what was read back, and the last result with its objects."""
     path = tmp_path_factory.mktemp("rerun") / "drive.rrd"
-    steps = Steps()
+    steps = Steps(boxes=[*walls(-1.0, -2.0, 4.0, 2.0)])
     with closing(RerunStream(path, MessageStream(LENS, MOUNT))) as sink:
         for _ in range(11):
             result, objects = steps.next()
@@ -82,6 +83,16 @@ def test_the_map_and_the_pose_are_read_back(drive):
     place = np.sum([found[path]["translation"][-1][1][0] for path in ("/map/odom", "/map/odom/base_link")], axis=0)
     np.testing.assert_allclose(place[:2], [result.pose_map_base.x_m, result.pose_map_base.y_m], atol=1e-6)
     assert found["/faults"]["text"][0][1] == ["wheels: silent for 1.2 s"]
+
+
+def test_the_floor_is_a_rectangle_with_a_picture_of_the_grid(drive):
+    found, result, _ = drive
+    corners = np.array(found["/map/floor"]["vertex_positions"][-1][1])
+    rows, columns = result.grid.cells.shape
+    assert np.ptp(corners, axis=0)[:2] == pytest.approx([columns * 0.05, rows * 0.05])
+    assert corners[0, :2] == pytest.approx([result.grid.x_m, result.grid.y_m], abs=1e-5)
+    points = np.array(found["/map/odom/base_link/floor_scan"]["positions"][-1][1])
+    assert (points[:, 0] > 0.5).all()
 
 
 def test_reruns_own_check_accepts_it(tmp_path):
@@ -158,7 +169,7 @@ def test_a_viewer_is_told_live_and_again_when_it_comes_back(tmp_path):
 
 @pytest.mark.timeout(60)
 def test_a_viewer_that_hangs_holds_up_neither_the_run_nor_its_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.publishers.rerun.PATIENCE_S", 1.0)
+    monkeypatch.setattr("edgemap.runtime.outputs.publishers.rerun.PATIENCE_S", 1.0)
     port, steps = free_port(), Steps(640, 480)
     with viewer(port, tmp_path / "a.rrd") as process:
         sink = RerunStream(("127.0.0.1", port), MessageStream(LENS, MOUNT))

@@ -17,12 +17,12 @@ from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
-from edgemap.runtime.messages.build import mount_transform
-from edgemap.runtime.messages.definitions import FIELDS, definition
-from edgemap.runtime.messages.map_messages import markers
-from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.messages.definitions import FIELDS, definition
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.recordings.facts import Facts
+from edgemap.runtime.outputs.messages.build import mount_transform
+from edgemap.runtime.outputs.messages.map_messages import markers
+from edgemap.runtime.outputs.recording.recorder import Recorder
 
 highlevel: Any = pytest.importorskip("rosbags.highlevel")
 typesys: Any = pytest.importorskip("rosbags.typesys")

@@ -19,17 +19,18 @@ from support.recordings import FACTS, LENS, MOUNT, drain, noise, record
 
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.cameras import Camera, open_camera
-from edgemap.runtime.errors import CameraError, RecordingError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.messages.stamps import to_ns, to_s
-from edgemap.runtime.network import Decisions
-from edgemap.runtime.recordings import recorder as recorder_module
-from edgemap.runtime.recordings.depth import encoded_depth
-from edgemap.runtime.recordings.facts import Facts, facts_record, read_facts
-from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.recordings.sensors import read_wheel
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.errors import CameraError, RecordingError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.messages.stamps import to_ns, to_s
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.inputs.recordings.depth import encoded_depth
+from edgemap.runtime.inputs.recordings.facts import Facts, facts_record, read_facts
+from edgemap.runtime.inputs.recordings.sensors import read_wheel
+from edgemap.runtime.outputs.recording import recorder as recorder_module
+from edgemap.runtime.outputs.recording.recorder import Recorder
 
 TESTS = Path(__file__).parents[2]
 
@@ -148,7 +149,7 @@ def test_a_killed_recording_still_opens(tmp_path):
         import os, signal
         from support.recordings import FACTS, noise
         from pathlib import Path
-        from edgemap.runtime.recordings.recorder import Recorder
+        from edgemap.runtime.outputs.recording.recorder import Recorder
         recorder = Recorder(Path({str(tmp_path / "a.mcap")!r}), FACTS, lossless=True)
         for frame in noise(200):
             recorder.picture(frame)

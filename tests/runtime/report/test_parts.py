@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
-from edgemap.geometry.objects.map_object import CHI2_95, MapObject
+from edgemap.geometry.map_object import CHI2_95, MapObject
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.pose_journal import PoseJournal
-from edgemap.runtime.report.charts import duration, nice_top
-from edgemap.runtime.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCrops
-from edgemap.runtime.report.floor_svg import floor_svg
-from edgemap.runtime.report.history import MAX_POSES, MAX_WINDOWS, History
-from edgemap.runtime.report.labels import place_labels
+from edgemap.runtime.outputs.report.charts import duration, nice_top
+from edgemap.runtime.outputs.report.crops import MAXIMUM_CROPS, SIDE_PX, BestCrops
+from edgemap.runtime.outputs.report.floor_svg import floor_svg
+from edgemap.runtime.outputs.report.history import MAX_POSES, MAX_WINDOWS, History
+from edgemap.runtime.outputs.report.labels import place_labels
+from edgemap.runtime.step.pose_journal import PoseJournal
 
 NOISE = np.random.default_rng(1).integers(0, 255, (480, 640, 3), dtype=np.uint8)
 SMOOTH = np.asarray(cv2.GaussianBlur(NOISE, (0, 0), 8), np.uint8)

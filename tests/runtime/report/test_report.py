@@ -9,25 +9,28 @@ import cv2
 import numpy as np
 import pytest
 from support import painted
+from support.axe import find_axe, serious_faults
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.objects.edits import Edit
 from edgemap.geometry.objects.evaluation_row import EvaluationRow
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.bundle import load_bundle
-from edgemap.runtime.cameras.base import CameraBase
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.frame import Frame
-from edgemap.runtime.loop import run
-from edgemap.runtime.mapper import Mapper
-from edgemap.runtime.odometry.recorded import RecordedOdometry
-from edgemap.runtime.pipeline import Pipeline
-from edgemap.runtime.report import sink as sink_module
-from edgemap.runtime.report.sink import ReportFile
-from edgemap.runtime.sinks.run_folder import RunFolder
-from edgemap.runtime.slam import SemanticSlam
-from edgemap.runtime.trajectory import Trajectory
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.outputs.report import sink as sink_module
+from edgemap.runtime.outputs.report.sink import ReportFile
+from edgemap.runtime.outputs.sinks.run_folder import RunFolder
+from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.loop import run
+from edgemap.runtime.step.mapper import Mapper
+from edgemap.runtime.step.pipeline import Pipeline
+from edgemap.runtime.step.slam import SemanticSlam
 
 FLOOR = FloorCamera(Intrinsics(64, 64, 50.0, 50.0, 31.5, 31.5), Mount(1.0))
 SCENE = [("chair", 40.0, 30.0, 12.0, 24.0, 0.9), ("person", 10.0, 40.0, 8.0, 20.0, 0.8)]
@@ -86,13 +89,13 @@ def bundle(tmp_path_factory):
     return load_bundle(painted.write_painted(tmp_path_factory.mktemp("bundles") / "b", SCENE, odometry=False))
 
 
-def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judge=None):
+def drive(bundle, folder, count=30, fails_at=None, record=None, truth=True, judge=None, edits=None):
     way = Trajectory(1e9 + np.arange(count) / 10, tuple(SE2(0.002 * i, 0, 0) for i in range(count)))
     real = Trajectory(way.stamps_s, tuple(SE2(0.002 * i, 0.01 * i, 0) for i in range(count)))
     pipeline = SemanticSlam(Pipeline(bundle, FLOOR, RecordedOdometry(way, "test")), Mapper())
     report = ReportFile(folder, real if truth else None, judge)
     record = {"camera": "memory", "mapped": ["chair"], **(record or {})}
-    run(Pictures(count, fails_at), pipeline, [RunFolder(folder, FLOOR, record), report])
+    run(Pictures(count, fails_at), pipeline, [RunFolder(folder, FLOOR, record), report], edits=edits)
     return report
 
 
@@ -132,8 +135,8 @@ def test_it_asks_for_nothing(bundle, tmp_path):
     drive(bundle, tmp_path / "r")
     text = (tmp_path / "r" / "report.html").read_text()
     addresses = Page(text).addresses()
-    assert len(addresses) == 2  # the chair's picture and the mount's
-    assert all(address.startswith("data:image/jpeg;base64,") for address in addresses)
+    kinds = sorted(address.partition(";base64,")[0] for address in addresses)
+    assert kinds == ["data:image/jpeg", "data:image/jpeg", "data:image/png"]  # the chair's, the mount's, and the floor
     for address in addresses:
         data = np.frombuffer(base64.b64decode(address.partition(",")[2]), np.uint8)
         assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
@@ -142,11 +145,57 @@ def test_it_asks_for_nothing(bundle, tmp_path):
     assert policies == ["default-src 'none'; img-src data:; style-src 'unsafe-inline'"]
 
 
+@pytest.mark.skipif(find_axe() is None, reason="needs axe-core")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_serious_fault(bundle, tmp_path, browser, scheme):
+    drive(bundle, tmp_path / "r")
+    tab = browser.open((tmp_path / "r" / "report.html").as_uri(), prefers_color_scheme=scheme)
+    tab.until("document.readyState === 'complete' && document.querySelector('h1')")
+    assert serious_faults(tab) == []
+    tab.close()
+
+
 def test_special_characters_are_text(bundle, tmp_path):
     drive(bundle, tmp_path / "r", record={"camera": NASTY, "bundle": {"name": NASTY, NASTY: [NASTY]}})
     text = (tmp_path / "r" / "report.html").read_text()
     assert "<script" not in text
     assert Page(text).text.count(NASTY) >= 4
+
+
+HOSTILE = [
+    "</script><script>window.hurt = 1</script>", "</style></title><svg onload=window.hurt=1>", "<!-- <b>",
+    "]]> <![CDATA[", "\"><img src=x onerror=window.hurt=1>", "'><iframe src=http://127.0.0.1:9/>", "&lt;script&gt;",
+    "a\u202eb\u0000\ud800",
+]  # fmt: skip
+
+
+def test_hostile_names_are_text_in_a_browser_even_without_the_policy(bundle, tmp_path, browser):
+    """Names of the camera, of objects, zones and truth, and a fault's text; escaping alone must hold."""
+    plain = [text for text in HOSTILE if text.isprintable()]
+    rows = [EvaluationRow("missed", text, None, (1.0, 2.0)) for text in HOSTILE]
+    corners = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    named = [(20, Edit("zone", name=text, corners_m=corners)) for text in plain] + [
+        (20, Edit("rename", "chair-1", name=plain[4]))
+    ]
+    record = {"camera": HOSTILE[0], "bundle": dict.fromkeys(HOSTILE, HOSTILE)}
+    report = drive(bundle, tmp_path / "r", record=record, judge=lambda *_: rows, edits=Edits(None, named))
+    assert report.failure == ""
+    text = (tmp_path / "r" / "report.html").read_text()
+    bare = tmp_path / "bare.html"
+    bare.write_text(re.sub(r"<meta http-equiv[^>]*>", "", text))
+    tab = browser.open(bare.as_uri())
+    tab.until("document.readyState === 'complete' && document.querySelector('h1')")
+    assert tab.value("[window.hurt ?? 0, document.scripts.length, document.querySelectorAll('iframe').length]") == [
+        0,
+        0,
+        0,
+    ]
+    shown = tab.value("document.documentElement.textContent")
+    assert [name for name in plain if name not in shown] == []
+    asked = {event["request"]["url"].partition(":")[0] for event in tab.said("Network.requestWillBeSent")}
+    assert asked <= {"file", "data"}
+    assert tab.said("Runtime.exceptionThrown", "Page.javascriptDialogOpening") == []
+    tab.close()
 
 
 def test_after_a_fault_it_is_there_with_the_fault(bundle, tmp_path):

@@ -26,23 +26,23 @@ from support.results import CHAIR, COVARIANCE, OFF, POSES, results
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.intrinsics import Intrinsics
-from edgemap.geometry.objects.map_object import radius_m
+from edgemap.geometry.map_object import radius_m
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frame import Frame
+from edgemap.runtime.frames.frame import Frame
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
-from edgemap.runtime.cameras import open_camera
-from edgemap.runtime.cameras.protocol import SensorTopics, next_frame
-from edgemap.runtime.errors import CameraError
-from edgemap.runtime.odometry.recorded import RecordedOdometry
-from edgemap.runtime.recordings.facts import Facts
-from edgemap.runtime.recordings.recorder import Recorder
-from edgemap.runtime.ros2.camera import Ros2Camera
-from edgemap.runtime.ros2.depth import DepthTopic
-from edgemap.runtime.ros2.discovery import Discovery
-from edgemap.runtime.ros2.node import Node, Reliability, node_for
-from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
-from edgemap.runtime.ros2.sources import Ros2SensorsCamera, WheelTopic
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.inputs.cameras.protocol import SensorTopics, next_frame
+from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.inputs.recordings.facts import Facts
+from edgemap.runtime.inputs.ros2.camera import Ros2Camera
+from edgemap.runtime.inputs.ros2.depth import DepthTopic
+from edgemap.runtime.inputs.ros2.discovery import Discovery
+from edgemap.runtime.inputs.ros2.node import Node, Reliability, node_for
+from edgemap.runtime.inputs.ros2.sources import Ros2SensorsCamera, WheelTopic
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
+from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
+from edgemap.runtime.outputs.recording.recorder import Recorder
 
 SOURCE = Path(__file__).with_name("fastdds_peer.cpp")
 DOMAIN = 1 + os.getpid() % 100  # runs beside this one have their own
@@ -238,7 +238,7 @@ def tick(message) -> int:
 def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypatch):
     """Padded rows, lens from CameraInfo, mount and the IMU's axes from tf, wheels between their stamps."""
     for wait in ("camera.PUBLISHER_S", "camera.PICTURE_S", "sources.FIRST_S"):  # whatever else the machine does
-        monkeypatch.setattr(f"edgemap.runtime.ros2.{wait}", 30.0)
+        monkeypatch.setattr(f"edgemap.runtime.inputs.ros2.{wait}", 30.0)
     wanted = (
         "rt/front/image_raw,Image,reliable,1000",
         "rt/front/camera_info,CameraInfo,reliable,1000",
@@ -280,7 +280,7 @@ def test_a_camera_with_wheels_and_imu_comes_from_topics(program, node, monkeypat
 def frames_with_depth(program, node, monkeypatch, depth, asked=None, count=3, most=100):
     """Frames of a camera beside whose pictures these topics are published, until so many have brought depth."""
     for wait, limit_s in (("camera.PUBLISHER_S", 30.0), ("camera.PICTURE_S", 30.0), ("depth.WAIT_S", 0.3)):
-        monkeypatch.setattr(f"edgemap.runtime.ros2.{wait}", limit_s)
+        monkeypatch.setattr(f"edgemap.runtime.inputs.ros2.{wait}", limit_s)
     wanted = ("rt/front/image_raw,Image,reliable,1000", "rt/front/camera_info,CameraInfo,reliable,1000", *depth)
     topic, frames = DepthTopic(node, asked), []
     with Peer(program, "publish", *wanted), Ros2Camera(node, "/front/image_raw", depth=topic) as camera:
@@ -327,6 +327,6 @@ def test_pictures_come_without_depth_that_is_missing_or_none(program, node, monk
 
 
 def test_a_topic_that_nobody_publishes_is_one_line(node, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.ros2.camera.PUBLISHER_S", 0.1)
+    monkeypatch.setattr("edgemap.runtime.inputs.ros2.camera.PUBLISHER_S", 0.1)
     with pytest.raises(CameraError, match=r"nobody publishes /nothing/here within 0 s \(topics with pictures: "):
         Ros2Camera(node, "/nothing/here")

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.errors import OdometryError
-from edgemap.runtime.odometry.recorded import RecordedOdometry
-from edgemap.runtime.ros2.growing_track import AHEAD_S, GrowingTrack
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.growing_track import AHEAD_S, GrowingTrack
+from edgemap.runtime.motion.odometry.recorded import RecordedOdometry
 
 
 def track(*rows: tuple[float, float]) -> GrowingTrack:

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from edgemap.runtime.messages.definitions import DAMAGE, decoder, encoder
+from edgemap.runtime.frames.messages.definitions import DAMAGE, decoder, encoder
 
 HEADER = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "lens"}
 MESSAGES = {

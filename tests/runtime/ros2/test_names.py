@@ -6,12 +6,12 @@ import pytest
 
 from edgemap.cli.errors import OptionError
 from edgemap.cli.ros2 import frame_names
-from edgemap.runtime.errors import Ros2Error
-from edgemap.runtime.messages.definitions import definition
-from edgemap.runtime.messages.topics import KINDS
-from edgemap.runtime.ros2.discovery import Discovery, discovery_from
-from edgemap.runtime.ros2.growing_track import ros_offset_s
-from edgemap.runtime.ros2.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
+from edgemap.runtime.frames.errors import Ros2Error
+from edgemap.runtime.frames.messages.definitions import definition
+from edgemap.runtime.frames.messages.stamps import ros_offset_s
+from edgemap.runtime.frames.messages.topics import KINDS
+from edgemap.runtime.inputs.ros2.discovery import Discovery, discovery_from
+from edgemap.runtime.inputs.ros2.types import HASHES, dds_topic, dds_type, in_namespace, ros_kind
 
 
 def test_topics_and_types_are_mangled_as_ros_2_does():

@@ -8,18 +8,20 @@ import time
 from typing import Any
 
 import pytest
+from support.boxed_room import walls
 from support.recordings import LENS, MOUNT, noise
 from support.results import CHAIR, POSES, results
+from support.steps import Steps
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.se2 import SE2
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed (extra 'ros2')")
-from edgemap.runtime.messages import build
-from edgemap.runtime.messages.build import FrameIds
-from edgemap.runtime.ros2.discovery import Discovery
-from edgemap.runtime.ros2.node import Node, Reliability, node_for
-from edgemap.runtime.ros2.sink import Ros2Options, Ros2Sink
+from edgemap.runtime.frames.messages.frame_ids import FrameIds
+from edgemap.runtime.inputs.ros2.discovery import Discovery
+from edgemap.runtime.inputs.ros2.node import Node, Reliability, node_for
+from edgemap.runtime.outputs.messages import build
+from edgemap.runtime.outputs.publishers.ros2 import Ros2Options, Ros2Sink
 
 DOMAIN = 1 + os.getpid() % 100
 TF = ("/tf", "tf2_msgs/msg/TFMessage")
@@ -53,8 +55,10 @@ def test_what_nobody_reads_is_not_built(node, monkeypatch):
     built: list[str] = []
     monkeypatch.setattr(build, "detections_2d", lambda *_: built.append("boxes"))
     monkeypatch.setattr(build, "step_odometry", lambda *_: built.append("odometry"))
-    monkeypatch.setattr("edgemap.runtime.messages.stream.encoded", lambda *_: built.append("picture"))
-    monkeypatch.setattr("edgemap.runtime.messages.stream.markers", lambda *_: built.append("map") or {"markers": []})
+    monkeypatch.setattr("edgemap.runtime.outputs.messages.stream.encoded", lambda *_: built.append("picture"))
+    monkeypatch.setattr(
+        "edgemap.runtime.outputs.messages.stream.markers", lambda *_: built.append("map") or {"markers": []}
+    )
     sink = sink_of(node, "nobody", pictures=True)
     for result in results(noise(12), POSES):
         sink.write(result, [CHAIR])
@@ -78,6 +82,21 @@ def test_namespace_and_frames_are_options(node):
     sink.close()
 
 
+def test_the_floor_is_map_of_the_usual_namespace_and_of_its_own_in_another_one(node):
+    """A planner that starts late gets the grid that was there before it; the scan is for those who listen."""
+    for namespace, topic in (("edgemap", "/map"), ("robot7", "/robot7/map")):
+        sink = sink_of(node, namespace)
+        scans = node.subscription(f"/{namespace}/floor_scan", "sensor_msgs/msg/LaserScan")
+        Steps(boxes=[*walls(-1.0, -2.0, 4.0, 2.0), (2.0, -0.5, 2.5, 0.5, 0.8)]).into(sink, 22)
+        late = node.subscription(topic, "nav_msgs/msg/OccupancyGrid", Reliability.LATCHED)
+        grid = taken(late, 1)[0]
+        assert {0, 100, -1} <= set(grid.data)
+        assert len(grid.data) == grid.info.width * grid.info.height
+        assert scans.wait(60.0)
+        assert next(scans.take()).header.frame_id == "base_link"
+        sink.close()
+
+
 def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent(node):
     """map -> odom (ours) times odom -> base_link (the robot's, between its own stamps) is our pose in the map."""
     sink, reader, robot = sink_of(node, odom_tf=False), node.subscription(*TF), node.publisher(*TF)
@@ -95,3 +114,44 @@ def test_beside_a_robot_that_publishes_its_own_odometry_only_map_to_odom_is_sent
     ours = SE2(at.x, at.y, 2.0 * math.atan2(q.z, q.w))
     pose = ours @ SE2(7.0 + 0.3 * (frames[1].stamp_s - frames[0].stamp_s) / 0.02, 0.0, 0.5)
     assert pose.vector() == pytest.approx(POSES[1].vector(), abs=1e-6)
+
+
+def test_a_pose_of_rviz_is_an_edit(node):
+    """2D Pose Estimate: x 1 m, y 2 m, a quarter turn, sigma 0.5 m and 15 degrees; in another frame it is none."""
+    got: list = []
+    sink = Ros2Sink(node, FloorCamera(LENS, MOUNT), Ros2Options("rviz"), ros_time=True, edit=got.append)
+    rviz = node.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    covariance = [0.0] * 36
+    covariance[0] = covariance[7] = 0.25
+    covariance[35] = math.radians(15.0) ** 2
+    half = math.sqrt(0.5)
+    pose = {"position": {"x": 1.0, "y": 2.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": half, "w": half}}
+    (result, *_), objects = list(results(noise(1), POSES[:1])), [CHAIR]
+    until_s = time.monotonic() + 60.0
+    for frame in ("odom", "map"):
+        message = {"header": {"frame_id": frame}, "pose": {"pose": pose, "covariance": covariance}}
+        while (frame == "odom" and not rviz.wanted) or (frame == "map" and not got):
+            assert time.monotonic() < until_s
+            rviz.write(message)
+            sink.write(result, objects)
+            time.sleep(0.01)
+    (edit, *_) = got
+    assert edit.do == "pose"
+    assert edit.pose == pytest.approx((1.0, 2.0, math.pi / 2))
+    assert edit.sigmas == pytest.approx((0.5, 0.5, math.radians(15.0)))
+    sink.close()
+
+
+def test_a_goal_is_published_with_the_next_step(node):
+    reader = node.subscription("/goal_pose", "geometry_msgs/msg/PoseStamped", Reliability.RELIABLE)
+    sink = sink_of(node, "goes")
+    until_s = time.monotonic() + 60.0
+    while not sink._goal.wanted and time.monotonic() < until_s:
+        time.sleep(0.01)
+    sink.send_goal(SE2(1.0, -2.0, math.pi / 2))
+    (result,) = results(noise(1), POSES[:1])
+    sink.write(result, [CHAIR])
+    (goal,) = taken(reader, 1)
+    assert (goal.header.frame_id, goal.pose.position.x, goal.pose.position.y) == ("map", 1.0, -2.0)
+    assert goal.pose.orientation.z == pytest.approx(math.sqrt(0.5))
+    sink.close()

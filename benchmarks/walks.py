@@ -1,0 +1,162 @@
+"""`python -m edgemap.benchmarks.walks c2w:DIR...`: carried cameras, each several times, as a single run is chance.
+
+Every drive is followed and mapped once for each number of corners, so that runs differ as chance has it. Drift is over
+segments that start at every frame, as such drives are short. Figures are means over the runs and the worst one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import degrees
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import tyro
+
+from edgemap.evaluation.attitude import attitude_figures
+from edgemap.evaluation.objects import score_map
+from edgemap.evaluation.trajectory import integrated, motion_errors, path_m, segment_errors, window_errors
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from edgemap.runtime.inputs.drives import Drive
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.step.config import Config
+
+LENGTHS_M = (1.0, 2.0, 5.0)
+WINDOWS_S = (1.0, 5.0)
+LOST = "blind"  # as of `Motion.members`
+FIGURES = ("t_rel_1", "t_rel_2", "t_rel_5", "r_rel_5", "scale", "lost", "tilt", "tilt_max", "nees_1", "nees_5", "f1")
+
+
+@dataclass(frozen=True)
+class WalksOptions:
+    """data: drives with true poses and a mount. corners: of planar odometry, one run for each number, with depth in
+    proportion. depth: use the drive's depth pictures. frames: the first ones, all by default."""
+
+    data: tyro.conf.Positional[tuple[str, ...]]
+    corners: tuple[int, ...] = (144, 152, 160, 168, 176)
+    depth: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    odometry: str = "hybrid"
+    bundle: str = "edgemap-pico"
+    frames: int | None = None
+    without_wheels: bool = False
+    without_imu: bool = False
+    json: bool = False
+
+
+def main(options: WalksOptions) -> None:
+    """Follow, map, score, and print a line of means and one of worst figures for each drive."""
+    from edgemap.runtime.inputs.drives import open_drive
+    from edgemap.runtime.network.bundle import load_bundle
+    from edgemap.runtime.network.store import bundle_folder
+
+    bundle = load_bundle(bundle_folder(options.bundle))
+    document: dict[str, Any] = {}
+    for spec in options.data:
+        drive = open_drive(spec)
+        drive = drive if options.depth else replace(drive, depth=())
+        trees = [with_corners(count) for count in options.corners]
+        rows = [walk(drive, bundle, config, options) for config in trees]
+        document[spec] = {"runs": rows, **summary(rows)}
+        if not options.json:
+            print("\n".join(table(spec, document[spec])), flush=True)
+    if options.json:
+        print(json.dumps(document, indent=1))
+
+
+def with_corners(count: int) -> Config:
+    """The tree with so many corners of planar odometry, and as many more or fewer of pictures with depth."""
+    from edgemap.runtime.step.config import Config
+
+    tree = Config()
+    planar, depth = tree.odometry.planar, tree.odometry.depth
+    planar, depth = replace(planar, corners=count), replace(depth, corners=depth.corners * count // planar.corners)
+    return replace(tree, odometry=replace(tree.odometry, planar=planar, depth=depth))
+
+
+def walk(drive: Drive, bundle: Bundle, config: Config, options: WalksOptions) -> dict[str, float | None]:
+    """The figures of one run over one drive."""
+    from edgemap.benchmarks.map_variants import Replay, Variant, observed_by, true_objects
+
+    if drive.truth is None or drive.mount is None:
+        raise SystemExit(f"{drive.folder}: no true poses, or no mount")
+    variant = Variant(options.odometry, not options.without_wheels)
+    replay = Replay(drive, bundle, options.frames, config=config, imu=not options.without_imu)
+    mapper = variant.mapper(config)
+    stamps, steps, covariances, tilts, lost = list[float](), list[SE2](), [], list[Attitude | None](), 0
+    for seen in observed_by(replay, {"own": variant}):
+        mapper.step(seen["own"])
+        motion = seen["own"].motion
+        stamps.append(seen["own"].stamp_s)
+        steps.append(motion.motion)
+        covariances.append(motion.covariance)
+        tilts.append(seen["own"].camera.attitude if seen["own"].camera else None)
+        lost += bool(steps[1:]) and motion.members.get("planar", LOST if motion.blind or motion.fault else "") == LOST
+    level = None
+    if drive.attitudes is not None:
+        level = [drive.attitudes.at(stamp_s, drive.mount.height_m) for stamp_s in stamps]
+    errors = walk_errors(drive.truth, stamps, steps[1:], np.array(covariances[1:]))
+    tilt = attitude_figures(tilts, level)
+    known = tilt["pitch_rms_deg"] is not None
+    truth = true_objects(drive, options.frames)
+    return errors | {
+        "lost": lost,
+        "tilt": float(np.hypot(tilt["pitch_rms_deg"], tilt["roll_rms_deg"])) if known else None,
+        "tilt_max": tilt["max_deg"],
+        "f1": score_map(mapper.objects(), truth)["f1"] if truth else None,
+    }
+
+
+def walk_errors(
+    truth: Trajectory, stamps_s: Sequence[float], steps: Sequence[SE2], covariances: np.ndarray
+) -> dict[str, float | None]:
+    """Of the motions between N stamps: drift in percent over each length, degrees per metre over the longest, length of
+    the path against the true one, and NEES over windows of time."""
+    true, found = [truth.at(stamp_s) for stamp_s in stamps_s], integrated(steps)
+    segments = {length: segment_errors(true, found, length, step=1) / length for length in LENGTHS_M}
+    figures = {f"t_rel_{length:g}": _mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
+    figures[f"r_rel_{LENGTHS_M[-1]:g}"] = _mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
+    figures["scale"] = float(path_m(found)[-1] / max(path_m(true)[-1], 1e-9))
+    windows = window_errors(true, found, covariances, np.array(stamps_s), WINDOWS_S)
+    figures |= {f"nees_{length:g}": _mean(errors) for length, errors in windows.items()}
+    last = motion_errors([true[0].inverse() @ true[-1]], [found[-1]])[0]
+    return figures | {"end_m": float(np.hypot(last[0], last[1])), "end_deg": abs(degrees(last[2]))}
+
+
+def summary(rows: Sequence[dict[str, float | None]]) -> dict[str, dict[str, float | None]]:
+    """Means over runs, and the worst of each figure: the lowest F1, the scale farthest from 1, else the largest."""
+    known = {key: [row[key] for row in rows if row[key] is not None] for key in FIGURES}
+    values = {key: np.array(found, dtype=float) for key, found in known.items()}
+    means = {key: _mean(found) for key, found in values.items()}
+    worst = {key: _worst(key, found) for key, found in values.items()}
+    return {"mean": means, "worst": worst}
+
+
+def table(name: str, found: dict[str, Any]) -> list[str]:
+    """A heading and two lines."""
+    lines = [f"{name}, {len(found['runs'])} runs", " ".join(f"{key:>8}" for key in ("", *FIGURES))]
+    for kind in ("mean", "worst"):
+        cells = [f"{value:>8.2f}" if value is not None else f"{'–':>8}" for value in found[kind].values()]
+        lines.append(" ".join([f"{kind:>8}", *cells]))
+    return lines
+
+
+def _worst(key: str, values: np.ndarray) -> float | None:
+    if not len(values):
+        return None
+    if key == "scale":
+        return float(values[np.abs(np.log(values)).argmax()])
+    return float(values.min() if key == "f1" else values.max())
+
+
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if len(values) else None
+
+
+if __name__ == "__main__":
+    main(tyro.cli(WalksOptions, description=__doc__))

@@ -1,0 +1,85 @@
+"""`--config FILE --config-options`: the options of a file as flags of `edgemap run`, each printed, and only then."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import is_dataclass
+from typing import Any, get_type_hints
+
+from edgemap.cli.errors import OptionError
+
+OWN = ("config", "config-options")
+
+
+def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
+    """An argument list with the options of its `--config FILE` put before what was typed, which wins.
+
+    Without `--config-options` a file sets tuned numbers alone, and its options are named as not used. command: whose
+    flags they are. Raises OptionError for an option that the command does not have, ConfigError for the file.
+    """
+    path = _value_of("--config", argv)
+    if path is None:
+        return argv
+    from edgemap.runtime.frames.reading import print_message, user_path
+    from edgemap.runtime.step.config import load_config
+
+    options = load_config(user_path(path))[1]
+    if "--config-options" not in argv:
+        if options:
+            named = ", ".join(str(name) for name in options)
+            print_message(f"{path}: tuning only; its options ({named}) are used with --config-options")
+        return argv
+    known = flags_of(command)
+    words: list[str] = []
+    for name, value in options.items():
+        flag = str(name).replace("_", "-")
+        if flag not in known or flag in OWN:
+            raise OptionError(f"{path}: options: {name} is not an option of edgemap run")
+        default, spellings = known[flag]
+        if spellings & {word.partition("=")[0] for word in argv}:
+            continue
+        added = _words(flag, value, default, f"{path}: options: {name}")
+        if added:
+            print_message(f"{path} sets {' '.join(added)}")
+        words += added
+    return [*words, *argv]
+
+
+def flags_of(command: Callable[..., Any]) -> dict[str, tuple[Any, set[str]]]:
+    """A command's flags without dashes, those in groups of options too: the default, and all ways to type it."""
+    hints = get_type_hints(command, include_extras=True)
+    found: dict[str, tuple[Any, set[str]]] = {}
+    for parameter, described in inspect.signature(command).parameters.items():
+        hint = hints[parameter]
+        group = getattr(hint, "__origin__", hint)
+        if is_dataclass(group):
+            found |= flags_of(group)  # type: ignore[arg-type]
+            continue
+        marks = getattr(hint, "__metadata__", ())
+        flag = next((name for one in marks if (name := getattr(one, "name", None))), parameter.replace("_", "-"))
+        aliases = {alias for one in marks for alias in getattr(one, "aliases", None) or ()}
+        found[flag] = (described.default, {f"--{flag}", f"--no-{flag}", *aliases})
+    return found
+
+
+def _words(flag: str, value: Any, default: Any, where: str) -> list[str]:
+    """One option as typed: a switch that stands as it does anyway needs no word."""
+    if value is None:
+        return []
+    if isinstance(default, bool) != isinstance(value, bool):
+        raise OptionError(f"{where} is {value!r}, not {'true or false' if isinstance(default, bool) else 'a value'}")
+    if isinstance(value, bool):
+        return [] if value is default else [f"--{flag}" if value else f"--no-{flag}"]
+    if not isinstance(value, str | int | float) or not str(value).isprintable():
+        raise OptionError(f"{where} is not one printable value")
+    return [f"--{flag}", str(value)]
+
+
+def _value_of(option: str, argv: list[str]) -> str | None:
+    for at, word in enumerate(argv):
+        if word.startswith(f"{option}="):
+            return word.partition("=")[2]
+        if word == option:
+            return argv[at + 1] if at + 1 < len(argv) else None
+    return None

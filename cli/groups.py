@@ -1,0 +1,113 @@
+"""Groups of options that several commands share: each is a dataclass, a box of its own in `--help`, and knows what to
+open. No heavy imports here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import (
+    BundleName,
+    CameraFile,
+    CameraSpec,
+    EngineName,
+    IntrinsicsText,
+    MountText,
+    OdometrySpec,
+    PrecisionName,
+    Threads,
+    WithoutImu,
+    WithoutWheels,
+    check_odometry,
+    find_bundle,
+    lens_and_mount,
+    open_described,
+    read_mount,
+    read_numbers_of_lens,
+)
+
+if TYPE_CHECKING:
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.frames.decisions import Decisions
+    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
+    from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.network.compute import Pace
+
+
+@dataclass(frozen=True)
+class Optics:
+    """How the camera sits and sees: `run`, `bench`, `detect`."""
+
+    mount: MountText = None
+    intrinsics: IntrinsicsText = None
+    camera_file: CameraFile = None
+
+    def check(self) -> None:
+        """Read the texts, before anything is opened. Raises OptionError."""
+        read_mount(self.mount)
+        read_numbers_of_lens(self.intrinsics)
+
+    def floor_camera(self, source: Camera) -> FloorCamera:
+        """Intrinsics and mount: flags before the camera file, that before the source's own. Raises OptionError."""
+        from edgemap.geometry.camera.floor import FloorCamera
+        from edgemap.geometry.errors import GeometryError
+
+        lens, mount = lens_and_mount(source, self.intrinsics, self.mount)
+        try:
+            return FloorCamera(lens, mount)
+        except GeometryError as error:
+            if self.mount is None:
+                raise
+            raise OptionError(f"--mount {self.mount!r}: {error}") from None
+
+
+@dataclass(frozen=True)
+class _Spec:
+    camera: CameraSpec = "demo"
+
+
+@dataclass(frozen=True)
+class Source(Optics, _Spec):
+    """Where frames come from: `run`, `bench`."""
+
+    def open(
+        self,
+        realtime: bool = False,
+        frames: int | None = None,
+        recovery: RecoveryRule | None = None,
+        topics: SensorTopics | None = None,
+        depth: bool = True,
+    ) -> Camera:
+        """The camera, described by the camera file where there is one; see `open_described`."""
+        return open_described(self.camera, self.camera_file, realtime, frames, recovery, topics, depth)
+
+
+@dataclass(frozen=True)
+class Network:
+    """The network and what runs it: `run`, `bench`, `detect`, `eval`."""
+
+    bundle: BundleName = None
+    threads: Threads = None
+    precision: PrecisionName = "default"
+    engine: EngineName = "default"
+
+    def load(self, *specs: str, pace: Pace = "files", recorded: Decisions | None = None) -> Bundle:
+        """The bundle for these sources; see `find_bundle`."""
+        return find_bundle(
+            self.bundle, self.threads, self.precision, *specs, pace=pace, engine=self.engine, recorded=recorded
+        )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What gives the robot's motion: `run`, `eval map`."""
+
+    odometry: OdometrySpec = "hybrid"
+    without_wheels: WithoutWheels = False
+    without_imu: WithoutImu = False
+
+    def check(self) -> None:
+        """Read the SPEC, before anything is opened. Raises OptionError."""
+        check_odometry(self.odometry)

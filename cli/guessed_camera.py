@@ -1,0 +1,117 @@
+"""`edgemap run` with a camera that nobody has measured: lens and mount are guessed from its first pictures."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from edgemap.cli.groups import Source
+    from edgemap.geometry.camera.attitude import MountSeen
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.frames.frame import Frame
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.step.calibration.guess import CameraGuess, Focal
+
+PICTURES, REACH = 40, 400  # pictures that are looked at, of so many first ones of a file
+LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
+
+
+def floor_camera_of(camera: Source, source: Camera, bundle: Bundle) -> tuple[FloorCamera, CameraGuess | None]:
+    """Lens and mount as given, or guessed where either is not known; a guess is printed with its uncertainty.
+
+    Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
+    """
+    from edgemap.cli.options import read_intrinsics, read_mount
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.network.decode import Decoder, Detector
+    from edgemap.runtime.step.calibration.guess import guess_camera
+
+    lens = read_intrinsics(camera.intrinsics, *source.size) or source.intrinsics
+    mount = read_mount(camera.mount, source.mount)
+    if lens is not None and mount is not None:
+        return camera.floor_camera(source), None
+    manifest = bundle.manifest
+    detector = Detector(bundle, Decoder(manifest.detector, manifest.confidence, one_name=True))
+    pictures = [frame.image for frame in _looked_at(camera, source)]
+    guess = guess_camera(pictures, detector, lens, mount, _stated(camera.camera, source))
+    lacking = " and ".join(name for name, known in (("lens", lens), ("mount", mount)) if known is None)
+    print(f"{source.name} does not say its {lacking}: guessed from {len(pictures)} pictures")
+    print("\n".join(f"  {line}" for line in guess.lines()))
+    print("  positions err with it: edgemap calibrate measures both, --intrinsics and --mount give them", flush=True)
+    return FloorCamera(guess.lens, guess.mount), guess
+
+
+class CameraKeeper:
+    """A run's camera.yaml: what a person sets on the live page, else a guess with the angles by the drive."""
+
+    def __init__(self, folder: Path, floor: FloorCamera, guess: CameraGuess | None) -> None:
+        self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
+
+    def set_mount(self, height_m: float, pitch_deg: float) -> Path:
+        """Keep a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""
+        from dataclasses import replace
+
+        from edgemap.geometry.camera.floor import FloorCamera
+
+        mount = replace(self._floor.mount, height_m=height_m, pitch_rad=math.radians(pitch_deg))
+        self._floor = FloorCamera(self._floor.intrinsics, mount)
+        self._write(self._guess.record() | {"mount": "by hand"} if self._guess else {"method": "by hand"})
+        self._by_hand = True
+        return self._path
+
+    def at_end(self, observed: MountSeen | None) -> str | None:
+        """Keep a guess, unless a person has set the mount; the line to print."""
+        from dataclasses import replace
+
+        from edgemap.geometry.camera.floor import FloorCamera
+
+        if self._guess is not None and not self._by_hand:
+            mount = self._floor.mount
+            if observed is not None:
+                mount = replace(mount, pitch_rad=observed.mount.pitch_rad, roll_rad=observed.mount.roll_rad)
+            self._floor = FloorCamera(self._floor.intrinsics, mount)
+            self._write(self._guess.record())
+        elif not self._by_hand:
+            return None
+        return f"lens and mount as known by now: {self._path}  (the next run: --camera-file {self._path})"
+
+    def _write(self, calibration: dict[str, object]) -> None:
+        from edgemap.runtime.inputs.drives.camera_yaml import write_camera_yaml
+
+        write_camera_yaml(self._path, self._floor.intrinsics, self._floor.mount, calibration=calibration)
+
+
+def _looked_at(camera: Source, source: Camera) -> Iterator[Frame]:
+    """Pictures spread over a live camera's first seconds, or over the first part of a file, which is opened again."""
+    import time
+
+    from edgemap.runtime.step.calibration.board import frames_of
+
+    if source.live:
+        until_s, next_s = time.monotonic() + LIVE_S, -math.inf
+        for frame in frames_of(source, None, lambda: time.monotonic() > until_s):
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + LIVE_EVERY_S
+                yield frame
+        return
+    with camera.open() as again:
+        count = min(again.frame_count or REACH, REACH)
+        every = max(1, math.ceil(count / PICTURES))
+        for frame in frames_of(again, count):
+            if frame.index % every == 0:
+                yield frame
+
+
+def _stated(spec: str, source: Camera) -> Focal | None:
+    """The focal length that the source's own file states."""
+    from edgemap.runtime.frames.reading import user_path
+    from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
+    from edgemap.runtime.step.calibration.guess import Focal
+
+    found = None if source.live else stated_focal_px(user_path(spec), *source.size)
+    return found and Focal(found[0], 0.05, found[1])

@@ -1,0 +1,109 @@
+"""`edgemap map approach`: where a robot goes to reach an object of a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from edgemap.cli.arguments import arg
+from edgemap.cli.errors import OptionError
+from edgemap.cli.options import Json, numbers
+
+if TYPE_CHECKING:
+    from edgemap.geometry.map_object import MapObject
+    from edgemap.geometry.se2 import SE2
+
+
+def command(
+    map: Annotated[tyro.conf.Positional[Path], arg(metavar="MAP", help="A map.json, a run folder or a map's name.")],
+    object: Annotated[
+        tyro.conf.Positional[str | None], arg(metavar="ID", help="The object, by its id or its name.")
+    ] = None,
+    *,
+    label: Annotated[str | None, arg(metavar="L", help="The nearest object of this class, instead of ID.")] = None,
+    near: Annotated[
+        str | None, arg(metavar="X,Y", help="Nearest to this point, metres; the origin by default. The robot is there.")
+    ] = None,
+    standoff: Annotated[float, arg(metavar="M", help="From the object's edge to the robot's, metres.")] = 0.4,
+    robot_radius: Annotated[float, arg(metavar="M", help="Of the circle that holds the robot, metres.")] = 0.25,
+    ros2: Annotated[
+        bool, arg(help="Publish it on /goal_pose (geometry_msgs/PoseStamped), where Nav2 drives to it.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """A pose from which an object can be approached: before it, facing it, on free floor.
+
+    Free is what the map's grid shows as free, where it has one; other objects are kept clear of. Before the front,
+    where a person has set the way the object faces. Map frame: x forward, y left, metres; yaw counter-clockwise.
+    """
+    from json import dumps
+    from math import degrees
+
+    from edgemap.geometry.objects.approach import ApproachRule, approach
+    from edgemap.runtime.step.grid_file import load_grid
+    from edgemap.runtime.step.map_file import load_annotated_map, pose_record
+    from edgemap.runtime.step.map_store import find_map
+
+    for name, value in (("standoff", standoff), ("robot-radius", robot_radius)):
+        if not 0.0 < value <= 10.0:
+            raise OptionError(f"--{name} {value:g}: must be above 0 and at most 10 m")
+    path = find_map(map).path
+    (objects, _), grid = load_annotated_map(path), load_grid(path)
+    robot_m = numbers(near, "--near", "X,Y") if near else None
+    item = _chosen(objects, object, label, robot_m or [0.0, 0.0])
+    found = approach(item, objects, grid, robot_m, ApproachRule(standoff, robot_radius))
+    if ros2:
+        publish_goal(found.pose)
+    if json:
+        record = {"object": item.id, "frame": "map"} | pose_record(found.pose)
+        print(dumps(record | {"standoff_m": round(found.standoff_m, 3), "floor": found.floor}))
+        return
+    pose = found.pose
+    floor = {"free": "free floor", "unknown": "floor that nobody has seen: check the way"}[found.floor]
+    print(
+        f"{item.id}: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {degrees(pose.yaw_rad):.1f} deg; "
+        f"{found.standoff_m:.2f} m before it, {floor}" + ("; published on /goal_pose" if ros2 else "")
+    )
+
+
+def _chosen(objects: list[MapObject], wanted: str | None, label: str | None, near_m: list[float]) -> MapObject:
+    """The object that is meant. Raises OptionError."""
+    from edgemap.cli.options import known_names
+    from edgemap.geometry.objects.queries import nearest
+
+    if (wanted is None) == (label is None):
+        raise OptionError("give the object's ID, or --label L for the nearest of a class")
+    if wanted is not None:
+        found = [item for item in objects if wanted in (item.id, item.name)]
+        if not found:
+            names = [item.id for item in objects] + [item.name for item in objects if item.name]
+            raise OptionError(f"no object {wanted!r} on the map: {known_names([wanted], names, 'it has')}")
+        return found[0]
+    found = nearest(objects, near_m, label, 1)
+    if not found:
+        known = known_names([label or ""], [item.label for item in objects], "it has")
+        raise OptionError(f"--label {label}: no such object on the map; {known}")
+    return found[0][1]
+
+
+def publish_goal(pose: SE2) -> None:
+    """Publish a goal for whoever drives. Raises Ros2Error where nobody reads it within a while."""
+    import time
+
+    from edgemap.runtime.frames.errors import Ros2Error
+    from edgemap.runtime.frames.messages import topics
+    from edgemap.runtime.inputs.ros2.node import shared_node
+    from edgemap.runtime.outputs.messages.build import goal_pose
+
+    limit_s = 5.0
+    publisher = shared_node().publisher(topics.GOAL, topics.KINDS[topics.GOAL])
+    until_s = time.monotonic() + limit_s
+    while not publisher.wanted:
+        if time.monotonic() > until_s:
+            raise Ros2Error(f"ROS 2: nobody reads {topics.GOAL} (waited {limit_s:.0f} s): is Nav2 running?")
+        time.sleep(0.02)
+    time.sleep(0.2)  # the reader has matched us by now, too
+    publisher.write(goal_pose(pose, "map", time.time_ns()))
+    time.sleep(0.2)  # to be sent before this process ends

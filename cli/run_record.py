@@ -1,0 +1,74 @@
+"""What run.json says of a run before its first frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from edgemap.cli.run_options import RunOptions
+    from edgemap.geometry.camera.floor import FloorCamera
+    from edgemap.runtime.inputs.cameras.protocol import Camera
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.step.config import Config
+
+
+def run_record(
+    options: RunOptions,
+    source: Camera,
+    loaded: Bundle,
+    floor: FloorCamera,
+    confidence: float,
+    mapped: frozenset[str],
+    tuned: Config,
+) -> dict[str, Any]:
+    """Source, camera, bundle, options and the resolved configuration. confidence: minimum score of a box."""
+    import platform
+    from importlib.metadata import version
+
+    from edgemap import __version__
+    from edgemap.runtime.motion.odometry.learned import outside_envelope
+    from edgemap.runtime.step.config import config_document
+
+    camera_mount = floor.mount
+    record: dict[str, Any] = {
+        "format": "edgemap.run/1",
+        "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        "camera": source.name,
+        "intrinsics": asdict(floor.intrinsics),
+        "mount": {
+            "height_m": camera_mount.height_m,
+            "pitch_deg": round(math.degrees(camera_mount.pitch_rad), 6),
+            "roll_deg": round(math.degrees(camera_mount.roll_rad), 6),
+            "forward_m": camera_mount.forward_m,
+            "left_m": camera_mount.left_m,
+        },
+        "bundle": {"name": loaded.manifest.name, "folder": str(loaded.folder), "sha256": loaded.manifest.sha256},
+        "odometry": options.robot.odometry,
+        "clustering": options.map.clustering,
+        "confidence": confidence,
+        "mapped": sorted(mapped),
+        "threads": loaded.compute.threads,
+        "spinning": loaded.compute.spin,
+        "engine": loaded.compute.engine,
+        "precision": loaded.precision,
+        "versions": {"edgemap": __version__}
+        | {name: version(name) for name in ("onnxruntime", "numpy", "opencv-python-headless")},
+        "machine": {"system": platform.platform(), "python": platform.python_version()},
+        "trajectory": "as known at the end",
+        "envelope": outside_envelope(loaded.manifest, floor),
+    }
+    if options.map.saved:
+        record |= {"map": str(options.map.saved), "start": options.map.start}
+    record |= {"options": options.inputs() | _decided(options, loaded), "config": config_document(tuned)}
+    return record | {"cpu": options.advanced.cpu}
+
+
+def _decided(options: RunOptions, loaded: Bundle) -> dict[str, Any]:
+    """Engine and precision that a trial decided, where they were asked for or are not the usual ones."""
+    from edgemap.runtime.frames.decisions import Decisions
+
+    decided, usual = asdict(Decisions(loaded.engine, loaded.precision)), asdict(Decisions())
+    return {name: one for name, one in decided.items() if name in options.inputs() or one != usual[name]}

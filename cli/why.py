@@ -1,0 +1,59 @@
+"""`edgemap why RUN`: how far a run's map can be trusted, and what to do about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from edgemap.cli.arguments import arg
+from edgemap.cli.errors import OptionError
+from edgemap.cli.last_run import last_run
+from edgemap.cli.options import Json
+
+
+def command(
+    run: Annotated[
+        tyro.conf.Positional[Path | None],
+        arg(metavar="[RUN]", help="A run folder; the newest run in runs/ by default."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Explain a map: good, use with care or not reliable, the likely causes in order, and what to do about each.
+
+    Reads run.json and map.json of a run folder. The gravest cause comes first.
+    """
+    from edgemap.runtime.outputs.verdict.explain import explain, read_run
+    from edgemap.runtime.outputs.verdict.verdict import TITLES
+
+    folder = run or last_run()
+    if not folder.is_dir():
+        raise OptionError(f"{folder}: not a run folder")
+    verdict, steps = explain(*read_run(folder))
+    if json:
+        import json as json_module
+
+        document = {"run": str(folder), "verdict": verdict.document()}
+        causes = [
+            {
+                "cause": step.cause.title,
+                "counted": step.counted,
+                "evidence": list(step.evidence),
+                "do": step.cause.remedy,
+                "docs": step.cause.link,
+            }
+            for step in steps
+        ]
+        print(json_module.dumps(document | {"causes": causes}, indent=1))
+        return
+    print(f"{folder}: map: {TITLES[verdict.level]}")
+    if verdict.level == "good":
+        print("Nothing that was counted speaks against it.")
+    for number, step in enumerate(steps, 1):
+        if not step.counted and (number == 1 or steps[number - 2].counted):
+            print("\nOther faults of the run:")
+        print(f"\n{number}. {step.cause.title}")
+        for evidence in step.evidence:
+            print(f"   seen: {evidence}")
+        print(f"   do:   {step.cause.remedy}\n   more: {step.cause.link}")

@@ -1,0 +1,86 @@
+"""How well a floor mask agrees with true labels: overlap, and where the floor ends along each image column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.observations.floor_mask import FloorMask
+
+FLOOR, UNKNOWN = 1, 255  # of true labels; all else is no floor
+NEAR_M = 3.0  # contacts farther than this are not scored in metres
+
+
+@dataclass
+class FloorScore:
+    """Pooled over pictures. `add` each; `row` gives the figures."""
+
+    pictures: int = 0
+    _overlap: int = 0
+    _union: int = 0
+    _errors_px: list[NDArray[np.float64]] = field(default_factory=list)
+    _errors_m: list[NDArray[np.float64]] = field(default_factory=list)
+    _mounted: bool = False
+
+    def add(self, mask: FloorMask, truth: NDArray[np.uint8], camera: FloorCamera | None = None) -> None:
+        """One picture: the mask, the true labels (H, W) of all its pixels, and its camera where a mount is known."""
+        rows, columns = truth.shape
+        v, u = np.mgrid[0:rows, 0:columns]
+        found = mask.at(np.column_stack([u.ravel(), v.ravel()])).reshape(rows, columns) >= 0.5
+        true, known = truth == FLOOR, truth != UNKNOWN
+        self._overlap += int((found & true & known).sum())
+        self._union += int(((found | true) & known).sum())
+        self.pictures += 1
+        expected, columns_px = contacts(true, known)
+        seen = contact_rows(found)[columns_px]
+        self._errors_px.append(np.abs(seen - expected))
+        if camera is None:
+            return
+        self._mounted = True
+        at = camera.floor_points(np.column_stack([columns_px, expected]))
+        near = np.hypot(at[:, 0], at[:, 1]) <= NEAR_M  # NaN is not
+        other = camera.floor_points(np.column_stack([columns_px, seen])[near])
+        gap = np.hypot(*(other - at[near]).T)
+        self._errors_m.append(np.where(np.isfinite(gap), gap, np.inf))
+
+    def row(self) -> dict[str, float | int | None]:
+        """iou, pooled over pixels; boundary_px and contact_m, medians over columns where the truth has a contact; None
+        where nothing was to be scored, or no mount is known."""
+        return {
+            "iou": round(self._overlap / self._union, 4) if self._union else None,
+            "boundary_px": _median(self._errors_px),
+            "contact_m": _median(self._errors_m) if self._mounted else None,
+            "pictures": self.pictures,
+        }
+
+
+def contact_rows(floor: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Per column of a picture, the row of its lower edge of what stands on the floor: half a pixel above the topmost
+    pixel of the lowest run of floor. H - 1/2 where a column has no floor."""
+    rows = len(floor)
+    lowest = rows - 1 - floor[::-1].argmax(axis=0)  # of the lowest run
+    above = np.arange(rows)[:, None] < lowest
+    ends = ~floor & above
+    top = np.where(ends.any(axis=0), rows - 1 - ends[::-1].argmax(axis=0), -1)
+    return np.where(floor.any(axis=0), top + 0.5, rows - 0.5)
+
+
+def contacts(floor: NDArray[np.bool_], known: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Rows and columns of the contacts in true labels: where floor ends at something else that is known, not at the
+    picture's upper border."""
+    rows = contact_rows(floor)
+    columns = np.flatnonzero(floor.any(axis=0) & (rows > 0.0))
+    beyond = np.floor(rows[columns]).astype(np.intp)
+    fine = known[beyond, columns]
+    return rows[columns][fine], columns[fine]
+
+
+def _median(parts: list[NDArray[np.float64]]) -> float | None:
+    values = np.concatenate(parts) if parts else np.zeros(0)
+    if not len(values):
+        return None
+    middle = float(np.median(values))
+    return round(middle, 4) if np.isfinite(middle) else None

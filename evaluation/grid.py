@@ -1,0 +1,100 @@
+"""How true an occupancy grid is: free and occupied cells, and walls, against a floor plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.rule import GridRule
+
+NEAR_M = 0.10  # two cells: what a map may be off and still keep a robot from a wall
+SEEN_M = 0.25  # an edge this close to floor that the grid has as free was in view
+OVERHEAD_M, FLAT_M = 0.3, 0.02  # what hangs higher is over the floor, what is flatter is part of it
+OUTSIDE, FLOOR, WALL, FURNITURE = range(4)
+MARGIN_M = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueFloor:
+    """Polygons of the floor plan, each (K, 2), in the map's frame, metres: rooms and doorways together are floor, but
+    where a wall or a footprint is."""
+
+    floor: Sequence[Array]
+    walls: Sequence[Array]
+    footprints: Sequence[Array]
+
+
+def score_grid(grid: OccupancyGrid | None, truth: TrueFloor) -> dict[str, Any]:
+    """`free`: precision (cells that are floor without furniture), precision_10cm (within 10 cm of such), recall (of all
+    such floor). `occupied`: precision_10cm (within 10 cm of a wall or furniture). `walls`: recall, of the wall's edge
+    within 25 cm of floor that the grid has as free, how much has an occupied cell within 10 cm. None where nothing
+    is to be judged. No alignment; a footprint is furniture's bounding rectangle, so the floor under a table is none.
+    Of a grid that is None nothing is known.
+    """
+    grid = grid or OccupancyGrid(np.zeros((1, 1), np.int8), 0.0, 0.0, GridRule().cell_m)
+    cells, kinds = _on_one_lattice(grid, truth)
+    cell_m = grid.cell_m
+    free, occupied, floor, wall = cells == FREE, cells == OCCUPIED, kinds == FLOOR, kinds == WALL
+    solid = wall | (kinds == FURNITURE)
+    to_floor, to_solid, to_occupied, to_free = (_away_m(mask, cell_m) for mask in (floor, solid, occupied, free))
+    edge = wall & (to_floor <= 1.5 * cell_m) & (to_free <= SEEN_M)
+    return {
+        "free": {
+            "precision": _share(floor, free),
+            "precision_10cm": _share(to_floor <= NEAR_M + 1e-9, free),
+            "recall": _share(free, floor),
+        },
+        "occupied": {"precision_10cm": _share(to_solid <= NEAR_M + 1e-9, occupied)},
+        "walls": {"recall": _share(to_occupied <= NEAR_M + 1e-9, edge)},
+    }
+
+
+def _on_one_lattice(grid: OccupancyGrid, truth: TrueFloor) -> tuple[NDArray[np.int8], NDArray[np.uint8]]:
+    """The grid's cells and the true kinds of the same cells, wide enough for both."""
+    cell_m, origin = grid.cell_m, np.array([grid.x_m, grid.y_m])
+    points = np.concatenate([*truth.floor, *truth.walls])
+    first = np.minimum(np.floor((points.min(axis=0) - MARGIN_M - origin) / cell_m).astype(int), 0)
+    size = np.array(grid.cells.shape[::-1])
+    last = np.maximum(np.ceil((points.max(axis=0) + MARGIN_M - origin) / cell_m).astype(int), size)
+    columns, rows = (last - first).tolist()
+    cells = np.full((rows, columns), -1, np.int8)
+    cells[-first[1] : size[1] - first[1], -first[0] : size[0] - first[0]] = grid.cells
+    x = origin[0] + (first[0] + np.arange(columns) + 0.5) * cell_m
+    y = origin[1] + (first[1] + np.arange(rows) + 0.5) * cell_m
+    kinds = np.full((rows, columns), OUTSIDE, np.uint8)
+    for kind, polygons in ((FLOOR, truth.floor), (FURNITURE, truth.footprints), (WALL, truth.walls)):
+        for polygon in polygons:
+            inside = _inside(polygon, x, y)
+            kinds[inside & ((kinds == FLOOR) | (kind != FURNITURE))] = kind
+    return cells, kinds
+
+
+def _inside(polygon: Array, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Which cells, by the middles of columns and rows, lie in a polygon (K, 2): even-odd rule."""
+    inside = np.zeros((len(y), len(x)), np.bool_)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y0 != y1:
+            crosses = (y0 > y) != (y1 > y)
+            at = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+            inside ^= crosses[:, None] & (x[None, :] < at[:, None])
+    return inside
+
+
+def _away_m(mask: NDArray[np.bool_], cell_m: float) -> Array:
+    """Distance of every cell to the nearest of a mask, metres; infinite where there is none."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf)
+    return np.asarray(distance_transform_edt(~mask), dtype=np.float64) * cell_m
+
+
+def _share(right: NDArray[np.bool_], judged: NDArray[np.bool_]) -> float | None:
+    """Of the judged cells those that are right; None of none."""
+    count = int(judged.sum())
+    return round(int((right & judged).sum()) / count, 4) if count else None

@@ -1,0 +1,53 @@
+"""Varied pictures as the frozen network's features, with what a floor head should make of them, kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from edgemap.export.floor.features import Features
+from edgemap.export.floor.head import FINE, STRIDES
+from edgemap.export.floor.pictures import load, targets, varied
+
+FORMAT = "edgemap.floor.views/1"
+STRIDE = STRIDES[1] // FINE
+FULL = 255  # of a share in 8 bits
+Pair = tuple[Path, Path]
+Records = NDArray[np.void]
+
+
+def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: Path) -> Records:
+    """So many varied views of each labelled picture, (len(pairs) * views,), memory-mapped, computing those that the
+    folder lacks: s0 to s3, the features (C, H, W) float16, finest first; truth (2, H, W) and known (H, W), shares of
+    cells in 255ths.
+
+    A view depends on its number and its picture's only, so more views keep those that are there. Raises ExportError,
+    CameraError or OSError.
+    """
+    about = [FORMAT, features.key, *(f"{path} {path.stat().st_size} {path.stat().st_mtime_ns}" for path, _ in pairs)]
+    path = folder / f"{hashlib.sha256(repr(about).encode()).hexdigest()[:16]}.views"
+    folder.mkdir(parents=True, exist_ok=True)
+    shape = features.taps[0].height, features.taps[0].width
+    kind = np.dtype(
+        [(f"s{level}", "<f2", (tap.channels, tap.height, tap.width)) for level, tap in enumerate(features.taps)]
+        + [("truth", "u1", (2, *shape)), ("known", "u1", shape)]
+    )
+    count = len(pairs) * views
+    done = min(path.stat().st_size // kind.itemsize, count) if path.is_file() else 0
+    with path.open("r+b" if done else "wb") as file:
+        file.seek(done * kind.itemsize)
+        for number in tqdm(range(done, count), unit=" views", disable=None if done < count else True):
+            record = np.zeros(1, kind)
+            image, labels = varied(*load(pairs[number % len(pairs)]), np.random.default_rng([7, number]))
+            maps, placement = features(image)
+            truth, known = targets(labels, placement, STRIDE, shape)
+            for level, one in enumerate(maps):
+                record[f"s{level}"] = one
+            record["truth"], record["known"] = np.rint(truth * FULL), np.rint(known * FULL)
+            file.write(record.tobytes())
+    return np.memmap(path, kind, "r", shape=(count,))

@@ -1,0 +1,67 @@
+"""A trained floor head as a torch file: what training saves and export reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.export.errors import ExportError
+from edgemap.export.floor.head import FloorHead
+from edgemap.export.torch_files import fill, read_record, read_torch, read_weights, save_whole
+from edgemap.runtime.frames.reading import Name, one_line
+from edgemap.runtime.network.manifest import Text
+
+FORMAT = "edgemap.floor/2"
+Channels = Annotated[int, Meta(ge=1, le=4096)]
+Four = tuple[Channels, Channels, Channels, Channels]
+
+
+@dataclass(frozen=True)
+class FloorCheckpoint:
+    """A head with the facts that a bundle holds of it. backbone: whose features it reads. taps: names of those tensors,
+    strides 4 to 32. measured: figures with their data. sources: where its labels came from."""
+
+    head: FloorHead
+    backbone: str
+    taps: tuple[str, str, str, str]
+    measured: dict[str, Any] = field(default_factory=dict)
+    sources: tuple[str, ...] = ()
+
+
+class _Record(msgspec.Struct):
+    backbone: Name
+    taps: tuple[Name, Name, Name, Name]
+    measured: dict[str, Any]
+    channels: Four
+    rows: Channels
+    width: Channels
+    detail: Channels
+    sources: tuple[Text, ...] = ()
+
+
+def save_floor(checkpoint: FloorCheckpoint, path: Path) -> None:
+    """Write a checkpoint: plain values and float32 tensors."""
+    head = checkpoint.head
+    document = {item.name: getattr(checkpoint, item.name) for item in fields(checkpoint) if item.name != "head"}
+    document |= {"channels": head.channels, "rows": head.rows, "width": head.width, "detail": head.detail}
+    save_whole({"format": FORMAT, **document, "state_dict": head.state_dict()}, path)
+
+
+def load_floor(path: Path) -> FloorCheckpoint:
+    """Read a checkpoint. Raises ExportError where it is none or is damaged."""
+    document = read_torch(path)
+    if document.get("format") != FORMAT:
+        raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")
+    record = read_record(document, _Record, path)
+    weights = read_weights(document, path)
+    head = fill(lambda: FloorHead(record.channels, record.rows, record.width, record.detail), weights, path)
+    return FloorCheckpoint(head.eval(), record.backbone, record.taps, record.measured, record.sources)
+
+
+def is_floor(path: Path) -> bool:
+    """Whether a torch file is a floor head's checkpoint. Raises ExportError."""
+    return str(read_torch(path).get("format")).startswith("edgemap.floor/")

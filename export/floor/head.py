@@ -1,0 +1,79 @@
+"""The floor head: a few small convolutions on a frozen detector's features of strides 4 to 32."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+LABELS = ("floor", "wall")
+STRIDES = (4, 8, 16, 32)  # of the features that it reads, finest first
+WIDTH, DETAIL = 32, 16  # channels of its maps of stride 8, and of those that it makes of the features of stride 4
+COARSE = 3  # blocks at stride 16, where they cost little and see far
+FINE = 2  # rows and columns of output cells in one of stride 8
+
+
+class Unit(nn.Sequential):
+    """Convolution, batch normalisation and, unless it is the last of a block, ReLU."""
+
+    def __init__(self, channels: int, out: int, kernel: int = 1, stride: int = 1, groups: int = 1, relu: bool = True):
+        padding = (kernel - stride + 1) // 2
+        super().__init__(
+            nn.Conv2d(channels, out, kernel, stride, padding, groups=groups, bias=False),
+            nn.BatchNorm2d(out),
+            *([nn.ReLU()] if relu else []),
+        )
+
+
+class Block(nn.Module):
+    """A residual block: 5x5 depthwise, then 1x1."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.spread = Unit(width, width, 5, groups=width, relu=False)
+        self.mix = Unit(width, width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """The maps and what the block adds to them."""
+        return x + self.mix(self.spread(x))
+
+
+class FloorHead(nn.Module):
+    """Features (B, C, H, W) of strides 4, 8, 16, 32 to logits (B, 2, H, W) of stride 4: floor, wall.
+
+    It works at stride 8, where features of stride 4 come in by a convolution of 2x2 and each cell gives 2x2 of the
+    output: the fine maps are never computed with. At stride 16 it knows the row of the picture and the mean of the
+    coarsest features: what room this is. channels: of the four features. rows: of those of stride 16.
+    """
+
+    def __init__(
+        self, channels: tuple[int, int, int, int], rows: int, width: int = WIDTH, detail: int = DETAIL
+    ) -> None:
+        super().__init__()
+        self.channels, self.rows, self.width, self.detail = channels, rows, width, detail
+        s4, s8, s16, s32 = channels
+        self.from4 = Unit(s4, detail, 2, 2)
+        self.from8, self.from16, self.from32 = (Unit(count, width, relu=False) for count in (s8, s16, s32))
+        self.row = nn.Parameter(torch.zeros(1, width, rows, 1))
+        self.scene = nn.Conv2d(s32, width, 1)
+        self.coarse = nn.Sequential(*(Block(width) for _ in range(COARSE)))
+        self.context, self.detailed = Block(width), Unit(width + detail, width)
+        self.last = Block(width)
+        self.out = nn.Conv2d(width, len(LABELS) * FINE * FINE, 1)
+
+    def forward(self, s4: Tensor, s8: Tensor, s16: Tensor, s32: Tensor) -> Tensor:
+        """The logits."""
+        scene = self.scene(s32.mean((2, 3), keepdim=True))
+        x = self.coarse(functional.relu(self.from16(s16) + _twice(self.from32(s32)) + self.row + scene))
+        x = self.context(functional.relu(self.from8(s8) + _twice(x)))
+        x = self.last(self.detailed(torch.cat([x, self.from4(s4)], dim=1)))
+        return functional.pixel_shuffle(self.out(x), FINE)
+
+    @property
+    def parameters_count(self) -> int:
+        """Trainable numbers."""
+        return sum(parameter.numel() for parameter in self.parameters())
+
+
+def _twice(x: Tensor) -> Tensor:
+    return functional.interpolate(x, scale_factor=2.0, mode="nearest")

@@ -1,0 +1,56 @@
+"""Floor masks of photographs by a teacher: DeepLabV3+ on MobileNetV2, trained on ADE20K (mlcommons/mobile_models)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.export.errors import ExportError
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.inputs.drives.floor_labels import FLOOR, OTHER, UNKNOWN, WALL
+
+Image = NDArray[np.uint8]
+FLOORS = (4, 29)  # of the teacher's 32 classes: floor, rug
+WALLS = (1, 15)  # wall, door
+SURE = 0.6  # probability of a label; below it a pixel is ignored
+
+
+def open_teacher(path: Path, threads: int = 1) -> Callable[[Image], Image]:
+    """What gives a BGR picture's mask, (H, W) uint8, from a .tflite file whose output is (1, h, w, 32) logits.
+
+    Raises ExportError where the file is no such network, or the extra `teacher` is missing.
+    """
+    try:
+        from ai_edge_litert.interpreter import Interpreter  # pyright: ignore[reportMissingImports]  # an extra
+    except ImportError:
+        raise ExportError("--teacher needs ai-edge-litert: pip install 'edgemap-robot[teacher]'") from None
+    try:
+        network = Interpreter(str(path), num_threads=threads)
+        network.allocate_tensors()
+        picture, logits = network.get_input_details()[0], network.get_output_details()[0]
+    except Exception as error:  # it raises whatever it likes at files that are none
+        raise ExportError(f"{path}: not a TensorFlow Lite file ({one_line(error, 120)})") from None
+    if len(logits["shape"]) != 4 or logits["shape"][3] <= max(FLOORS) or picture["dtype"] is not np.uint8:
+        raise ExportError(f"{path}: expected a uint8 picture in, (1, h, w, 32) logits out, not {list(logits['shape'])}")
+    _, rows, columns, _ = picture["shape"].tolist()
+    scale, zero = logits["quantization"]
+
+    def label(image: Image) -> Image:
+        small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
+        network.set_tensor(picture["index"], cv2.cvtColor(small, cv2.COLOR_BGR2RGB)[None])
+        network.invoke()
+        found = (network.get_tensor(logits["index"])[0].astype(np.float32) - zero) * scale
+        found = np.exp(found - found.max(axis=2, keepdims=True))
+        found /= found.sum(axis=2, keepdims=True)
+        floor, wall = (found[..., list(group)].sum(axis=2) for group in (FLOORS, WALLS))
+        shares = np.stack([1.0 - floor - wall, floor, wall], axis=2)
+        shares = cv2.resize(shares, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
+        mask = np.array([OTHER, FLOOR, WALL], dtype=np.uint8)[shares.argmax(axis=2)]
+        mask[shares.max(axis=2) < SURE] = UNKNOWN
+        return mask
+
+    return label

@@ -1,0 +1,43 @@
+"""Pitch and roll from where up is in the picture, and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.mount import HeightSeen, Mount
+
+Array = NDArray[np.float64]
+
+
+def up_optical(pitch_rad: float, roll_rad: float) -> Array:
+    """The direction up, (3,), in the optical frame of a camera mounted so: last row of `rotation_base_optical`."""
+    cp = math.cos(pitch_rad)
+    return np.array([-cp * math.sin(roll_rad), -cp * math.cos(roll_rad), -math.sin(pitch_rad)])
+
+
+def angles_text(pitch_deg: float, roll_deg: float) -> str:
+    """Both angles of a mount, in degrees, as messages name them."""
+    return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
+
+
+def seen_text(given: Mount, seen: MountSeen | None, height: HeightSeen | None = None) -> str:
+    """A mount's angles and height as given and as a drive has shown them so far, one line."""
+    parts = []
+    if seen is not None:
+        pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
+        roll = given.roll_rad, seen.mount.roll_rad, seen.sigma_rad[0]
+        for name, angle in (("pitch", pitch), ("roll", roll)):
+            parts.append(name + " {:.1f} deg given, {:.1f} +- {:.1f} deg seen".format(*np.degrees(angle)))
+    if height is not None:
+        parts.append(f"height {given.height_m:.2f} m given, {height.height_m:.2f} +- {height.sigma_m:.2f} m seen")
+    return f"mount: {'; '.join(parts)}"
+
+
+def pitch_roll(up: Array) -> tuple[float, float]:
+    """Pitch (positive down) and roll, rad, of the camera that sees up in this direction of its optical frame."""
+    x, y, z = up / np.linalg.norm(up)
+    return math.asin(-z), math.atan2(-x, -y)

@@ -1,0 +1,35 @@
+"""One depth picture as evidence on the floor: what lies on it, and what stands in a robot's way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.grid.floor_scan import inside_boxes
+from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.observations.sparse_depth import SparseDepth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthScan:
+    """floor_base_m, obstacles_base_m: (N, 2) each, base frame."""
+
+    floor_base_m: Array
+    obstacles_base_m: Array
+
+    @classmethod
+    def of(cls, depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> DepthScan:
+        """By height above the floor, of which the attitude's errors leave the less known the farther a point is; what
+        hangs higher than the robot is over the floor and tells nothing. movers_px: boxes (M, 4) of people and animals.
+        """
+        points, pixels = depth.points(camera.intrinsics, rule.reach_m)
+        base = points @ camera.mount.rotation_base_optical().T + camera.mount.position_base_m()
+        unsure_m = rule.obstacle_m + rule.obstacle_per_m * np.hypot(base[:, 0], base[:, 1])
+        top_m = max(camera.mount.height_m, rule.robot_height_m)
+        stands = (base[:, 2] > unsure_m) & (base[:, 2] < top_m)
+        at = np.flatnonzero(stands)
+        at = at[~inside_boxes(pixels[at], movers_px, rule.mover_px)]
+        return cls(base[np.abs(base[:, 2]) <= unsure_m, :2], base[at, :2])

@@ -1,0 +1,53 @@
+"""One picture's evidence, cell by cell: of several witnesses for one thing in one cell the surest counts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.grid.patch import UNIT, Cells, Steps
+
+
+class Evidence:
+    """Gathers log-odds for and against obstacles in cells of the map, and adds both up."""
+
+    def __init__(self, cell_m: float) -> None:
+        self.cell_m = cell_m
+        self._free: list[tuple[Cells, Array]] = []
+        self._occupied: list[tuple[Cells, Array]] = []
+
+    def free(self, cells: Cells, log_odds: Array | float) -> None:
+        """Floor was seen in cells (N, 2): log-odds (N,), positive."""
+        self._free.append((cells, np.broadcast_to(log_odds, len(cells))))
+
+    def occupied(self, cells: Cells, log_odds: Array | float) -> None:
+        """Something stands in cells (N, 2): log-odds (N,), positive."""
+        self._occupied.append((cells, np.broadcast_to(log_odds, len(cells))))
+
+    def steps(self) -> tuple[Cells, Steps]:
+        """The cells (N, 2), none twice, and by how many steps each one's log-odds changes (N,)."""
+        every = np.concatenate([np.zeros((0, 2), np.int32), *(cells for cells, _ in (*self._free, *self._occupied))])
+        if not len(every):
+            return every, np.zeros(0, np.int16)
+        low = every.min(axis=0)
+        columns, rows = (every.max(axis=0) + 1 - low).tolist()
+        total = np.zeros(rows * columns)
+        for sign, parts in ((-1.0, self._free), (1.0, self._occupied)):
+            surest = np.zeros(rows * columns)
+            for cells, log_odds in parts:
+                column, row = (cells - low).T
+                np.maximum.at(surest, row.astype(np.intp) * columns + column, log_odds)
+            total += sign * surest
+        steps = np.rint(total * UNIT).astype(np.int16)
+        at = np.flatnonzero(steps)
+        return np.column_stack([at % columns, at // columns]).astype(np.int32) + low, steps[at]
+
+
+def repeated(cells: Cells, least: int) -> Cells:
+    """Those of cells (N, 2) that are there so often, at least, each once."""
+    if not len(cells):
+        return cells
+    packed, counts = np.unique(cells.astype(np.int64) @ [1 << 32, 1], return_counts=True)
+    packed = packed[counts >= least]
+    rows = (packed + (1 << 31)) % (1 << 32) - (1 << 31)
+    return np.column_stack([(packed - rows) >> 32, rows]).astype(np.int32)

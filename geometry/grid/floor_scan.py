@@ -1,0 +1,188 @@
+"""One picture's floor mask as evidence on the floor: where it is free, and where it first meets something."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.grid.patch import Cells
+from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.se2 import SE2
+
+Mask = NDArray[np.bool_]
+EDGE = 0.5  # probability at which floor ends
+BORDER = 12  # rays along each side of the picture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorScan:
+    """contacts_base_m: (N, 2), where floor first meets something, base frame. weights: (N,), 0 to 1; of a wall 4/3 and
+    of what is surely none 2/3 of that, where the mask knows walls: furniture overhangs, and moves.
+
+    What lies behind a contact is not part of it. free: (rows, columns) of the mask, 0 to 1: how sure floor is seen.
+    """
+
+    contacts_base_m: Array
+    weights: Array
+    free: NDArray[np.float32]
+    camera: FloorCamera
+    rule: GridRule
+
+    @property
+    def row_px(self) -> float:
+        """Pixels of the picture per row of the mask."""
+        return self.camera.intrinsics.height / len(self.free)
+
+    @classmethod
+    def of(cls, mask: FloorMask, camera: FloorCamera, movers_px: Array, rule: GridRule) -> FloorScan:
+        """mask: of a picture by this camera, with that frame's attitude. movers_px: boxes (M, 4) of people and animals,
+        which make no obstacle."""
+        floor = mask.floor
+        seen = _lowest_run(_runs(floor > EDGE, rule.run), floor > EDGE)
+        solid = seen & _runs(floor > rule.floor, rule.run)
+        row, column, share = _contacts(mask, seen)
+        pixels, rays = (
+            lattice[row, column] + share[:, None] * (lattice[row - 1, column] - lattice[row, column])
+            for lattice in _middles(camera.intrinsics, *floor.shape)
+        )
+        still = ~inside_boxes(pixels, movers_px, rule.mover_px)
+        points = _on_floor(rays[still], camera)
+        away_m2 = np.square(points - camera.mount.position_base_m()[:2]).sum(axis=1)
+        weights = row_weights(away_m2, camera, mask.height / len(floor), rule)
+        if mask.wall is not None:
+            weights *= (1.0 + mask.wall[row - 2, column][still]) / 1.5
+        told = weights > 0.0
+        free = np.where(solid, np.clip((floor - EDGE) / 0.4, 0.0, 1.0), np.float32(0.0)).astype(np.float32)
+        return cls(points[told], weights[told], free, camera, rule)
+
+    def free_cells(self, pose_map_base: SE2, cell_m: float) -> tuple[Cells, Array]:
+        """Cells (N, 2), column and row in the map, whose floor this picture shows, and how far each counts, (N,), 0 to
+        1."""
+        lens, mount = self.camera.intrinsics, self.camera.mount
+        rotation = mount.rotation_base_optical().copy()
+        rotation[:2] = pose_map_base.rotation() @ rotation[:2]
+        middle = pose_map_base.apply(mount.position_base_m()[:2])
+        border = _border_rays(lens)
+        low, high = _box(border @ rotation.T, mount.height_m, self._reach_m)
+        first, last = (np.floor((middle + corner) / cell_m).astype(np.int32) for corner in (low, high))
+        x, y = ((np.arange(first[k], last[k] + 1) + 0.5) * cell_m - middle[k] for k in (0, 1))
+        # Optical coordinates are linear in both: no cell is projected on its own.
+        ahead, right, down = (
+            x * rotation[0, axis] + (y * rotation[1, axis])[:, None] - mount.height_m * rotation[2, axis]
+            for axis in (2, 0, 1)
+        )
+        (left, top), (most_right, bottom) = border[:, :2].min(axis=0), border[:, :2].max(axis=0)
+        seen = (right > left * ahead) & (right < most_right * ahead) & (down > top * ahead) & (down < bottom * ahead)
+        at = np.flatnonzero(seen & (ahead > 1e-6))
+        ideal = np.column_stack([right.ravel()[at], down.ravel()[at]]) / ahead.ravel()[at, None]
+        pixels = lens.distortion.distort(ideal) * [lens.fx, lens.fy] + [lens.cx, lens.cy]
+        rows, columns = self.free.shape
+        row = np.clip((pixels[:, 1] + 0.5) * (rows / lens.height), 0, rows - 1).astype(np.intp)
+        column = np.clip((pixels[:, 0] + 0.5) * (columns / lens.width), 0, columns - 1).astype(np.intp)
+        free = self.free[row, column].astype(np.float64)
+        at, free = at[free > 0.0], free[free > 0.0]
+        cells = np.column_stack([at % len(x), at // len(x)])
+        away_m2 = x[cells[:, 0]] ** 2 + y[cells[:, 1]] ** 2
+        weights = free * row_weights(away_m2, self.camera, self.row_px, self.rule)
+        counts = weights > 0.0
+        return cells[counts].astype(np.int32) + first, weights[counts]
+
+    @property
+    def _reach_m(self) -> float:
+        """How far from the lens a row of the mask still covers less floor than the rule allows."""
+        height_m, focal_rows = self.camera.mount.height_m, self.camera.intrinsics.fy / self.row_px
+        return min(
+            self.rule.reach_m,
+            math.sqrt(max(self.rule.coarsest_row_m * height_m * focal_rows - height_m**2, 0.0)),
+        )
+
+
+def _on_floor(rays: Array, camera: FloorCamera) -> Array:
+    """Where rays (N, 3) of the optical frame meet the floor, (N, 2) base frame; NaN at or above the horizon."""
+    base, lens = rays @ camera.mount.rotation_base_optical().T, camera.mount.position_base_m()
+    down = np.where(base[:, 2] < -1e-6, -base[:, 2], np.nan)
+    return lens[:2] + base[:, :2] * (lens[2] / down)[:, None]
+
+
+def row_weights(away_m2: Array, camera: FloorCamera, row_px: float, rule: GridRule) -> Array:
+    """How far evidence on the floor counts, 0 to 1, (N,), by its squared distance from the point below the lens (N,):
+    less the more floor a row of the mask, so many pixels high, covers there; NaN and what is out of reach give 0."""
+    height_m, focal_rows = camera.mount.height_m, camera.intrinsics.fy / row_px
+    row_m = (away_m2 + height_m**2) / (height_m * focal_rows)
+    told = (row_m < rule.coarsest_row_m) & (away_m2 < rule.reach_m**2)
+    return np.where(told, np.minimum(rule.row_m / np.maximum(row_m, 1e-9), 1.0), 0.0)
+
+
+def _box(rays: Array, height_m: float, reach_m: float) -> tuple[Array, Array]:
+    """Lowest and highest x, y (2,) from the lens of the floor between rays (N, 3) of a level frame, within reach."""
+    flat_m = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), 1e-9)
+    away_m = np.minimum(height_m * flat_m / np.maximum(-rays[:, 2], 1e-9), reach_m)
+    ends = rays[:, :2] * (away_m / flat_m)[:, None]
+    return ends.min(axis=0), ends.max(axis=0)
+
+
+@lru_cache(maxsize=8)
+def _border_rays(lens: Intrinsics) -> Array:
+    """Rays (N, 3), z = 1, of the optical frame along the outer border of the picture."""
+    x, y = (np.linspace(-0.5, side - 0.5, BORDER) for side in (lens.width, lens.height))
+    sides = [(x, y[0]), (x, y[-1]), (x[0], y), (x[-1], y)]
+    rays = lens.rays(np.concatenate([np.column_stack(np.broadcast_arrays(u, v)) for u, v in sides]))
+    rays.setflags(write=False)
+    return rays
+
+
+def _runs(floor: Mask, rows: int) -> Mask:
+    """The cells that belong to so many in a column, at least (a morphological opening)."""
+    if len(floor) < rows:
+        return np.zeros_like(floor)
+    starts = floor[: len(floor) - rows + 1].copy()
+    for k in range(1, rows):
+        starts &= floor[k : len(floor) - rows + 1 + k]
+    runs = np.zeros_like(floor)
+    for k in range(rows):
+        runs[k : len(floor) - rows + 1 + k] |= starts
+    return runs
+
+
+def _lowest_run(runs: Mask, floor: Mask) -> Mask:
+    """Of the runs of floor in each column the lowest: what lies above where it ends is behind something."""
+    begun = np.logical_or.accumulate(runs[::-1], axis=0)
+    ended = np.logical_or.accumulate(begun & ~floor[::-1], axis=0)
+    return runs & ~ended[::-1]
+
+
+def _contacts(mask: FloorMask, runs: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Where a run of floor ends upwards in a column and two rows of something else begin: the topmost row of the run,
+    the column, and how far from that row's middle to that of the row above it ends, 0 to 1, each (N,)."""
+    odds = mask.floor
+    if len(odds) < 3:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
+    row, column = np.nonzero(runs[2:] & (odds[1:-1] <= EDGE) & (odds[:-2] <= EDGE))
+    row = row + 2
+    below, above = (odds[at, column].astype(np.float64) for at in (row, row - 1))
+    return row, column, np.asarray((below - EDGE) / (below - above), dtype=np.float64)
+
+
+@lru_cache(maxsize=4)
+def _middles(lens: Intrinsics, rows: int, columns: int) -> tuple[Array, Array]:
+    """Pixels (rows, columns, 2) of the middles of a mask's cells, and their rays (rows, columns, 3)."""
+    u = (np.arange(columns) + 0.5) * (lens.width / columns) - 0.5
+    v = (np.arange(rows) + 0.5) * (lens.height / rows) - 0.5
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).astype(np.float64)
+    return pixels, lens.rays(pixels.reshape(-1, 2)).reshape(rows, columns, 3)
+
+
+def inside_boxes(pixels: Array, boxes: Array, margin_px: float) -> NDArray[np.bool_]:
+    """Which pixels (N, 2) lie in any of the boxes (M, 4), (N,)."""
+    x, y = pixels[:, :1], pixels[:, 1:]
+    x0, y0, x1, y1 = np.asarray(boxes, dtype=np.float64).reshape(-1, 4).T
+    hit = (x > x0 - margin_px) & (x < x1 + margin_px) & (y > y0 - margin_px) & (y < y1 + margin_px)
+    return np.asarray(hit.any(axis=1), dtype=np.bool_)

@@ -1,0 +1,194 @@
+"""The occupancy grid of a drive: fused picture by picture, moved by what moves the trajectory, bounded for good."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.grid.canvas import Canvas
+from edgemap.geometry.grid.depth_scan import DepthScan
+from edgemap.geometry.grid.evidence import Evidence, repeated
+from edgemap.geometry.grid.floor_scan import FloorScan
+from edgemap.geometry.grid.merge import grid_of, saved_patch, step_bounds
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.patch import Cells, Patch, columns_rows, joined
+from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+
+
+class GridFusion:
+    """Free, occupied and unknown floor. Depends on what it is given and on its order only.
+
+    Evidence is kept in patches, one for each piece of the trajectory, that move with it; what the grid shows is all of
+    them in order of time. A correction is drawn a few patches per step. scan: the newest picture's, where one was
+    fused in the last `observe`.
+    """
+
+    def __init__(self, rule: GridRule | None = None) -> None:
+        self.rule = rule or GridRule()
+        self.scan: FloorScan | None = None
+        self._patches: list[Patch] = []
+        self._canvas = self._new_canvas()
+        self._drawing: Iterator[Canvas | None] | None = None
+        self._revision = 0
+        self._shown: OccupancyGrid | None = None
+        self._last: tuple[SE2, float] | None = None  # pose and stamp of the last picture that was fused
+        self._began: tuple[SE2, float] | None = None  # of the newest patch's first one
+
+    def observe(
+        self,
+        pose_map_base: SE2,
+        stamp_s: float,
+        camera: FloorCamera,
+        mask: FloorMask | None,
+        movers_px: Array,
+        depth: SparseDepth | None = None,
+    ) -> None:
+        """Take in a frame, where one is due: where the robot stands, its picture's floor, where it was searched, and
+        its depth, where there is any. movers_px: boxes (M, 4) of people and animals."""
+        self.scan = None
+        self._draw_some()
+        if not self._is_due(pose_map_base, stamp_s):
+            return
+        if self._begins_patch(pose_map_base):
+            self._close_patch()
+        if self._began is None:
+            self._began = pose_map_base, stamp_s
+        self._last = pose_map_base, stamp_s
+        evidence = Evidence(self.rule.cell_m)
+        if mask is not None:
+            self.scan = FloorScan.of(mask, camera, movers_px, self.rule)
+            self._add_floor(evidence, pose_map_base, self.scan)
+        if depth is not None:
+            self._add_depth(evidence, pose_map_base, DepthScan.of(depth, camera, movers_px, self.rule))
+        evidence.free(self._driven(pose_map_base), self.rule.highest - self.rule.lowest)
+        self._canvas.add(*evidence.steps())
+        self._revision += 1
+
+    def moved(self, past: TrajectoryCorrection) -> None:
+        """The trajectory moved, and all that was seen from it."""
+        if self._began is not None:
+            self._close_patch()
+        own = [patch for patch in self._patches if patch.stamp_s > -math.inf]
+        moves = past.moved_poses([p.stamp_s for p in own], [p.move.vector() for p in own]) if own else []
+        for patch, move in zip(own, moves, strict=True):
+            patch.move = SE2(*move)
+        self._moved_patches()
+
+    def transform(self, pose_map_start: SE2) -> None:
+        """Everything so far is in another frame, whose view of the old one is `pose_map_start`."""
+        if self._began is not None:
+            self._close_patch()
+        for patch in self._patches:
+            patch.move = pose_map_start @ patch.move
+        self._moved_patches()
+
+    def continue_from(self, saved: OccupancyGrid) -> None:
+        """A saved map's grid, in this one's frame, lies under everything seen."""
+        self._patches.insert(0, saved_patch(saved, self.rule))
+        self._drawing = self._drawn()
+
+    def grid(self) -> OccupancyGrid | None:
+        """The grid as it stands; None before anything is known. The same one until something changes."""
+        if self._shown is not None and self._shown.revision == self._revision:
+            return self._shown
+        self._shown = grid_of(self._canvas, self.rule, self._revision)
+        return self._shown
+
+    @property
+    def size_bytes(self) -> int:
+        """Memory of all evidence and of the grid that is drawn."""
+        own = sum(len(patch) * 14 for patch in self._patches)
+        return own + 4 * self._canvas.odds.nbytes
+
+    def _is_due(self, pose: SE2, stamp_s: float) -> bool:
+        if self._last is None:
+            return True
+        since = self._last[0].inverse() @ pose
+        rule = self.rule
+        far = math.hypot(since.x_m, since.y_m) >= rule.scan_m or abs(since.yaw_rad) >= rule.scan_rad
+        return far or not 0.0 <= stamp_s - self._last[1] < rule.scan_s
+
+    def _begins_patch(self, pose: SE2) -> bool:
+        if self._began is None:
+            return False
+        since = self._began[0].inverse() @ pose
+        rule = self.rule
+        return math.hypot(since.x_m, since.y_m) >= rule.patch_m or abs(since.yaw_rad) >= rule.patch_rad
+
+    def _add_floor(self, evidence: Evidence, pose: SE2, scan: FloorScan) -> None:
+        """What a picture's floor mask tells of the map's cells."""
+        rule = self.rule
+        cells, weights = scan.free_cells(pose, rule.cell_m)
+        evidence.free(cells, rule.free * weights)
+        evidence.occupied(columns_rows(pose.apply(scan.contacts_base_m), rule.cell_m), rule.occupied * scan.weights)
+
+    def _add_depth(self, evidence: Evidence, pose: SE2, scan: DepthScan) -> None:
+        """What a depth picture tells of the map's cells."""
+        rule = self.rule
+        both = scan.floor_base_m, scan.obstacles_base_m
+        floor, hits = (columns_rows(pose.apply(points_m), rule.cell_m) for points_m in both)
+        evidence.free(floor, rule.depth_weight * rule.free)
+        evidence.occupied(repeated(hits, rule.depth_points), rule.depth_weight * rule.occupied)
+
+    def _driven(self, pose: SE2) -> Cells:
+        """The floor below the robot."""
+        rule = self.rule
+        reach = math.ceil(rule.robot_m / rule.cell_m)
+        at = np.array([pose.x_m, pose.y_m]) / rule.cell_m
+        cells = np.floor(at).astype(np.int32) + np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
+        return cells[np.square(cells + 0.5 - at).sum(axis=1) <= (rule.robot_m / rule.cell_m) ** 2].astype(np.int32)
+
+    def _close_patch(self) -> None:
+        """What the newest patch holds is kept, and another one begins."""
+        if self._began is not None and len(patch := self._canvas.take_patch(self._began[1])):
+            self._patches.append(patch)
+            self._bound()
+        self._began = None
+
+    def _bound(self) -> None:
+        """Of too many patches the two neighbours in time become one that hold least together; the newest stay."""
+        rule, own = self.rule, self._patches
+        while self._drawing is None and len(own) > 8:
+            sizes = [len(patch) for patch in own]
+            if len(own) <= rule.patches and sum(sizes) <= rule.patch_cells:
+                return
+            last = max(len(own) // 2, 2)
+            firsts = [k for k in range(last) if own[k].stamp_s > -math.inf]
+            at = min(firsts, key=lambda k: sizes[k] + sizes[k + 1])
+            own[at : at + 2] = [joined(own[at], own[at + 1], rule.cell_m)]
+
+    def _moved_patches(self) -> None:
+        """Draw the grid again where a patch no longer lies where it was drawn."""
+        if any(patch.moved_m(self.rule.cell_m) > self.rule.cell_m / 2.0 for patch in self._patches):
+            self._drawing = self._drawn()
+
+    def _draw_some(self) -> None:
+        if self._drawing is None or (canvas := next(self._drawing)) is None:
+            return
+        self._drawing, self._canvas = None, canvas
+        self._revision += 1
+
+    def _drawn(self) -> Iterator[Canvas | None]:
+        """Draws all patches, some in each step, then gives the canvas. What is seen meanwhile is drawn last."""
+        canvas, done = self._new_canvas(), 0
+        while done < len(self._patches):
+            for patch in self._patches[done : done + self.rule.redraw_patches]:
+                canvas.draw(patch, self.rule.cell_m)
+                patch.drawn = patch.move
+                done += 1
+            if done < len(self._patches):
+                yield None
+        newest = self._canvas.take_patch(0.0)
+        canvas.draw(newest, self.rule.cell_m, newest=True)
+        yield canvas
+
+    def _new_canvas(self) -> Canvas:
+        return Canvas(*step_bounds(self.rule))

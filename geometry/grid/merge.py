@@ -1,0 +1,53 @@
+"""Saved grids as evidence, evidence as a grid, and two grids of one place as one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from edgemap.geometry.grid.canvas import Canvas
+from edgemap.geometry.grid.occupancy_grid import STEPS, OccupancyGrid
+from edgemap.geometry.grid.patch import UNIT, Patch, columns_rows
+from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.se2 import SE2
+
+
+def merged_grid(
+    first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2, rule: GridRule | None = None
+) -> OccupancyGrid | None:
+    """Two saved grids in the first one's frame, in which the second one's is `pose_a_b`: what both know adds up."""
+    rule = rule or GridRule()
+    canvas = Canvas(*step_bounds(rule))
+    for saved, move in ((first, SE2()), (second, pose_a_b)):
+        if saved is not None:
+            patch = saved_patch(saved, rule)
+            patch.move = move
+            canvas.draw(patch, rule.cell_m)
+    return grid_of(canvas, rule)
+
+
+def step_bounds(rule: GridRule) -> tuple[int, int]:
+    """The bounds of log-odds, in steps."""
+    return round(rule.lowest * UNIT), round(rule.highest * UNIT)
+
+
+def grid_of(canvas: Canvas, rule: GridRule, revision: int = 0) -> OccupancyGrid | None:
+    """The known part of a canvas; None where nothing is known."""
+    rows, columns = np.flatnonzero(canvas.odds.any(axis=1)), np.flatnonzero(canvas.odds.any(axis=0))
+    if not len(rows):
+        return None
+    part = canvas.odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    log_odds = np.rint(part * (STEPS / UNIT)).astype(np.int8)
+    x_m, y_m = ((canvas.first + [columns[0], rows[0]]) * rule.cell_m).tolist()
+    return OccupancyGrid(log_odds, x_m, y_m, rule.cell_m, rule.free_below, rule.occupied_above, revision)
+
+
+def saved_patch(saved: OccupancyGrid, rule: GridRule) -> Patch:
+    """A saved grid as evidence that no correction moves, by this run's cells."""
+    known = saved.log_odds != 0
+    cells = columns_rows(saved.centres_m(known), rule.cell_m)
+    steps = np.rint(saved.log_odds[known] * (UNIT / STEPS)).astype(np.int16)
+    _, one = np.unique(cells, axis=0, return_index=True)  # where its cells are smaller than these
+    low, high = (np.full(len(one), bound, np.int16) for bound in step_bounds(rule))
+    return Patch(-math.inf, cells[one], np.clip(steps[one], low, high), low, high)

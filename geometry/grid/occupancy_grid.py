@@ -1,0 +1,64 @@
+"""The occupancy grid as it stands at one moment: log-odds per cell, and what they say of the floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import binary_dilation
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.grid.rule import GridRule
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in nav_msgs/OccupancyGrid
+BESIDE_M = 0.15
+STEPS = 16  # of a saved log-odds: sixteenths in 8 bits
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """log_odds: (rows, columns) int8, in sixteenths, 0 where nothing is known; row 0 has the smallest y, column 0 the
+    smallest x, as in nav_msgs/OccupancyGrid. x_m, y_m: outer corner of cell (0, 0) in the map frame, a whole number of
+    cells from its origin. revision: greater in every later one of a run. Never changed once made."""
+
+    log_odds: NDArray[np.int8]
+    x_m: float
+    y_m: float
+    cell_m: float
+    free_below: float = GridRule().free_below
+    occupied_above: float = GridRule().occupied_above
+    revision: int = 0
+
+    @cached_property
+    def cells(self) -> NDArray[np.int8]:
+        """(rows, columns) of FREE, OCCUPIED and UNKNOWN. An obstacle is where floor ends: evidence for one that has no
+        free floor beside it comes from a contact that was placed too far behind, and its cell stays unknown."""
+        cells = np.full(self.log_odds.shape, UNKNOWN, np.int8)
+        free = self.log_odds < self.free_below * STEPS
+        reach = max(round(BESIDE_M / self.cell_m), 1)
+        beside = np.asarray(binary_dilation(free, np.ones((3, 3), np.bool_), reach), dtype=np.bool_)
+        cells[free] = FREE
+        cells[beside & (self.log_odds > self.occupied_above * STEPS)] = OCCUPIED
+        cells.setflags(write=False)
+        return cells
+
+    def centres_m(self, mask: NDArray[np.bool_]) -> Array:
+        """Middles (N, 2), map frame, of the cells of a mask (rows, columns)."""
+        rows, columns = np.nonzero(mask)
+        corner = np.array([self.x_m, self.y_m], dtype=np.float64)
+        return np.column_stack([columns + 0.5, rows + 0.5]).astype(np.float64) * self.cell_m + corner
+
+    def at(self, points_m: ArrayLike) -> NDArray[np.int8]:
+        """FREE, OCCUPIED or UNKNOWN at points (N, 2) of the map, (N,)."""
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
+        columns, rows = np.floor((points - [self.x_m, self.y_m]) / self.cell_m).astype(np.intp).T
+        inside = (rows >= 0) & (columns >= 0) & (rows < self.cells.shape[0]) & (columns < self.cells.shape[1])
+        found = np.full(len(points), UNKNOWN, np.int8)
+        found[inside] = self.cells[rows[inside], columns[inside]]
+        return found
+
+    def area_m2(self, value: int) -> float:
+        """Floor of one kind."""
+        return float((self.cells == value).sum()) * self.cell_m**2

@@ -1,0 +1,88 @@
+"""What a piece of the drive says of the floor: sequences of bounded additions, and where they lie in the map now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import SE2
+
+UNIT = 100.0  # steps of log-odds per 1
+Steps = NDArray[np.int16]
+Cells = NDArray[np.int32]
+
+
+@dataclass(slots=True, eq=False)
+class Patch:
+    """Evidence of a piece of the drive that began at stamp_s (-inf: of a saved map, that no correction moves).
+
+    cells: (N, 2), column and row in the map as it was then. Each cell's evidence is the function
+    `x -> clip(x + shift, low, high)` of its log-odds before, all (N,): what a sequence of additions, each followed by
+    the bounds, comes to; so a patch that is moved forgets and changes its mind exactly as it did when it was seen.
+    move: of the map as it was then in the map as it is now. drawn: of the same when it was last drawn.
+    """
+
+    stamp_s: float
+    cells: Cells
+    shift: Steps
+    low: Steps
+    high: Steps
+    move: SE2 = field(default_factory=SE2)
+    drawn: SE2 = field(default_factory=SE2)
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def placed(self, cell_m: float) -> Cells:
+        """Its cells (N, 2) in the map as it is now; none twice is not promised."""
+        return placed(self.cells, self.move, cell_m)
+
+    def moved_m(self, cell_m: float) -> float:
+        """At least how far a cell of it moved since it was drawn."""
+        if self.move == self.drawn or not len(self.cells):
+            return 0.0
+        low, high = self.cells.min(axis=0), self.cells.max(axis=0)
+        corners = np.array([low, high, (low[0], high[1]), (high[0], low[1])]) * cell_m
+        return float(np.abs(self.move.apply(corners) - self.drawn.apply(corners)).max())
+
+
+def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:
+    """Cells (N, 2) after a move of their map."""
+    if move == SE2():
+        return cells
+    return np.floor(move.apply((cells + 0.5) * cell_m) / cell_m).astype(np.int32)
+
+
+def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
+    """Two patches as one that lies as the first does and says what both in turn would."""
+    other = placed(second.cells, first.move.inverse() @ second.move, cell_m)
+    packed = np.concatenate([first.cells, other]).astype(np.int64) @ [1, 1 << 32]
+    keys, place = np.unique(packed, return_inverse=True)
+    own, theirs = place[: len(first)], place[len(first) :]
+    limits = np.iinfo(np.int16)
+    shift = np.zeros(len(keys), np.int16)
+    low, high = np.full(len(keys), limits.min, np.int16), np.full(len(keys), limits.max, np.int16)
+    shift[own], low[own], high[own] = first.shift, first.low, first.high
+    _, one = np.unique(theirs, return_index=True)  # two cells of a turned patch may lie on one
+    at, later = theirs[one], (second.shift[one], second.low[one], second.high[one])
+    shift[at], low[at], high[at] = after((shift[at], low[at], high[at]), later)
+    columns = (keys + (1 << 31)) % (1 << 32) - (1 << 31)
+    cells = np.column_stack([columns, (keys - columns) >> 32]).astype(np.int32)
+    return Patch(first.stamp_s, cells, shift, low, high, first.move, first.drawn)
+
+
+def after(before: Sequence[Steps], later: Sequence[Steps]) -> tuple[Steps, Steps, Steps]:
+    """Two functions `clip(x + shift, low, high)` in turn, as one: its shift, low and high."""
+    shift, low, high = later
+    bounds = [np.clip(bound.astype(np.int32) + shift, low, high).astype(np.int16) for bound in before[1:]]
+    total = np.clip(before[0].astype(np.int32) + shift, -20_000, 20_000).astype(np.int16)
+    return total, bounds[0], bounds[1]
+
+
+def columns_rows(points_m: Array, cell_m: float) -> Cells:
+    """The cells (N, 2) that hold points (N, 2) of the map."""
+    return np.floor(points_m / cell_m).astype(np.int32)

@@ -1,0 +1,174 @@
+"""The map's objects: place, size, identity, and what every clustering of sightings into objects offers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.observations.class_extents import footprint_m
+from edgemap.geometry.observations.sighting import PlacedSighting
+
+CHI2_95 = 5.991  # squared Mahalanobis distance that holds 95 % in the plane
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapObject:
+    """One object on the floor. position_m: (2,) x, y in the map frame; covariance_m2: (2, 2) of it.
+
+    width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
+    places that it was seen from, half a metre apart; a map may not know them. labels: probability of each class that
+    it was detected as. name, confirmed: what a person has said of it. corrected: which of label, position, size and yaw
+    a person has set. yaw_rad: the way its front faces, and depth_m: of its footprint, where a person has set them; no
+    camera measures them.
+    """
+
+    id: str
+    label: str
+    position_m: Array
+    covariance_m2: Array
+    width_m: float
+    height_m: float
+    count: int
+    confidence: float
+    first_seen_s: float
+    last_seen_s: float
+    seen_from_m: tuple[tuple[float, float], ...] = ()
+    labels: Mapping[str, float] = field(default_factory=dict)
+    name: str = ""
+    confirmed: bool = False
+    corrected: tuple[str, ...] = ()
+    yaw_rad: float | None = None
+    depth_m: float | None = None
+
+
+class ObjectMap(Protocol):
+    """A clustering of sightings into objects, fed frame by frame.
+
+    merged: ids that are no more, to the id of the object that they became part of. movable: whether its objects can
+    move with a trajectory correction and leave the map.
+    """
+
+    movable: bool
+    merged: dict[str, str]
+
+    def update(self, sightings: list[PlacedSighting]) -> list[str]:
+        """Take in all sightings of ONE frame; the id of each one's object, in the same order."""
+        ...
+
+    def objects(self) -> list[MapObject]:
+        """The objects as they stand now, ordered by id."""
+        ...
+
+    def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
+        """Of `objects`, those no farther than that from a point (2,). Raises MapError if fixed."""
+        ...
+
+    def shown_as(self, identity: str) -> str:
+        """The id of the object that an id of `update` is shown as."""
+        ...
+
+    def moved(self) -> None:
+        """The trajectory moved, and everything with it. Raises MapError if fixed."""
+
+    def set_presence(self, identity: str, probability: float) -> None:
+        """Scale an object's confidence by how probably it still stands there. Raises MapError if fixed."""
+
+    def retilt(self, tilt_rad: Array) -> None:
+        """What was placed by the mount moves as its angles change, roll and pitch (2,). Raises MapError if fixed."""
+
+    def drop(self, identity: str) -> None:
+        """Remove an object; its id is not given again. Raises MapError if fixed."""
+
+
+class SightingSums:
+    """Sums over an object's sightings from which its size, confidence and times follow; two sums can be joined."""
+
+    __slots__ = ("count", "first_seen_s", "height_m", "last_seen_s", "miss", "pictures", "weight", "width_m")
+
+    def __init__(self) -> None:
+        self.count, self.pictures, self.weight, self.width_m, self.height_m, self.miss = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+        self.first_seen_s, self.last_seen_s = math.inf, -math.inf
+
+    @classmethod
+    def of_saved(cls, item: MapObject) -> SightingSums:
+        """The sums of an object that an earlier map holds."""
+        sums = cls()
+        sums.count, sums.pictures, sums.weight = item.count, float(item.count), float(item.count)
+        sums.width_m, sums.height_m = item.width_m * item.count, item.height_m * item.count
+        sums.miss = math.log1p(-min(item.confidence, 1.0 - 1e-9))
+        sums.first_seen_s, sums.last_seen_s = item.first_seen_s, item.last_seen_s
+        return sums
+
+    def add(self, placed: PlacedSighting) -> None:
+        """Count one more sighting."""
+        sighting = placed.sighting
+        self.count += 1
+        self.pictures += sighting.pictures
+        self.weight += sighting.weight * sighting.pictures
+        self.width_m += sighting.width_m
+        self.height_m += sighting.height_m
+        miss = math.log1p(-min(sighting.score, 0.999)) / 4.0  # four in a row weigh about as much as one
+        self.miss += miss * sighting.pictures
+        self.first_seen_s = min(self.first_seen_s, sighting.stamp_s)
+        self.last_seen_s = max(self.last_seen_s, sighting.stamp_s)
+
+    def join(self, other: SightingSums) -> None:
+        """Take in another object's sums."""
+        self.count += other.count
+        self.pictures += other.pictures
+        self.weight += other.weight
+        self.width_m += other.width_m
+        self.height_m += other.height_m
+        self.miss += other.miss
+        self.first_seen_s = min(self.first_seen_s, other.first_seen_s)
+        self.last_seen_s = max(self.last_seen_s, other.last_seen_s)
+
+    @property
+    def confidence(self) -> float:
+        """1 - product of (1 - score) over every 0.4 s in view."""
+        return -math.expm1(self.miss)
+
+    @property
+    def score_log_odds(self) -> float:
+        """Log-odds of the mean score of the sightings: one less the geometric mean of (1 - score)."""
+        missed = min(4.0 * self.miss / self.pictures, -1e-9)
+        return math.log(-math.expm1(missed)) - missed
+
+    def as_object(self, identity: str, label: str, position_m: Array, covariance_m2: Array) -> MapObject:
+        """The object that these sums describe."""
+        return MapObject(
+            identity, label, position_m, covariance_m2, self.width_m / self.count, self.height_m / self.count,
+            self.count, self.confidence, self.first_seen_s, self.last_seen_s,
+        )  # fmt: skip
+
+
+def ellipse_95(covariance_m2: Array) -> tuple[float, float, float]:
+    """Half axes of the ellipse that holds 95 % of a position, m, the longer one first, and the yaw of that, rad."""
+    (xx, xy), (_, yy) = covariance_m2[:2, :2].tolist()
+    mean, apart = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+    long_m, short_m = (math.sqrt(CHI2_95 * max(value, 0.0)) for value in (mean + apart, mean - apart))
+    return long_m, short_m, 0.5 * math.atan2(2.0 * xy, xx - yy)
+
+
+def id_order(identity: str) -> tuple[str, int]:
+    """Sort key of ids such as `chair-12`: by label, then by number; a foreign id counts as a label with number 0."""
+    label, _, number = identity.rpartition("-")
+    return (label, int(number)) if number.isdecimal() else (identity, 0)
+
+
+def footprint_of(item: MapObject) -> tuple[float, float]:
+    """Width and depth of the floor that an object takes, m: as a person has set them, else its class's usual ones."""
+    return footprint_m(item.label, item.width_m) if item.depth_m is None else (item.width_m, item.depth_m)
+
+
+def radius_m(item: MapObject) -> float:
+    """Radius of the circle round an object's position that takes as much floor as its footprint does, m; at least 5 cm.
+
+    A circle, because the way an object faces is not known: a couch sticks out of it at both ends, and fills it nowhere
+    in front and behind.
+    """
+    width, depth = footprint_of(item)
+    return max(math.sqrt(width * depth / math.pi), 0.05)

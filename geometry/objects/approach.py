@@ -1,0 +1,119 @@
+"""Where a robot goes to reach an object: a pose before it, facing it, on floor that is free."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.map_object import MapObject, footprint_of, radius_m
+from edgemap.geometry.se2 import SE2, wrap_angle
+
+DIRECTIONS = 48  # about the object, in which a pose is tried
+STEP_M, REACH_M = 0.1, 1.0  # how much farther than the wished standoff, where that is taken
+# Costs, in metres: of a pose a quarter turn away from the object's front, and of floor that nobody has seen.
+SIDE_M, UNKNOWN_M = 1.0, 10.0
+OWN_M = 0.15  # beyond an object's edge, cells are its own: three cells of the grid
+WALK_SHARE = 0.1  # of the distance from the robot: of two good poses the nearer one
+
+
+@dataclass(frozen=True, slots=True)
+class ApproachRule:
+    """standoff_m: from the object's edge to the robot's. robot_radius_m: of the circle that holds the robot."""
+
+    standoff_m: float = 0.4
+    robot_radius_m: float = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """pose: of the base in the map frame, facing the object. standoff_m: as it came out. floor: free where all of the
+    robot's circle was seen to be free, unknown where no grid shows it."""
+
+    pose: SE2
+    standoff_m: float
+    floor: str
+
+
+def approach(
+    item: MapObject,
+    objects: Sequence[MapObject],
+    grid: OccupancyGrid | None = None,
+    robot_m: Sequence[float] | None = None,
+    rule: ApproachRule | None = None,
+) -> Approach:
+    """The cheapest pose about an object: near the wished standoff, before its front where a person has set its facing,
+    on free floor, clear of other objects, near the robot (robot_m: x, y).
+
+    Where there is a grid, nothing of the robot's circle may be occupied, and free floor goes before unknown. Raises
+    MapError with the numbers where every place is taken.
+    """
+    rule = rule or ApproachRule()
+    others = [other for other in objects if other.id != item.id]
+    around = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
+    found: list[tuple[float, Approach]] = []
+    taken = 0
+    for standoff_m in np.arange(rule.standoff_m, rule.standoff_m + REACH_M + 1e-9, STEP_M).tolist():
+        for direction in around.tolist():
+            away = np.array([math.cos(direction), math.sin(direction)])
+            at = item.position_m + away * (_extent_m(item, direction) + standoff_m + rule.robot_radius_m)
+            floor = _floor(at, grid, rule.robot_radius_m)
+            edge_m = _extent_m(item, direction)
+            blocked = grid is not None and _wall_between(item.position_m, away, edge_m, edge_m + standoff_m, grid)
+            if floor == "taken" or blocked or _crowded(at, others, rule.robot_radius_m):
+                taken += 1
+                continue
+            cost = standoff_m + (UNKNOWN_M if floor == "unknown" else 0.0)
+            if item.yaw_rad is not None:
+                cost += SIDE_M * abs(wrap_angle(direction - item.yaw_rad)) / (math.pi / 2.0)
+            if robot_m is not None:
+                cost += WALK_SHARE * float(np.linalg.norm(at - np.asarray(robot_m)))
+            pose = SE2(float(at[0]), float(at[1]), wrap_angle(direction + math.pi))
+            found.append((cost, Approach(pose, standoff_m, floor)))
+    if not found:
+        raise MapError(
+            f"no place to approach {item.id!r} from: all {taken} poses within {rule.standoff_m + REACH_M:.1f} m of it "
+            f"are taken (robot radius {rule.robot_radius_m:g} m)"
+        )
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _extent_m(item: MapObject, direction_rad: float) -> float:
+    """From an object's centre to its edge in one direction: of its rectangle where its facing is known, else of the
+    circle that holds as much floor."""
+    if item.yaw_rad is None:
+        return radius_m(item)
+    width, depth = footprint_of(item)
+    along = abs(math.cos(direction_rad - item.yaw_rad))
+    across = abs(math.sin(direction_rad - item.yaw_rad))
+    return min(depth / 2.0 / max(along, 1e-9), width / 2.0 / max(across, 1e-9))
+
+
+def _wall_between(centre: Array, away: Array, from_m: float, to_m: float, grid: OccupancyGrid) -> bool:
+    """Whether something occupied lies between an object's edge, which the grid may have moved, and the robot's."""
+    along = np.arange(from_m + OWN_M, to_m, grid.cell_m)
+    return bool((grid.at(centre + along[:, None] * away) == OCCUPIED).any()) if len(along) else False
+
+
+def _crowded(at: Array, others: Sequence[MapObject], robot_radius_m: float) -> bool:
+    return any(np.linalg.norm(at - other.position_m) < radius_m(other) + robot_radius_m for other in others)
+
+
+def _floor(at: Array, grid: OccupancyGrid | None, robot_radius_m: float) -> str:
+    """free, unknown or taken: what the grid shows of the robot's circle."""
+    if grid is None:
+        return "unknown"
+    # Every cell that the circle touches: the point of it nearest to the centre lies in the circle.
+    reach = math.ceil(robot_radius_m / grid.cell_m) + 1
+    steps = np.arange(-reach, reach + 1)
+    corner = np.array([grid.x_m, grid.y_m])
+    first = corner + np.floor((at - corner) / grid.cell_m) * grid.cell_m
+    low = first + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * grid.cell_m
+    touched = np.linalg.norm(np.clip(at, low, low + grid.cell_m) - at, axis=1) <= robot_radius_m
+    cells = grid.at(low[touched] + grid.cell_m / 2.0)
+    if (cells == OCCUPIED).any():
+        return "taken"
+    return "free" if (cells == FREE).all() else "unknown"

@@ -1,0 +1,97 @@
+"""What a person corrects of an object: class, position, size, facing; and objects that a person adds."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+
+PLACED_SIGMA_M = 0.05  # of a position that a person sets on a map: a finger's width at the usual zoom
+SMALLEST_M, LARGEST_M = 0.02, 20.0  # of a size that a person sets
+WORDS = ("label", "position", "size", "yaw")
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Values that replace the measured ones; None and empty where nothing was said.
+
+    place_m: (x, y) in the map frame. size_m: width, depth and height. yaw_rad: the way the front faces. anchor_s: stamp
+    of the pose nearest to the place when it was set, with which it moves; None in a map that was loaded.
+    """
+
+    label: str = ""
+    place_m: tuple[float, float] | None = None
+    size_m: tuple[float, float, float] | None = None
+    yaw_rad: float | None = None
+    anchor_s: float | None = None
+
+    @classmethod
+    def of(cls, item: MapObject) -> "Correction":
+        """The correction that a saved object holds."""
+        said = item.corrected
+        return cls(
+            item.label if "label" in said else "",
+            _pair(item.position_m) if "position" in said else None,
+            (item.width_m, item.depth_m or item.width_m, item.height_m) if "size" in said else None,
+            item.yaw_rad if "yaw" in said else None,
+        )
+
+    def updated(self, newer: "Correction") -> "Correction":
+        """This one, with all that a newer one says."""
+        placed = newer if newer.place_m is not None else self
+        return Correction(
+            newer.label or self.label,
+            placed.place_m,
+            newer.size_m or self.size_m,
+            self.yaw_rad if newer.yaw_rad is None else newer.yaw_rad,
+            placed.anchor_s,
+        )
+
+    def moved(self, correction: TrajectoryCorrection) -> "Correction":
+        """After a loop closure: the place moves with the pose nearest to it."""
+        if self.place_m is None or self.anchor_s is None:
+            return self
+        return replace(self, place_m=_pair(correction.moved_points(np.array([self.anchor_s]), [self.place_m])[0]))
+
+    def apply(self, item: MapObject) -> MapObject:
+        """The object with these values instead of its own."""
+        said = {
+            "label": bool(self.label),
+            "position": self.place_m is not None,
+            "size": self.size_m is not None,
+            "yaw": self.yaw_rad is not None,
+        }
+        item = replace(item, corrected=tuple(word for word in WORDS if said[word]))
+        if self.label:
+            item = replace(item, label=self.label, labels={self.label: 1.0})
+        if self.place_m is not None:
+            item = replace(item, position_m=np.array(self.place_m), covariance_m2=np.eye(2) * PLACED_SIGMA_M**2)
+        if self.size_m is not None:
+            width_m, depth_m, height_m = self.size_m
+            item = replace(item, width_m=width_m, depth_m=depth_m, height_m=height_m)
+        return item if self.yaw_rad is None else replace(item, yaw_rad=self.yaw_rad)
+
+
+def fault_of(correction: Correction) -> str:
+    """Why a correction cannot be, in one line; empty where it can."""
+    size = correction.size_m
+    if size is not None and not all(SMALLEST_M <= side <= LARGEST_M for side in size):
+        told = " x ".join(f"{side:g}" for side in size)
+        return f"a size is width, depth and height of {SMALLEST_M} to {LARGEST_M:g} m each, not {told} m"
+    numbers = (*(correction.place_m or ()), correction.yaw_rad or 0.0)
+    return "" if all(map(math.isfinite, numbers)) else "a position and a yaw are finite numbers"
+
+
+def added_object(identity: str, correction: Correction, stamp_s: float) -> MapObject:
+    """An object that a person has put on the map: certain to be there, and seen by nobody yet."""
+    item = MapObject(
+        identity, correction.label, np.zeros(2), np.eye(2), 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True
+    )
+    return correction.apply(item)
+
+
+def _pair(place: np.ndarray) -> tuple[float, float]:
+    x_m, y_m = place
+    return float(x_m), float(y_m)

@@ -1,0 +1,102 @@
+"""Which objects of the map a picture must show if they still stand where the map has them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.map_object import MapObject, radius_m
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.se2 import SE2
+
+AROUND = 8  # points of a footprint's circle that are projected
+HALF_VIEW_M = 0.25  # places that an object was seen from are known to about this
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRule:
+    """When an object is in plain view.
+
+    margin_share: of the picture's sides, kept free round its box. nearest_m, farthest_m: from the base. range_share: no
+    farther than this share of the greatest distance it was ever seen from, as detectors lose the small. near_view_m: it
+    has been seen before from no farther than this away (a map knows no walls, but what was seen from here has none
+    before it). covered_share: of its box, at most, behind nearer boxes or nearer objects of the map.
+    """
+
+    margin_share: float = 0.03
+    nearest_m: float = 0.6
+    farthest_m: float = 5.0
+    range_share: float = 0.9
+    near_view_m: float = 0.75
+    covered_share: float = 0.2
+
+
+def expected_boxes(objects: Sequence[MapObject], camera: FloorCamera, pose_map_base: SE2) -> Array:
+    """Where each object's upright cylinder (footprint's circle, mean height) would show, (N, 4) x0 y0 x1 y1 px as
+    detectors count; NaN where a part of it is behind the camera."""
+    if not objects:
+        return np.zeros((0, 4))
+    centres = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
+    radii = np.array([radius_m(item) for item in objects])
+    heights = np.array([item.height_m for item in objects])
+    turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    ring = centres[:, None] + radii[:, None, None] * np.column_stack([np.cos(turns), np.sin(turns)])[None]
+    floor = np.concatenate([ring, np.zeros((len(ring), AROUND, 1))], axis=-1)
+    top = np.concatenate([ring, np.broadcast_to(heights[:, None, None], (len(ring), AROUND, 1))], axis=-1)
+    pixels = camera.project(np.concatenate([floor, top], axis=1).reshape(-1, 3)).reshape(len(objects), -1, 2) + 0.5
+    return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=-1)
+
+
+def in_plain_view(
+    objects: Sequence[MapObject],
+    boxes: Array,
+    camera: FloorCamera,
+    pose_map_base: SE2,
+    detections: Detections,
+    rule: ViewRule,
+) -> NDArray[np.bool_]:
+    """Which objects should be detected, given their expected boxes: whole in the picture, near, seen from hereabouts
+    before, and not behind anything; (N,)."""
+    width, height = camera.intrinsics.width, camera.intrinsics.height
+    margin = rule.margin_share * np.array([width, height])
+    inside = (boxes[:, :2] >= margin).all(axis=1) & (boxes[:, 2:] <= [width, height] - margin).all(axis=1)
+    here = np.array([pose_map_base.x_m, pose_map_base.y_m])
+    clear = np.zeros(len(objects), dtype=bool)
+    reach = np.array([np.linalg.norm(item.position_m - here) for item in objects])
+    for row in np.flatnonzero(inside & (reach >= rule.nearest_m) & (reach <= rule.farthest_m)).tolist():
+        views = np.array(objects[row].seen_from_m).reshape(-1, 2)
+        if len(views) == 0 or _off_lines_m(here, views, objects[row].position_m) > rule.near_view_m:
+            continue
+        seen_m = np.linalg.norm(views - objects[row].position_m, axis=1).max() + HALF_VIEW_M
+        if reach[row] > rule.range_share * seen_m:
+            continue
+        nearer = np.concatenate(
+            [detections.boxes[detections.boxes[:, 3] > boxes[row, 3]], boxes[(reach < reach[row]) & (boxes[:, 2] > 0)]]
+        )
+        clear[row] = covered_share(boxes[row], nearer) <= rule.covered_share
+    return clear
+
+
+def _off_lines_m(here: Array, views: Array, position_m: Array) -> float:
+    """Distance from a place (2,) to the nearest of the lines from views (N, 2) to an object's position (2,)."""
+    lines = position_m - views
+    along = np.einsum("ni,ni->n", here - views, lines) / np.maximum((lines**2).sum(axis=1), 1e-9)
+    return float(np.linalg.norm(views + np.clip(along, 0.0, 1.0)[:, None] * lines - here, axis=1).min())
+
+
+def covered_share(box: Array, others: Array) -> float:
+    """Share of a box behind the one of the others that hides most of it; boxes with NaN hide nothing."""
+    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+    overlap = np.nan_to_num(np.prod(np.maximum(sides, 0.0), axis=1))
+    return float(overlap.max(initial=0.0) / max(float(np.prod(box[2:] - box[:2])), 1e-9))
+
+
+def iou(box: Array, others: Array) -> Array:
+    """Intersection over union of a box with each of the others, (N,)."""
+    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+    overlap = np.prod(np.maximum(sides, 0.0), axis=1)
+    areas = np.prod(others[:, 2:] - others[:, :2], axis=1) + np.prod(box[2:] - box[:2])
+    return overlap / np.maximum(areas - overlap, 1e-9)

@@ -1,0 +1,54 @@
+"""Where the floor is in one picture, as a network's floor head sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.geometry.arrays import Array
+
+Grid = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorMask:
+    """Probability of floor over a whole picture, on a grid coarser than its pixels.
+
+    floor: (rows, columns) float32 in 0..1; cell (r, c) covers the picture's columns from c * width / columns to
+    (c + 1) * width / columns, counted from the outer edge of its first pixel, and rows likewise. width, height: of the
+    picture, px. wall: of the same shape, or None where the network does not tell walls from other objects. Raises
+    ValueError where the shapes disagree.
+    """
+
+    floor: Grid
+    width: int
+    height: int
+    wall: Grid | None = None
+
+    def __post_init__(self) -> None:
+        if self.floor.ndim != 2 or self.floor.size == 0 or min(self.width, self.height) < 1:
+            raise ValueError(f"floor mask {self.floor.shape} of a picture of {self.width}x{self.height} px")
+        if self.wall is not None and self.wall.shape != self.floor.shape:
+            raise ValueError(f"floor mask {self.floor.shape}, walls {self.wall.shape}")
+
+    def at(self, points_px: ArrayLike) -> Array:
+        """Probability of floor at points (N, 2) of the picture, (N,): bilinear between the cells' middles.
+
+        Pixel centres are whole numbers, as in `Intrinsics`. 0 for points outside the picture and for NaN.
+        """
+        points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
+        edges = points + 0.5  # from the outer edge of the first pixel
+        size = np.array([self.width, self.height], dtype=np.float64)
+        inside = np.all((edges >= 0.0) & (edges <= size), axis=1)
+        rows, columns = self.floor.shape
+        last = np.array([columns - 1, rows - 1])
+        cell = np.clip(np.where(inside[:, None], edges, 0.0) * [columns, rows] / size - 0.5, 0.0, last)
+        first = np.minimum(cell.astype(np.intp), np.maximum(last - 1, 0))
+        across, down = (cell - first).T
+        c, r = first.T
+        c1, r1 = np.minimum(c + 1, last[0]), np.minimum(r + 1, last[1])
+        above = (1.0 - across) * self.floor[r, c] + across * self.floor[r, c1]
+        below = (1.0 - across) * self.floor[r1, c] + across * self.floor[r1, c1]
+        return np.where(inside, (1.0 - down) * above + down * below, 0.0)

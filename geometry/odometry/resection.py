@@ -1,0 +1,147 @@
+"""A camera's pose in six dimensions among points of known depth: spatial resection (perspective-n-point), refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+
+TUKEY = 4.6851  # standard deviations beyond which a residual has no weight (95 % efficiency)
+ANNEALING = (3.0, 2.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LensPose:
+    """A lens in a fixed frame. rotation: (3, 3), takes its optical axes into that frame's. position_m: (3,)."""
+
+    rotation: Array
+    position_m: Array
+
+    @classmethod
+    def origin(cls) -> LensPose:
+        """Of the first picture."""
+        return cls(np.eye(3), np.zeros(3))
+
+    def inverse(self) -> LensPose:
+        """The fixed frame as this lens sees it."""
+        return LensPose(self.rotation.T, -self.rotation.T @ self.position_m)
+
+    def __matmul__(self, other: LensPose) -> LensPose:
+        return LensPose(self.rotation @ other.rotation, self.apply(other.position_m))
+
+    def apply(self, points_m: Array) -> Array:
+        """Points (..., 3) of its optical axes, in the fixed frame."""
+        return points_m @ self.rotation.T + self.position_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthLandmarks:
+    """N points in a fixed frame. points_m (N, 3); along (N, 3): by a metre of their depth; sigma_m (N,): of that."""
+
+    points_m: Array
+    along: Array
+    sigma_m: Array
+
+    @classmethod
+    def seen(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> DepthLandmarks:
+        """Seen from a pose along rays (N, 3) with z = 1, at depths (N,) along the optical axis."""
+        along = rays @ pose.rotation.T
+        return cls(pose.position_m + along * depth_m[:, None], along, sigma_m)
+
+    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> DepthLandmarks:
+        """Those at indices, or where a mask is set."""
+        return DepthLandmarks(self.points_m[which], self.along[which], self.sigma_m[which])
+
+    @classmethod
+    def joined(cls, parts: list[DepthLandmarks]) -> DepthLandmarks:
+        """One after the other."""
+        return cls(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("points_m", "along", "sigma_m")))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resected:
+    """pose: found. covariance: (6, 6) in its own optical axes, displacement (m) and rotation (rad). weights (N,): 0
+    where a point does not fit."""
+
+    pose: LensPose
+    covariance: Array
+    weights: Array
+
+
+def resect(landmarks: DepthLandmarks, seen: Array, start: LensPose, sigma: float) -> Resected:
+    """The pose that fits normalised image points (N, 2) best: Gauss-Newton from a start, Tukey's weights, annealed.
+
+    sigma: standard deviation of an image point. The error of a landmark's depth widens its residual along the epipolar
+    line, so that a far one determines the rotation and a near one the displacement.
+    """
+    pose, weights, inverse, excess = start, np.zeros(len(seen)), np.eye(6), 1.0
+    for scale in ANNEALING:
+        local = (landmarks.points_m - pose.position_m) @ pose.rotation
+        ahead = local[:, 2] > 0.05
+        x, y, z = local.T
+        z = np.where(ahead, z, 1.0)
+        u, v = x / z, y / z
+        inverse_m, zero = 1.0 / z, np.zeros(len(z))
+        residual = seen - np.column_stack([u, v])
+        # By displacement and rotation of the lens in its own axes: row 0 of u, row 1 of v.
+        jacobian = np.array(
+            [
+                [-inverse_m, zero, u * inverse_m, u * v, -1.0 - u * u, v],
+                [zero, -inverse_m, v * inverse_m, 1.0 + v * v, -u * v, -u],
+            ]
+        ).transpose(2, 0, 1)
+        along = landmarks.along @ pose.rotation
+        by_depth = (along[:, :2] - along[:, 2:] * np.column_stack([u, v])) * (landmarks.sigma_m * inverse_m)[:, None]
+        length2 = (by_depth**2).sum(axis=1)
+        lost = (1.0 - sigma / np.sqrt(sigma**2 + length2)) / np.maximum(length2, 1e-18)
+        white = (residual - (lost * (by_depth * residual).sum(axis=1))[:, None] * by_depth) / sigma
+        across = by_depth[:, :1] * jacobian[:, 0] + by_depth[:, 1:] * jacobian[:, 1]
+        jacobian = (jacobian - (lost[:, None] * by_depth)[:, :, None] * across[:, None]) / sigma
+        distance2 = (white**2).sum(axis=1)
+        weights = np.where(ahead, np.clip(1.0 - distance2 / (TUKEY * scale) ** 2, 0.0, 1.0) ** 2, 0.0)
+        rows, whitened = jacobian.reshape(-1, 6), white.ravel()
+        weighted = rows * np.repeat(weights, 2)[:, None]
+        inverse = np.asarray(np.linalg.inv(weighted.T @ rows + 1e-6 * np.eye(6)), dtype=np.float64)
+        pose = pose @ _small(inverse @ weighted.T @ whitened)
+        excess = max(1.0, float(weights @ distance2) / max(2.0 * float(weights.sum()) - 6.0, 1.0))
+    return Resected(pose, inverse * excess, weights)
+
+
+def planar_step(moved: LensPose, covariance: Array, up: Array, mount: Mount) -> tuple[SE2, Array]:
+    """Motion of the base (3,) and covariance (3, 3) of a lens that moved so in its earlier optical axes, where up (3,)
+    points up. covariance: (6, 6) in its later axes, as of `Resected`."""
+    ahead, left = _level(np.array([0.0, 0.0, 1.0]), up)
+    heading = moved.rotation[:, 2]
+    lens = SE2(
+        float(moved.position_m @ ahead),
+        float(moved.position_m @ left),
+        float(np.arctan2(heading @ left, heading @ ahead)),
+    )
+    lever = SE2(mount.forward_m, mount.left_m, 0.0)
+    later_up = moved.rotation.T @ up
+    ahead, left = _level(np.array([0.0, 0.0, 1.0]), later_up)
+    by = np.zeros((3, 6))
+    by[0, :3], by[1, :3], by[2, 3:] = ahead, left, later_up
+    by[0, 3:] += mount.left_m * later_up
+    by[1, 3:] -= mount.forward_m * later_up
+    return lever @ lens @ lever.inverse(), by @ covariance @ by.T
+
+
+def _level(forward: Array, up: Array) -> tuple[Array, Array]:
+    """Unit vectors ahead and left, level, of a camera that looks forward."""
+    ahead = forward - (forward @ up) * up
+    ahead = ahead / np.linalg.norm(ahead)
+    return ahead, np.cross(up, ahead)
+
+
+def _small(step: Array) -> LensPose:
+    """A small displacement and rotation vector (6,) as a pose (Rodrigues)."""
+    angle = float(np.linalg.norm(step[3:]))
+    axis = step[3:] / max(angle, 1e-12)
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return LensPose(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross, step[:3])

@@ -1,0 +1,201 @@
+"""Loop closure: a hypothesis is searched, weighed on the complete graph, taken where all is likelier with it, and taken
+back where it no longer fits; a bounded unit of work per frame."""
+
+import math
+from collections.abc import Generator, Mapping, Sequence, Set
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.slam.landmarks import Landmark
+from edgemap.geometry.slam.least_squares import Solution
+from edgemap.geometry.slam.loop_hypotheses import Pairing, certain_pairings
+from edgemap.geometry.slam.pose_graph import PoseGraph, Snapshot
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+
+Work = Generator[None, None, "tuple[Snapshot, Solution] | None"]
+
+PLAIN, SEARCH, PROPOSE, REFINE, AGAIN = 6, 2, 4, 8, 4  # iterations at most, of a solution by what it is for
+
+
+class LoopSearch:
+    """The closure under way on a graph. found: links so far that were not taken back."""
+
+    def __init__(self, graph: PoseGraph) -> None:
+        self.graph = graph
+        self.found = 0
+        self._work: Work | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a closure is under way: until it ends, no landmark and no keyframe leaves the graph."""
+        return self._work is not None
+
+    def begin(self) -> None:
+        """Search loops in the graph as it stands."""
+        self._work = self._closure()
+
+    def step(self, now_s: float) -> TrajectoryCorrection | None:
+        """One unit of work on the closure under way; the correction that it ends with. now_s: stamp of the frame whose
+        motion came last."""
+        if self._work is None:
+            return None
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work = None
+            if end.value is not None:
+                at, solution = end.value
+                return self.graph.correct(at, solution, now_s)
+        return None
+
+    def _closure(self) -> Work:
+        """Link what is one object, and solve; links that do not fit are taken back."""
+        graph = self.graph
+        count, groups = len(graph.links), graph.groups()
+        in_view = {
+            landmark.number
+            for landmark in graph.landmarks.in_view(graph.trajectory.odometer_m)
+            if graph.is_likely(landmark) and landmark.keyframes
+        }
+        candidates = _candidates(graph, _unlinked(graph, groups, in_view), groups)
+        at = graph.snapshot({root for _, root in candidates})
+        new = (yield from self._hypothesis(at, candidates, groups, in_view)) if candidates else {}
+        if not graph.links and not new:
+            return None
+        after = yield from graph.solved(at, graph.links, PLAIN, covariances=not new)
+        if new:
+            closed = yield from self._weighed(at, new, after)
+            if closed is not None:
+                graph.links |= new
+                after = closed
+            elif graph.links:
+                after, new = (yield from graph.solved(at, graph.links, 1, start=after, covariances=True)), {}
+            else:
+                return None
+        while unfit := self._unfit(at, after, new):
+            self._take_back(unfit)
+            new = {number: first for number, first in new.items() if number in graph.links}
+            after = yield from graph.solved(at, graph.links, PLAIN, covariances=True)
+        after = yield from self._doubted(at, after)
+        self.found += len(graph.links) - count
+        return at, after
+
+    def _hypothesis(
+        self,
+        at: Snapshot,
+        candidates: Sequence[tuple[Landmark, int]],
+        groups: Mapping[int, list[Landmark]],
+        in_view: Set[int],
+    ) -> Generator[None, None, dict[int, int]]:
+        """The links that are certain among all pairings, with room for a slip of the odometry."""
+        graph = self.graph
+        before = yield from graph.solved(at, graph.links, SEARCH, loose=True)
+        pairings = [
+            Pairing(at.row[one.number], at.row[root], graph.apart_m2(one.number, root))
+            for one, root in candidates
+            if one.number in at.row and root in at.row
+        ]
+        supported = sum(len(groups[graph.root(number)]) > 1 for number in in_view)
+        certain = yield from certain_pairings(
+            pairings, before.landmarks, before.landmark_covariance, graph.rule.hypotheses, supported
+        )
+        name = list(at.row)
+        return witnessed(graph, {name[pairing.now]: name[pairing.before] for pairing in certain})
+
+    def _weighed(
+        self, at: Snapshot, new: Mapping[int, int], without: Solution
+    ) -> Generator[None, None, Solution | None]:
+        """The solution with these links too, None where all that was measured is not likelier with them: odometry with
+        its own covariance, observations with the errors that they share, and that an object stands there by chance."""
+        graph = self.graph
+        links = graph.links | dict(new)
+        proposed = yield from graph.solved(at, links, PROPOSE, loose=True)
+        closed = yield from graph.solved(at, links, REFINE, start=proposed, covariances=True)
+        by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
+        ratio = closed.log_evidence - without.log_evidence + by_chance
+        return closed if ratio > graph.rule.margin else None
+
+    def _doubted(self, at: Snapshot, after: Solution) -> Generator[None, None, Solution]:
+        """The solution without the link that fits worst, where no more than half of the margin speaks for it."""
+        graph = self.graph
+        chi2, (later, _) = max(
+            zip(after.link_chi2.tolist(), at.ties(graph.links), strict=True), default=(0.0, (-1, -1))
+        )
+        if chi2 < graph.rule.doubt:
+            return after
+        others = {number: first for number, first in graph.links.items() if number != later}
+        without = yield from graph.solved(at, others, AGAIN, start=after, covariances=True)
+        by_chance = math.log(graph.rule.hypotheses.spacing_m2)
+        if after.log_evidence - without.log_evidence + by_chance > graph.rule.margin / 2.0:
+            return after
+        self._take_back([later])
+        return without
+
+    def _take_back(self, links: Sequence[int]) -> None:
+        for number in links:
+            self.graph.refused.add((number, self.graph.root(self.graph.links[number])))
+            del self.graph.links[number]
+
+    def _unfit(self, at: Snapshot, after: Solution, new: Mapping[int, int]) -> list[int]:
+        """Links to take back: all new ones if one of these does not fit, else the worst of the others."""
+        ties, gate = at.ties(self.graph.links), self.graph.rule.gate
+        bad = {later: chi2 for (later, _), chi2 in zip(ties, after.link_chi2.tolist(), strict=True) if chi2 > gate}
+        if any(number in bad for number in new):
+            return list(new)
+        return [max(bad, key=lambda number: bad[number])] if bad else []
+
+
+def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: Set[int]) -> list[Landmark]:
+    """Landmarks that are no object seen before, so far: those in view, most sightings first, then, before they have to
+    go, those that passed without having been recognised, the last one first."""
+    since = len(graph.trajectory) // 2 if graph.is_full else len(graph.trajectory)
+    found = [
+        one
+        for (one, *others) in groups.values()
+        if not others and graph.is_likely(one) and (one.number in in_view or one.last >= since)
+    ]
+    found.sort(key=lambda one: (0, -one.sums.pictures) if one.number in in_view else (1, -one.last))
+    return found[: graph.rule.hypotheses.maximum_now]
+
+
+def witnessed(graph: PoseGraph, found: Mapping[int, int]) -> dict[int, int]:
+    """Links of landmarks that were seen about when enough of other objects were, which are or become linked: one object
+    alone, however often it was seen, says nothing."""
+    landmarks, slack = graph.landmarks.all, graph.rule.every
+    linked = {number: graph.root(number) for number in (*graph.links, *graph.links.values())} | dict(found)
+
+    def witnesses(number: int, root: int) -> int:
+        first, last = landmarks[number].first - slack, landmarks[number].last + slack
+        near = {at for other, at in linked.items() if landmarks[other].first <= last and landmarks[other].last >= first}
+        return len(near | {root})
+
+    return {number: root for number, root in found.items() if witnesses(number, root) >= graph.rule.hypotheses.minimum}
+
+
+def _candidates(
+    graph: PoseGraph, fresh: Sequence[Landmark], groups: Mapping[int, list[Landmark]]
+) -> list[tuple[Landmark, int]]:
+    """Landmarks with each earlier object that they may be: of the same label, not seen since, the nearest ones; of two
+    in one place the one that was seen more often."""
+    counts = {root: sum(one.sums.pictures for one in members) for root, members in groups.items()}
+    likely = (root for root, members in groups.items() if any(graph.is_likely(one) for one in members))
+    earlier = sorted(likely, key=lambda root: -counts[root])
+    pairs: list[tuple[float, Landmark, int]] = []
+    for landmark in fresh:
+        chosen: list[Array] = []
+        for root in earlier:
+            at = graph.landmarks.all[root].position_m
+            if (
+                groups[root][0].label == landmark.label
+                and max(member.last for member in groups[root]) < landmark.first
+                and (landmark.number, root) not in graph.refused
+                and not any(landmark.is_apart(member) for member in groups[root])
+                and all(math.hypot(*(at - other)) > graph.rule.hypotheses.same_m for other in chosen)
+            ):
+                chosen.append(at)
+                pairs.append((math.hypot(*(landmark.position_m - at)), landmark, root))
+    pairs.sort(key=lambda pair: (pair[0], pair[1].number, pair[2]))
+    near = set(list(dict.fromkeys(root for _, _, root in pairs))[: graph.rule.nearest])
+    return sorted(
+        ((landmark, root) for _, landmark, root in pairs if root in near),
+        key=lambda pair: (-pair[0].sums.pictures, pair[1]),
+    )

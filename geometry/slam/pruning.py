@@ -1,0 +1,34 @@
+"""A graph of bounded size: keyframes of long ago leave their observations to those that stand near them."""
+
+import numpy as np
+
+from edgemap.geometry.slam.pose_graph import PoseGraph
+
+
+def drop_keyframes(graph: PoseGraph) -> None:
+    """Too many: of the older half those go that are nearest to an earlier one, a radian as a metre. So the first ones
+    in a place stay, and whatever is seen later is known against them. Observations move to the keyframe that stays."""
+    trajectory = graph.trajectory
+    excess, half = len(trajectory) - graph.rule.keyframes.maximum, len(trajectory) // 2
+    if excess <= 0:
+        return
+    poses = trajectory.vectors()[:half]
+    apart = poses[:, None] - poses[None]
+    apart[..., 2] = np.angle(np.exp(1j * apart[..., 2]))
+    distance = np.linalg.norm(apart, axis=2)
+    distance[np.triu_indices(half)] = np.inf  # to earlier ones only
+    into = {row: row for row in range(len(trajectory))}
+    for _ in range(excess):
+        gone, kept = divmod(int(distance.argmin()), half)
+        distance[gone] = distance[:, gone] = np.inf
+        into[gone] = kept
+    dropped, onto = {row for row, kept in into.items() if kept != row}, {}
+    for row, kept in into.items():
+        while into[kept] != kept:
+            kept = into[kept]
+        relative = trajectory.poses[kept].inverse() @ trajectory.poses[row]
+        onto[row] = kept - sum(other < kept for other in dropped), relative.vector() * (row != kept)
+    trajectory.drop(dropped)
+    for landmark in graph.landmarks.all.values():
+        landmark.rebase(onto)
+    graph.place(list(graph.landmarks.all.values()))

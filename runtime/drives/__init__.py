@@ -1,8 +1,0 @@
-"""Every data layout, read and written here and nowhere else: `open_drive("KIND:DIR")`, `write_drive(...)`."""
-
-from edgemap.runtime.drives.drive import Drive, LabelledBoxes
-from edgemap.runtime.drives.locobot import write_locobot
-from edgemap.runtime.drives.open import READERS, open_drive
-from edgemap.runtime.drives.write import write_drive
-
-__all__ = ["READERS", "Drive", "LabelledBoxes", "open_drive", "write_drive", "write_locobot"]

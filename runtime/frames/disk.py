@@ -1,0 +1,103 @@
+"""Files that are good at any moment, whatever the disk does: replaced at once, or longer by all of what is added."""
+
+import errno
+import os
+from collections import deque
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from edgemap.runtime.frames.errors import DiskError
+
+MAX_WAITING = 200_000  # lines; an hour at 10 Hz with five sightings in each frame
+
+
+def append(path: Path, data: bytes, create: bool = True) -> None:
+    """Write all of it. create: make the file where it is not there. Raises DiskError where nothing was written."""
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_CREAT if create else 0)
+    try:
+        handle = os.open(path, flags, 0o644)
+        try:
+            start = os.lseek(handle, 0, os.SEEK_END)
+            try:
+                left = memoryview(data)
+                while left:
+                    left = left[os.write(handle, left) :]
+            except OSError:
+                os.ftruncate(handle, start)
+                raise
+        finally:
+            os.close(handle)
+    except OSError as error:
+        raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def write_atomically(path: Path, text: str | bytes | Callable[[], Iterable[bytes]]) -> None:
+    """Replace a file's content at once: readers and a power cut see the old text or the new one, never a part.
+
+    text: or what gives it block by block, each time that it is called. Where the file system can, the new file has no
+    name until it is complete: a process that is killed leaves none behind. Raises DiskError where the folder does not
+    take it.
+    """
+    whole = text.encode("utf-8", "backslashreplace") if isinstance(text, str) else text
+
+    def blocks() -> Iterable[bytes]:
+        return whole() if callable(whole) else (whole,)
+
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            handle = _write(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o644), blocks())
+            try:
+                temporary.unlink(missing_ok=True)
+                # src_dir_fd, unused with an absolute path, is what makes Python follow the link (AT_SYMLINK_FOLLOW).
+                os.link(f"/proc/self/fd/{handle}", temporary, src_dir_fd=handle, follow_symlinks=True)
+            finally:
+                os.close(handle)
+        except (AttributeError, IsADirectoryError, OSError) as error:
+            if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+                raise
+            temporary.unlink(missing_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+            os.close(_write(os.open(temporary, flags, 0o644), blocks()))
+        try:
+            temporary.replace(path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise DiskError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def _write(handle: int, blocks: Iterable[bytes]) -> int:
+    """Write all of them and wait for the disk; the handle stays open, but where that fails."""
+    try:
+        for block in blocks:
+            left = memoryview(block)
+            while left:
+                left = left[os.write(handle, left) :]
+        os.fsync(handle)
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
+
+
+class LineFile:
+    """Lines go to the file when `flush` is called, all or none. dropped: lines lost because too many waited."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.dropped = 0
+        self._waiting: deque[str] = deque()
+
+    def append(self, line: str) -> None:
+        """Take in a line, its end included."""
+        if len(self._waiting) >= MAX_WAITING:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(line)
+
+    def flush(self) -> None:
+        """Write what waits. Raises DiskError and keeps it where the disk does not take all of it."""
+        append(self.path, "".join(self._waiting).encode())
+        self._waiting.clear()

@@ -1,0 +1,42 @@
+"""One picture with its time: what every camera delivers and every stage of the step reads."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.imu import ImuSamples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A picture from the camera.
+
+    index: counts delivered frames from 0. stamp_s: seconds, from the sensor or the file, never decreasing.
+    image: (H, W, 3) uint8, BGR as OpenCV keeps it. name: where it came from, for messages.
+    imu: inertial samples since the previous delivered frame, up to this stamp; none where the source brings none.
+    depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth
+    camera.
+    search: whether its objects are looked for; a budget decides that, and a recording keeps it.
+    Raises ValueError where the image is not (H, W, 3) uint8, or the depth not (H, W).
+    """
+
+    index: int
+    stamp_s: float
+    image: NDArray[np.uint8]
+    name: str = ""
+    imu: ImuSamples = field(default_factory=ImuSamples.none)
+    depth: NDArray[np.float32] | None = None
+    search: bool = True
+
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the picture."""
+        from edgemap.runtime.frames.png import png
+
+        return png(self.image)
+
+    def __post_init__(self) -> None:
+        if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:
+            raise ValueError(f"frame image is {self.image.dtype} {self.image.shape}, expected uint8 (H, W, 3)")
+        if self.depth is not None and self.depth.shape != self.image.shape[:2]:
+            raise ValueError(f"frame depth is {self.depth.shape}, the image {self.image.shape[:2]}")

@@ -1,0 +1,81 @@
+"""A tf tree built from messages: the transform between two frames, and planar poses."""
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.trajectory import QUATERNION_TOLERANCE
+
+FARTHEST_M, FARTHEST_POSE_M = 1000.0, 1e6  # of two frames of one robot; of a pose in the world
+FRAMES = 10_000  # a tree with more is none
+
+
+class TfTree:
+    """The first transform that comes for each frame. where: for messages."""
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._parents: dict[str, tuple[str, Any]] = {}
+
+    def add(self, message: Any) -> None:
+        """Take in a decoded `tf2_msgs/TFMessage`."""
+        for step in message.transforms:
+            if len(self._parents) < FRAMES:
+                child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
+                self._parents.setdefault(child, (parent, step.transform))
+
+    @property
+    def full(self) -> bool:
+        """Whether no further frame is taken in."""
+        return len(self._parents) >= FRAMES
+
+    def pose(self, parent: str, child: str) -> tuple[Array, Array] | None:
+        """Rotation (3, 3) and position (3,) of a frame in another one; None where the tree does not join them.
+
+        Raises CameraError for a transform on the way that is none.
+        """
+        ups, downs = self._to_root(child.lstrip("/")), self._to_root(parent.lstrip("/"))
+        for frame, (rotation, place_m) in ups.items():
+            if frame in downs:
+                back, origin_m = downs[frame]
+                return back.T @ rotation, back.T @ (place_m - origin_m)
+        return None
+
+    def _to_root(self, frame: str) -> dict[str, tuple[Array, Array]]:
+        """The frame's pose in itself and in each frame above it, nearest first."""
+        found = {frame: (np.eye(3), np.zeros(3))}
+        while frame in self._parents and self._parents[frame][0] not in found:
+            rotation, place_m = found[frame]
+            frame, step = self._parents[frame]
+            step_rotation, step_m = self._checked(frame, step)
+            found[frame] = step_rotation @ rotation, step_rotation @ place_m + step_m
+        return found
+
+    def _checked(self, frame: str, step: Any) -> tuple[Array, Array]:
+        quaternion = [step.rotation.x, step.rotation.y, step.rotation.z, step.rotation.w]
+        moved_m = [step.translation.x, step.translation.y, step.translation.z]
+        if not abs(math.hypot(*quaternion) - 1.0) < QUATERNION_TOLERANCE or not max(map(abs, moved_m)) < FARTHEST_M:
+            raise CameraError(
+                f"{self._where}: tf to {frame}: translation {moved_m} m, quaternion {quaternion}: no transform"
+            )
+        return Rotation.from_quat(quaternion).as_matrix(), np.array(moved_m)
+
+
+def planar_pose(pose: Any, where: str) -> SE2:
+    """A decoded `geometry_msgs/Pose` as a planar pose. where: for messages. Raises CameraError for an invalid pose."""
+    return planar(pose.position, pose.orientation, where)
+
+
+def planar(position: Any, orientation: Any, where: str) -> SE2:
+    """A position and a quaternion as a planar pose. Raises CameraError for an invalid pose."""
+    x, y, z, w = (getattr(orientation, axis) for axis in "xyzw")
+    norm, values = math.hypot(x, y, z, w), (position.x, position.y)
+    if not abs(norm - 1.0) < QUATERNION_TOLERANCE or not all(abs(value) <= FARTHEST_POSE_M for value in values):
+        raise CameraError(f"{where}: no pose: position {values} m, quaternion of length {norm:.3f}")
+    x, y, z, w = (value / norm for value in (x, y, z, w))
+    return SE2(*values, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

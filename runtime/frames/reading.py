@@ -1,0 +1,140 @@
+"""Reads files that may be damaged or hostile: bounded in size, decoded against a schema, every failure one line.
+
+Every reader of edgemap begins here: `read_bytes` or `read_text` bounds what enters memory, `decode_json` and `convert`
+check all of a document against a msgspec type with constraints before anything is made of it.
+"""
+
+import re
+import stat
+import sys
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.geometry.errors import EdgemapError
+
+T = TypeVar("T")
+
+MESSAGE_LENGTH = 200
+LINE_LENGTH = 1000  # of what is printed
+SHOWN = 60  # of a value
+TREE_BYTES = 1 << 20  # of a document that is read again to show what was wrong in it: any values, each some 100 bytes
+HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # control characters, text directions
+
+# Numbers and names as files may hold them. NaN and infinity satisfy no bound, so none of them ever comes in.
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]  # metres or pixels
+Size = Annotated[float, Meta(ge=0.0, le=1e6)]  # metres or pixels
+Stamp = Annotated[float, Meta(ge=-1e12, le=1e12)]  # seconds
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+Side = Annotated[int, Meta(ge=1, le=65536)]  # of a picture, px
+Name = Annotated[str, Meta(min_length=1, max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
+
+
+class Strict(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    """A record of a file: unknown or missing fields are errors."""
+
+
+def one_line(text: object, length: int = MESSAGE_LENGTH) -> str:
+    """A text of any origin as part of a message: no line breaks, no control characters, not too long."""
+    words = "".join(letter if letter.isprintable() else " " for letter in str(text))
+    words = " ".join(words.split())
+    return words if len(words) <= length else words[: length - 1] + "…"
+
+
+def error_line(error: Exception) -> str:
+    """An unknown error as part of a message: its kind and its text."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def printable(text: object) -> str:
+    """A message for a terminal, one line: line breaks, control characters and halves of characters, as file names may
+    hold, as escapes (`\\n`), and without the middle of what is too long."""
+    if isinstance(text, str) and len(text) <= LINE_LENGTH and text.isprintable():
+        return text
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text))
+    half = LINE_LENGTH // 2
+    return line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}"
+
+
+def print_message(text: object) -> None:
+    """Print a message to standard error, as `printable` makes it: all that edgemap says there comes from here."""
+    print(printable(text), file=sys.stderr)
+
+
+def user_path(text: str | Path) -> Path:
+    """A path as a user types it: `~` is the home folder; that of an unknown user stays unexpanded."""
+    try:
+        return Path(text).expanduser()
+    except (RuntimeError, ValueError):  # ValueError: a NUL in the name
+        return Path(text)
+
+
+def read_bytes(path: Path, limit_bytes: int, error: type[EdgemapError]) -> bytes:
+    """All of a regular file. Raises `error` where it is missing, no file, unreadable or larger than the limit."""
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe would block, a device never end
+            raise error(f"{path}: cannot be read (not a file)")
+        if found.st_size > limit_bytes:
+            raise error(f"{path}: {found.st_size:,} bytes, at most {limit_bytes:,} are read")
+        with path.open("rb") as stream:
+            data = stream.read(min(found.st_size, limit_bytes) + 1)  # takes memory for as much as it is asked for
+    except (OSError, ValueError) as why:  # ValueError: a NUL in the path
+        raise error(f"{one_line(path)}: cannot be read ({one_line(getattr(why, 'strerror', None) or why)})") from None
+    return data
+
+
+def read_text(path: Path, limit_bytes: int, error: type[EdgemapError]) -> str:
+    """All of a UTF-8 file. Raises `error` as `read_bytes` does, and where it is no UTF-8."""
+    try:
+        return read_bytes(path, limit_bytes, error).decode("utf-8")
+    except UnicodeDecodeError as why:
+        raise error(f"{path}: cannot be read ({one_line(why)})") from None
+
+
+def decode_json(data: bytes | str, kind: type[T], where: object, error: type[EdgemapError]) -> T:
+    """A JSON document as a checked record. Raises `error`, which names the place in the document."""
+    try:
+        if isinstance(data, bytes):
+            data = data.decode("utf-8")  # msgspec would take other bytes inside of strings
+        return msgspec.json.decode(data, type=kind)
+    except msgspec.ValidationError as why:
+        try:
+            tree = msgspec.json.decode(data) if len(data) <= TREE_BYTES else None
+        except (msgspec.MsgspecError, RecursionError):
+            tree = None
+        raise error(f"{where}: {_reason(why, tree)}") from None
+    except (msgspec.DecodeError, UnicodeError) as why:
+        raise error(f"{where}: not JSON ({one_line(why)})") from None
+    except RecursionError:
+        raise error(f"{where}: not JSON that is read (nested too deeply)") from None
+
+
+def convert(tree: Any, kind: type[T], where: object, error: type[EdgemapError], strict: bool = True) -> T:
+    """Plain values as a checked record. strict: else numbers may stand as text. Raises `error`."""
+    try:
+        return msgspec.convert(tree, kind, strict=strict)
+    except (msgspec.ValidationError, OverflowError) as why:
+        raise error(f"{where}: {_reason(why, tree)}") from None
+    except RecursionError:
+        raise error(f"{where}: nested too deeply") from None
+
+
+def _reason(why: Exception, tree: Any) -> str:
+    """msgspec's message with the value that stands at the place it names."""
+    place = re.search(r" - at `\$([^`]*)`\Z", str(why))
+    for name, number in re.findall(r"\.(\w+)|\[(\d+)\]", place[1]) if place and "..." not in place[1] else ():
+        try:
+            tree = tree[name or int(number)]
+        except (LookupError, TypeError):
+            return one_line(why)
+    if place is None or not isinstance(tree, str | int | float | None) or "missing" in str(why):
+        return one_line(why)
+    return f"{one_line(why)}, found {one_line(_short(tree), SHOWN)}"
+
+
+def _short(value: object) -> str:
+    return repr(value) if not isinstance(value, int) or abs(value) < 1 << 64 else "a huge number"

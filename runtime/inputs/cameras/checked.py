@@ -1,0 +1,179 @@
+"""A camera of another package: whatever it returns or raises is a frame, a fault or the end, never a traceback."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.attitude_track import AttitudeTrack
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.fault import CameraFault, CameraState, FaultKind, FrameTimeout
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.reading import error_line, one_line, printable
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.cameras.returned import depth_of, image_of, rate_of, size_of, stamp_of
+
+FALLBACK_STEP_S = 0.1  # between two pictures whose stamps say nothing, of a camera that names no rate
+FAILURES = 100  # reads in a row without a frame, after which the camera is at its end
+
+
+class CheckedCamera(CameraBase):
+    """A `Camera` that anybody may have written. What is wrong is reported once, as a fault, when it begins.
+
+    A stamp that is no number, or goes back, is the one before plus a frame interval; a picture that is none is left
+    out, so is a depth. After `FAILURES` reads in a row without a frame the camera is at its end.
+    Raises CameraError for a camera without a size or with invalid intrinsics.
+    """
+
+    def __init__(self, camera: Camera, name: str) -> None:
+        super().__init__(name)
+        self._camera = camera
+        self.size = size_of(self._get("size"), self.name)
+        self.live = self._get("live") is True
+        self.intrinsics = self._typed("intrinsics", Intrinsics)
+        self.mount = self._typed("mount", Mount)
+        self.rate_hz = rate_of(self._get("rate_hz"))
+        count = self._get("frame_count")
+        self.frame_count = count if isinstance(count, int) and not isinstance(count, bool) and count > 0 else None
+        self.truth, self.attitudes = self._typed("truth", Trajectory), self._typed("attitudes", AttitudeTrack)
+        wheel = self._get("wheel")
+        self.wheel = wheel if isinstance(wheel, Path) or hasattr(wheel, "stamps_s") else None
+        self.decisions = self._typed("decisions", Decisions)
+        edits = self._get("edits")
+        self.edits = edits if isinstance(edits, tuple) and all(isinstance(line, str) for line in edits) else ()
+        self._ahead: Frame | None = None
+        self._wrong: set[FaultKind] = set()  # at the last read
+        self._new: list[CameraFault] = []
+        self._failures, self._last_s, self._offset_s = 0, -math.inf, 0.0
+
+    @property
+    def state(self) -> CameraState:
+        """As the camera has it, where that is a state."""
+        try:
+            return CameraState(self._camera.state)
+        except Exception:  # as in `read`
+            return CameraState.RUNNING
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. Raises CameraFault for what is wrong, once, and FrameTimeout where that
+        lasts; CameraError where the camera says so, or has failed for too long."""
+        if self._new:
+            raise self._new.pop(0)
+        if self._ahead is not None:
+            frame, self._ahead = self._ahead, None
+            return frame
+        now: set[FaultKind] = set()
+        try:
+            given = self._camera.read()
+            if given is None:
+                return None
+            frame = self._checked(given, now)
+        except EdgemapError:
+            raise
+        except Exception as error:  # another package's code may raise anything
+            self._note(now, FaultKind.FAILED, f"read raised {error_line(error)}")
+            frame = None
+        self._wrong, self._failures = now, 0 if frame is not None else self._failures + 1
+        if self._failures > FAILURES:
+            raise CameraError(f"camera {self.name}: {FAILURES} reads in a row gave no picture")
+        self._ahead = frame
+        if self._new or frame is not None:
+            return self.read()
+        raise FrameTimeout(f"camera {self.name}: no picture", None, self.state)
+
+    def object_records(self) -> list[dict[str, Any]] | None:
+        """What stands there, where the camera says so in records."""
+        try:
+            records = self._camera.object_records()
+        except EdgemapError:
+            raise
+        except Exception:  # as in `read`
+            return None
+        known = isinstance(records, Sequence) and all(isinstance(record, dict) for record in records)
+        return list(records) if known and records is not None else None
+
+    def close(self) -> None:
+        """Close it; errors of its own code are ignored."""
+        try:
+            self._camera.close()
+        except Exception as error:  # as in `read`
+            self._new.append(CameraFault(FaultKind.FAILED, f"camera {self.name}: does not close: {error_line(error)}"))
+
+    def _checked(self, given: Any, now: set[FaultKind]) -> Frame | None:
+        """A frame made of what was returned; None where it has no picture of this camera."""
+        if not isinstance(given, Frame):
+            self._note(now, FaultKind.FORMAT, f"read gave a {type(given).__name__}, not a Frame")
+            return None
+        try:
+            image = image_of(given.image)
+        except CameraError as error:
+            self._note(now, FaultKind.FORMAT, str(error))
+            return None
+        height, width = image.shape[:2] if image.ndim == 3 else (0, 0)
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            self._note(now, FaultKind.FORMAT, f"picture is {image.dtype} {image.shape}, not uint8 (H, W, 3)")
+            return None
+        if (width, height) != self.size:
+            self._note(now, FaultKind.SIZE, f"picture is {width}x{height}, not {self.size[0]}x{self.size[1]} px")
+            return None
+        depth = None
+        try:
+            depth = depth_of(given.depth, (height, width))
+        except CameraError as error:
+            self._note(now, FaultKind.FORMAT, f"{error}; left out")
+        imu = given.imu if isinstance(given.imu, ImuSamples) else ImuSamples.none()
+        if imu is not given.imu or not self._sound(imu):
+            self._note(now, FaultKind.FORMAT, "inertial samples are none, or not finite in order of time; left out")
+            imu = ImuSamples.none()
+        stamp_s = self._stamp(given.stamp_s, now)
+        name = printable(given.name) if isinstance(given.name, str) else f"{self.name}#{self._delivered}"
+        frame = Frame(self._delivered, stamp_s, image, name, imu, depth, search=given.search is not False)
+        self._delivered += 1
+        return frame
+
+    def _stamp(self, given: Any, now: set[FaultKind]) -> float:
+        step_s = 1.0 / self.rate_hz if self.rate_hz else FALLBACK_STEP_S
+        stamp_s = stamp_of(given)
+        next_s = self._last_s + step_s if math.isfinite(self._last_s) else 0.0
+        if math.isnan(stamp_s):
+            self._note(now, FaultKind.STAMP, f"stamp {one_line(repr(given), 40)} is no time; one frame interval taken")
+            stamp_s = next_s
+        elif stamp_s + self._offset_s <= self._last_s:
+            text = f"stamp {stamp_s:.6g} s is not after {self._last_s - self._offset_s:.6g} s; one interval taken"
+            self._note(now, FaultKind.CLOCK, text)
+            self._offset_s = next_s - stamp_s
+            stamp_s = next_s
+        else:
+            stamp_s += self._offset_s
+        self._last_s = stamp_s
+        return stamp_s
+
+    def _sound(self, imu: ImuSamples) -> bool:
+        arrays = (imu.stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
+        return all(np.isfinite(values).all() for values in arrays) and bool((np.diff(imu.stamps_s) > 0.0).all())
+
+    def _note(self, now: set[FaultKind], kind: FaultKind, text: str) -> None:
+        now.add(kind)
+        if kind not in self._wrong and not any(fault.kind is kind for fault in self._new):
+            self._new.append(CameraFault(kind, f"camera {self.name}: {text}"))
+
+    def _get(self, attribute: str) -> Any:
+        try:
+            return getattr(self._camera, attribute, None)
+        except Exception as error:  # as in `read`
+            raise CameraError(f"camera {self.name}: its {attribute} raises {error_line(error)}") from None
+
+    def _typed(self, attribute: str, kind: type) -> Any:
+        value = self._get(attribute)
+        if value is not None and not isinstance(value, kind):
+            raise CameraError(f"camera {self.name}: its {attribute} is a {type(value).__name__}, no {kind.__name__}")
+        return value

@@ -1,0 +1,164 @@
+"""Cameras of a program: pictures from any iterable, and pictures that are pushed one by one."""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.growing_track import GrowingTrack
+from edgemap.runtime.frames.trajectory import PoseTrack
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.drives.camera_yaml import DEFAULT_RATE_HZ
+
+Picture = NDArray[np.uint8]
+IntrinsicsLike = Intrinsics | tuple[float, float, float, float]
+MountLike = Mount | tuple[float, float]
+
+
+def as_intrinsics(given: IntrinsicsLike, width: int, height: int) -> Intrinsics:
+    """Intrinsics, or (fx, fy, cx, cy) in px of pictures of this size. Raises CameraError or GeometryError."""
+    if isinstance(given, Intrinsics):
+        return given
+    try:
+        fx, fy, cx, cy = (float(value) for value in given)
+    except (TypeError, ValueError):
+        raise CameraError(f"intrinsics={given!r}: expected four numbers, (fx, fy, cx, cy) in pixels") from None
+    return Intrinsics(width, height, fx, fy, cx, cy)
+
+
+def as_mount(given: MountLike) -> Mount:
+    """A Mount, or (height_m, pitch_deg), pitch positive looking down. Raises CameraError or GeometryError."""
+    if isinstance(given, Mount):
+        return given
+    try:
+        height_m, pitch_deg = (float(value) for value in given)
+    except (TypeError, ValueError):
+        raise CameraError(f"mount={given!r}: expected two numbers, (height_m, pitch_deg)") from None
+    return Mount.from_degrees(height_m, pitch_deg)
+
+
+def as_picture(given: Any, name: str) -> Picture:
+    """A BGR picture, (H, W, 3) uint8. Raises CameraError with the type and shape that it has instead."""
+    if not isinstance(given, np.ndarray) or given.dtype != np.uint8 or given.ndim != 3 or given.shape[2] != 3:
+        what = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
+        raise CameraError(f"{name} is {what}, expected a BGR picture: uint8 (height, width, 3)")
+    return given
+
+
+class FramesCamera(CameraBase):
+    """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
+
+    rate_hz: of pictures without stamps. Raises CameraError where there is no picture, or the first is none.
+    """
+
+    def __init__(
+        self,
+        frames: Iterable[Picture | tuple[float, Picture]],
+        intrinsics: IntrinsicsLike | None = None,
+        mount: MountLike | None = None,
+        rate_hz: float = DEFAULT_RATE_HZ,
+    ) -> None:
+        pictures: Iterator[Any] = iter(frames)
+        first = next(pictures, None)
+        if first is None:
+            raise CameraError("frames= has no picture")
+        image = self._parts(first, 0, rate_hz)[1]
+        height, width = image.shape[:2]
+        lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
+        super().__init__("frames", lens, None if mount is None else as_mount(mount))
+        self.size = (width, height)
+        self.rate_hz: float | None = rate_hz
+        self.frame_count: int | None = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
+        self._pictures: Iterator[Any] = chain([first], pictures)
+
+    def read(self) -> Frame | None:
+        """The next picture; None after the last. Raises CameraError for what is no picture."""
+        given = next(self._pictures, None)
+        if given is None:
+            return None
+        stamp_s, image = self._parts(given, self._delivered, self.rate_hz or DEFAULT_RATE_HZ)
+        return self.frame(image, stamp_s, f"frames[{self._delivered}]")
+
+    def close(self) -> None:
+        """Deliver nothing more."""
+        self._pictures = iter(())
+
+    @staticmethod
+    def _parts(given: Any, number: int, rate_hz: float) -> tuple[float, Picture]:
+        if isinstance(given, tuple) and len(given) == 2:
+            return float(given[0]), as_picture(given[1], f"frames[{number}][1]")
+        return number / rate_hz, as_picture(given, f"frames[{number}]")
+
+
+class PushedCamera(CameraBase):
+    """One picture at a time from a program that has its own loop; without one it is at its end.
+
+    size and sensors are known from the first picture on.
+    """
+
+    def __init__(self, intrinsics: IntrinsicsLike, mount: MountLike) -> None:
+        super().__init__("pushed pictures", None, as_mount(mount))
+        self._given = intrinsics
+        self._pending: Frame | None = None
+        self._track: GrowingTrack | None = None
+        self._last_s = -math.inf
+
+    def give(self, image: Any, stamp_s: float, imu: Any = None, wheels: Any = None) -> None:
+        """What `read` delivers next; see `Session.push`. Raises CameraError, and nothing has changed then."""
+        picture = as_picture(image, "image")
+        height, width = picture.shape[:2]
+        if not math.isfinite(stamp_s) or stamp_s <= self._last_s:
+            raise CameraError(f"stamp_s={stamp_s}: expected seconds after the picture before, {self._last_s}")
+        if self.size == (0, 0):
+            self.intrinsics: Intrinsics | None = as_intrinsics(self._given, width, height)
+            self.size = (width, height)
+            if wheels is not None:
+                self._track = GrowingTrack()
+                self.wheel: Path | PoseTrack | None = self._track
+        elif (width, height) != self.size:
+            raise CameraError(f"image is {width}x{height}, the pictures before were {self.size[0]}x{self.size[1]}")
+        samples, pose = _samples(imu), None if wheels is None else _pose(wheels)
+        if pose is not None:
+            if self._track is None:
+                raise CameraError("wheels= was not given with the first picture: give it with every one, or with none")
+            self._track.push(float(stamp_s), pose)
+        self.imu: ImuSamples | None = samples
+        self._pending, self._last_s = self.frame(picture, float(stamp_s), "pushed picture"), float(stamp_s)
+
+    def read(self) -> Frame | None:
+        """The picture that was given; None where there is none."""
+        frame, self._pending = self._pending, None
+        return frame
+
+
+def _samples(given: Any) -> ImuSamples | None:
+    """ImuSamples, or (N, 7): stamp_s, gyro x y z in rad/s, accelerometer x y z in m/s^2, optical axes."""
+    if given is None or isinstance(given, ImuSamples):
+        return given
+    rows = np.atleast_2d(np.asarray(given, dtype=np.float64))
+    if rows.ndim != 2 or rows.shape[1] != 7 or not np.isfinite(rows).all():
+        raise CameraError(
+            f"imu= has shape {rows.shape}, expected finite (N, 7): stamp_s, gyro x y z, accelerometer x y z"
+        )
+    return ImuSamples(rows[:, 0], rows[:, 1:4], rows[:, 4:])
+
+
+def _pose(given: Any) -> SE2:
+    """SE2, or (x_m, y_m, yaw_rad) of the wheels' own odometry."""
+    if isinstance(given, SE2):
+        return given
+    try:
+        x_m, y_m, yaw_rad = (float(value) for value in given)
+    except (TypeError, ValueError):
+        raise CameraError(f"wheels={given!r}: expected three numbers, (x_m, y_m, yaw_rad)") from None
+    return SE2(x_m, y_m, yaw_rad)

@@ -1,0 +1,125 @@
+"""A live camera: a supervisor on a thread of its own, and a mailbox with one slot for the newest frame."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.fault import CameraFault, CameraLostError, CameraState, FrameTimeout
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.protocol import Driver, Picture
+from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+from edgemap.runtime.inputs.cameras.returned import rate_of, size_of
+from edgemap.runtime.inputs.cameras.supervisor import Supervisor
+
+TICK_S = 0.5  # longest wait of a read
+HANG_LIMIT_S = 60.0  # a poll that lasts longer hangs in the driver, which only a new process gets out of
+CLOSE_LIMIT_S = 1.0
+MAX_FAULTS = 1000  # kept for a reader that does not read
+
+
+class LiveCamera(CameraBase):
+    """The newest frame of a device, whatever happens to it: see `Supervisor`.
+
+    The thread overwrites the slot, so a slow reader skips frames and never sees an old one or one twice. The device is
+    closed on the thread that grabs from it. clock_s, wait: a clock of the caller's own, on which everything then
+    happens within `read`, without a thread. Raises what the driver's first `open` raises.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        intrinsics: Intrinsics | None = None,
+        mount: Mount | None = None,
+        rule: RecoveryRule | None = None,
+        clock_s: Callable[[], float] | None = None,
+        wait: Callable[[float], object] | None = None,
+    ) -> None:
+        device = driver.open()
+        super().__init__(driver.name, intrinsics or device.intrinsics, mount)
+        self.live, self.size, self.rate_hz = True, size_of(device.size, self.name), rate_of(device.rate_hz)
+        self._clock_s = clock_s or time.monotonic
+        self._changed = threading.Condition()
+        self._faults: deque[CameraFault] = deque(maxlen=MAX_FAULTS)
+        self._slot: Picture | None = None
+        self._lost: Exception | None = None
+        self._closing = False
+        self._supervisor = Supervisor(driver, device, self._faults.append, rule, self._clock_s, wait)
+        self._polled_s = self._clock_s()
+        self._thread: threading.Thread | None = None
+        if clock_s is None:
+            self._thread = threading.Thread(target=self._run, name=f"camera {self.name}", daemon=True)
+            self._thread.start()
+
+    @property
+    def state(self) -> CameraState:
+        """running, degraded or lost."""
+        return self._supervisor.state if self._lost is None else CameraState.LOST
+
+    def read(self) -> Frame | None:
+        """The newest frame not yet delivered; None after `close`.
+
+        Raises CameraFault for each fault before it, FrameTimeout after `TICK_S` without one, and CameraLostError for
+        good.
+        """
+        with self._changed:
+            until_s = self._clock_s() + TICK_S
+            while True:
+                if self._closing:
+                    return None
+                if self._faults:
+                    raise self._faults.popleft()
+                if self._slot is not None:
+                    break
+                if self._lost is not None:
+                    raise self._lost
+                now_s = self._clock_s()
+                if now_s - self._polled_s > HANG_LIMIT_S:
+                    raise CameraLostError(f"camera {self.name}: its driver hangs, for {now_s - self._polled_s:.0f} s")
+                if now_s >= until_s:
+                    text = f"camera {self.name}: no frame within {TICK_S} s"
+                    raise FrameTimeout(text, self._supervisor.stream_s(), self.state)
+                self._await(until_s - now_s)
+            picture, self._slot = self._slot, None
+        return self.frame(picture.image, picture.stamp_s, f"{self.name}#{self._delivered}", picture.depth)
+
+    def close(self) -> None:
+        """Stop the thread and let go of the device; waits a second at most for a grab under way."""
+        with self._changed:
+            self._closing = True
+            self._slot = None
+            self._changed.notify_all()
+        self._supervisor.wake()
+        if self._thread is None:
+            self._supervisor.close()
+        elif self._thread is not threading.current_thread():
+            self._thread.join(timeout=CLOSE_LIMIT_S)
+
+    def _await(self, limit_s: float) -> None:
+        if self._thread is None:
+            self._poll()
+        else:
+            self._changed.wait(limit_s)
+
+    def _poll(self) -> None:
+        try:
+            picture = self._supervisor.poll()
+        except Exception as error:  # handed to the reader, who must not wait for a thread that is gone
+            self._lost = error
+            picture = None
+        with self._changed:
+            self._polled_s = self._clock_s()
+            if picture is not None and not self._closing:
+                self._slot = picture
+            if picture is not None or self._faults or self._lost:
+                self._changed.notify_all()
+
+    def _run(self) -> None:
+        try:
+            while not self._closing and self._lost is None:
+                self._poll()
+        finally:
+            self._supervisor.close()

@@ -1,0 +1,61 @@
+"""Cameras of other packages: entry points of the group `edgemap.cameras`, one kind of SPEC each."""
+
+from collections.abc import Sequence
+from importlib.metadata import EntryPoint, entry_points
+from typing import Protocol
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.inputs.cameras.protocol import Camera, Driver
+
+GROUP = "edgemap.cameras"
+
+
+class CameraKind(Protocol):
+    """What an entry point `KIND = module:object` of the group names; a module with these two functions will do."""
+
+    def open(self, address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Driver | Camera:
+        """Open SPEC `KIND:ADDRESS` (`KIND` alone: an empty address). Raises CameraError, one line.
+
+        A live source gives a Driver, which is then supervised, recovered and read for its newest frame as our own
+        are; a source with an end gives a Camera. intrinsics, mount: what the user gave, which goes before what the
+        source knows.
+        """
+        ...
+
+    def found(self) -> Sequence[tuple[str, str]]:
+        """(address, name for people) of each camera that is there now, for `edgemap cameras`."""
+        ...
+
+
+def plugin_kinds() -> dict[str, EntryPoint]:
+    """Kinds of other packages, by name. Raises CameraError where two packages bring the same one."""
+    kinds: dict[str, EntryPoint] = {}
+    for point in entry_points(group=GROUP):
+        other = kinds.setdefault(point.name, point)
+        if other.value != point.value:
+            raise CameraError(
+                f"camera kind {point.name!r} comes from two packages, {_package(other)} and {_package(point)}: "
+                "uninstall one"
+            )
+    return kinds
+
+
+def load_kind(point: EntryPoint) -> CameraKind:
+    """What an entry point names. Raises CameraError, naming the package, where it does not import."""
+    try:
+        return point.load()
+    except EdgemapError:
+        raise
+    except Exception as error:  # another package's import may raise anything
+        raise CameraError(
+            f"camera kind {point.name!r} of {_package(point)} does not load ({type(error).__name__}: "
+            f"{one_line(str(error), 200)})"
+        ) from error
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist else point.value

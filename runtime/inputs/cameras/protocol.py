@@ -1,0 +1,138 @@
+"""The camera protocol: a source of frames with its intrinsics; and the protocols of live devices and their drivers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.attitude_track import AttitudeTrack
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.fault import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """A source of frames, open from construction until `close`; a context manager.
+
+    name: the SPEC it was opened from. live: true for devices that run on whether we read or not.
+    intrinsics, mount: None where unknown. rate_hz: nominal frame rate, None if unknown.
+    size: (width, height) of its pictures, px. frame_count: None for live sources.
+    truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
+    the poses are planar. wheel: wheel odometry that came with the pictures,
+    a CSV, a recording or poses that come live, None where there is none. decisions: of the run that made this
+    recording, None where there are none. edits: of that run, as lines of edits.jsonl.
+    """
+
+    name: str
+    live: bool
+    size: tuple[int, int]
+    intrinsics: Intrinsics | None
+    mount: Mount | None
+    rate_hz: float | None
+    frame_count: int | None
+    truth: Trajectory | None
+    attitudes: AttitudeTrack | None
+    wheel: Path | PoseTrack | None
+    decisions: Decisions | None
+    edits: tuple[str, ...]
+
+    @property
+    def state(self) -> CameraState:
+        """running, degraded (no frames, being recovered) or lost."""
+        ...
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.
+
+        Raises CameraFault in place of what was wrong with the delivery, and FrameTimeout where a live or paced
+        camera has nothing yet: reading may go on. Any other CameraError is the end.
+        """
+        ...
+
+    def object_records(self) -> list[dict[str, Any]] | None:
+        """The true objects, as in objects.json, visible in the frames delivered so far; None where unknown."""
+        ...
+
+    def close(self) -> None:
+        """Release the device or file; may be called twice."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *exception: object) -> None: ...
+
+
+class Picture(NamedTuple):
+    """stamp_s: of the device. image: BGR, (H, W, 3). depth: (H, W) metres of its pixels, 0 where unknown; None where
+    there is none."""
+
+    stamp_s: float
+    image: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None = None
+
+
+class Device(Protocol):
+    """An open camera. size: (width, height) in px. rate_hz: nominal, None where it does not say."""
+
+    size: tuple[int, int]
+    intrinsics: Intrinsics | None
+    rate_hz: float | None
+
+    def grab(self) -> tuple[float, NDArray[np.uint8]] | Picture | None:
+        """The next (stamp in s, BGR picture), or `Picture`, or None for "nothing yet", within a second or so.
+
+        May raise anything: the supervisor treats it as a fault.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the hardware."""
+
+
+class Driver(Protocol):
+    """Opens one camera, repeatedly. name: the SPEC."""
+
+    name: str
+
+    def open(self) -> Device:
+        """Open the camera. Raises CameraError, or whatever its library raises, where that fails."""
+        ...
+
+    def reset(self) -> bool:
+        """Reset the hardware of a closed camera; False where it cannot be reset."""
+        ...
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """Have `changed(present)` called, from any thread, when the device is plugged in (True) or removed (False)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTopics:
+    """ROS 2 topics beside a camera: of the recording where that is one, else live. wheels: nav_msgs/Odometry. imu:
+    sensor_msgs/Imu. depth: of the pictures' pixels, sensor_msgs/Image, or CompressedImage as compressedDepth. optical:
+    the camera's frame in tf, where its messages do not name it."""
+
+    wheels: str | None = None
+    imu: str | None = None
+    depth: str | None = None
+    optical: str = "camera_optical_frame"
+
+
+def next_frame(
+    camera: Camera, report: Callable[[CameraFault], None], stopped: Callable[[], bool] = lambda: False
+) -> Frame | None:
+    """The next frame; None at the end, or when `stopped` says so while there is none. Reports each fault before it."""
+    while not stopped():
+        try:
+            return camera.read()
+        except CameraFault as fault:
+            report(fault)
+        except FrameTimeout:
+            continue
+    return None

@@ -1,0 +1,168 @@
+"""What librealsense's pipelines deliver: colour as BGR, depth beside it; recordings are read to their end."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.inputs.drives.pictures import Depth
+
+LATE_S = 0.02  # between a picture and the depth that belongs to it
+POLL_MS = 200  # of one wait for a frame
+SILENT_POLLS = 50  # 10 s of a recording that neither delivers nor ends
+BEGIN_LIMIT_S = 2.0
+
+
+class Aligned:
+    """Depth of a set of librealsense's frames, at the pixels of its colour frame."""
+
+    def __init__(self, rs: ModuleType) -> None:
+        self._align = rs.align(rs.stream.color)
+
+    def __call__(self, frames: Any) -> Depth | None:
+        """(H, W) metres, 0 where unknown; None where the set has no depth, or one of another time."""
+        depth, colour = frames.get_depth_frame(), frames.get_color_frame()
+        if not depth or not colour or abs(depth.get_timestamp() - colour.get_timestamp()) > 1000.0 * LATE_S:
+            return None
+        aligned = self._align.process(frames).get_depth_frame()
+        return np.asanyarray(aligned.get_data()).astype(np.float32) / np.float32(round(1.0 / aligned.get_units()))
+
+
+class DepthBeside:
+    """Depth pictures of a recording, asked for by stamps that increase."""
+
+    def __init__(self, pictures: Iterator[tuple[float, Depth]]) -> None:
+        self._pictures = pictures
+        self._ahead = next(pictures, None)
+
+    def at(self, stamp_s: float) -> Depth | None:
+        """The one of this stamp; None where there is none."""
+        while self._ahead is not None and self._ahead[0] < stamp_s - LATE_S:
+            self._ahead = next(self._pictures, None)
+        if self._ahead is None or self._ahead[0] > stamp_s + LATE_S:
+            return None
+        return self._ahead[1]
+
+    def close(self) -> None:
+        """Stop the playback."""
+        self._pictures.close()  # type: ignore[attr-defined]
+        self._ahead = None
+
+
+def depth_beside(rs: ModuleType, path: Path) -> DepthBeside | None:
+    """The depth of a recording; None where it has none."""
+    config = rs.config()
+    config.enable_device_from_file(library_path(path), repeat_playback=False)
+    playing = start_aligned(rs, config)
+    return None if playing is None else DepthBeside(aligned_pictures(rs, *playing))
+
+
+def start_aligned(rs: ModuleType, config: Any) -> tuple[Any, Any] | None:
+    """A pipeline of colour and depth, and its playback (False of a device); None where there is no depth stream."""
+    for stream in (rs.stream.color, rs.stream.depth):
+        config.enable_stream(stream)
+    pipeline = rs.pipeline()
+    try:
+        playback = as_fast_as_read(rs, pipeline, config)
+        started(rs, pipeline, config)
+    except RuntimeError:  # no depth stream; the camera itself says what else is wrong
+        return None
+    return pipeline, playback
+
+
+def aligned_pictures(rs: ModuleType, pipeline: Any, playback: Any) -> Iterator[tuple[float, Depth]]:
+    """Stamps and depth pictures of a running pipeline until it ends or is silent; then it is stopped."""
+    align, last, silent = Aligned(rs), -1, 0
+    try:
+        while silent < SILENT_POLLS:
+            stopped = bool(playback) and playback.current_status() == rs.playback_status.stopped
+            there, frames = pipeline.try_wait_for_frames(POLL_MS)
+            if stopped and not there:
+                return
+            silent = 0 if there else silent + 1
+            measured = frames.get_depth_frame() if there else None
+            if not measured or measured.get_frame_number() == last:
+                continue
+            depth = align(frames)
+            if depth is not None:
+                last = measured.get_frame_number()
+                yield measured.get_timestamp() / 1000.0, depth
+    finally:
+        stop(pipeline)
+
+
+def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
+    """The playback of a recording, out of real time; call it before the start: in real time, playback drops the
+    pictures that come before the pipeline waits for them. False where the configuration names a device."""
+    playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
+    if playback:
+        playback.set_real_time(False)
+    return playback
+
+
+def started(rs: ModuleType, pipeline: Any, config: Any) -> Any:
+    """The profile of a pipeline that was started; of a recording, whose status says from now on when it has ended."""
+    profile = pipeline.start(config)
+    if playback := profile.get_device().as_playback():
+        await_begin(rs, playback)
+    return profile
+
+
+def await_begin(rs: ModuleType, playback: Any) -> None:
+    """Wait until the thread that reads a recording has begun: before that its status is that of one that has ended, and
+    what is stopped would begin afterwards. One that is over before anybody looks costs `BEGIN_LIMIT_S`."""
+    until_s = time.monotonic() + BEGIN_LIMIT_S
+    while playback.current_status() == rs.playback_status.stopped and time.monotonic() < until_s:
+        time.sleep(0.001)
+
+
+def stop(pipeline: Any) -> None:
+    """Stop a pipeline, and where it plays a recording also the thread that reads the file."""
+    playback = pipeline.get_active_profile().get_device().as_playback()
+    pipeline.stop()
+    if playback:
+        caught_up(playback)
+
+
+def caught_up(playback: Any) -> None:
+    """Wait until the thread that reads a recording has done all that it was asked to.
+
+    A playback that is let go of before that ends the process: librealsense's thread goes on with a device that is no
+    more (2.59: `stop_internal` after `~playback_device`). Resuming what is not paused does nothing but wait for it;
+    twice, since reading on may have been asked for behind the first.
+    """
+    playback.resume()
+    playback.resume()
+
+
+def to_bgr(rs: ModuleType, frame: Any, name: str) -> NDArray[np.uint8]:
+    """The frame's picture as BGR, (H, W, 3) uint8, its own copy. Raises CameraError for an unknown format."""
+    pixel_format = frame.get_profile().format()
+    height, width = frame.get_height(), frame.get_width()
+    data = np.frombuffer(memoryview(np.asanyarray(frame.get_data())).cast("B"), np.uint8)
+    if pixel_format == rs.format.bgr8:
+        return data.reshape(height, width, 3).copy()
+    conversions = {
+        rs.format.rgb8: (3, cv2.COLOR_RGB2BGR),
+        rs.format.rgba8: (4, cv2.COLOR_RGBA2BGR),
+        rs.format.bgra8: (4, cv2.COLOR_BGRA2BGR),
+        rs.format.yuyv: (2, cv2.COLOR_YUV2BGR_YUYV),
+        rs.format.uyvy: (2, cv2.COLOR_YUV2BGR_UYVY),
+        rs.format.y8: (1, cv2.COLOR_GRAY2BGR),
+    }
+    if pixel_format == rs.format.mjpeg:
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        if image is None:
+            raise CameraError(f"{name}: a damaged MJPEG frame of {data.size} bytes")
+        return np.asarray(image, dtype=np.uint8)
+    if pixel_format not in conversions:
+        raise CameraError(f"{name}: colour format {pixel_format.name} is not supported")
+    channels, code = conversions[pixel_format]
+    return np.asarray(cv2.cvtColor(data.reshape(height, width, channels), code), dtype=np.uint8)

@@ -1,0 +1,110 @@
+"""A recording made by librealsense as a camera."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.fault import CameraFault, FaultKind
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.realsense import import_realsense, lens_of, picture_size
+from edgemap.runtime.inputs.cameras.realsense_frames import (
+    POLL_MS,
+    SILENT_POLLS,
+    as_fast_as_read,
+    depth_beside,
+    started,
+    stop,
+    to_bgr,
+)
+from edgemap.runtime.inputs.cameras.realsense_motion import recorded_motion
+
+
+class RealSenseRecording(CameraBase):
+    """A `.db3` or `.bag` recorded by librealsense: every colour frame, in order, as fast as it is read.
+
+    depth: whether those of its depth stream come with them, aligned by librealsense in a playback of its own, so that
+    colour is the same with and without.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        name: str,
+        intrinsics: Intrinsics | None = None,
+        mount: Mount | None = None,
+        depth: bool = True,
+    ) -> None:
+        super().__init__(name, intrinsics, mount)
+        if not path.is_file():
+            raise CameraError(f"{path}: no such file")
+        self._rs = rs = import_realsense()
+        self._path = path
+        self._last_s, self._depth = -np.inf, None
+        self._pipeline = rs.pipeline()
+        self._running = False
+        config = rs.config()
+        try:
+            config.enable_device_from_file(library_path(path), repeat_playback=False)
+            config.enable_stream(rs.stream.color)
+            self._playback = as_fast_as_read(rs, self._pipeline, config)
+            profile = started(rs, self._pipeline, config).get_stream(rs.stream.color)
+            self._running = True
+        except RuntimeError as error:
+            self.close()
+            raise CameraError(
+                f"{path}: not a RealSense recording with a colour stream ({' '.join(str(error).split())})"
+            ) from None
+        try:
+            self.intrinsics: Intrinsics | None = intrinsics or lens_of(profile, str(path))
+            self.size = picture_size(profile)
+            self.rate_hz: float | None = float(profile.fps())
+            self.imu = recorded_motion(rs, path)
+            self._depth = depth_beside(rs, path) if depth else None
+        except EdgemapError:
+            self.close()
+            raise
+        except RuntimeError as error:
+            self.close()
+            raise CameraError(f"{path}: motion or depth in it is damaged ({one_line(error)})") from None
+
+    def read(self) -> Frame | None:
+        """The next frame; None at the end. Raises CameraError where the recording is damaged or falls silent."""
+        for _ in range(SILENT_POLLS):
+            if not self._running:
+                return None
+            # Asked first: what was queued when playback stopped is still there to be waited for.
+            stopped = self._playback.current_status() == self._rs.playback_status.stopped
+            there, frames = self._pipeline.try_wait_for_frames(POLL_MS)
+            colour = frames.get_color_frame() if there else None
+            if colour:
+                return self._frame(colour)
+            if stopped and not there:
+                return None
+        raise CameraError(f"{self._path}: no frame for {SILENT_POLLS * POLL_MS / 1000:.0f} s and no end either")
+
+    def close(self) -> None:
+        """Stop playback."""
+        if self._depth is not None:
+            self._depth.close()
+        if self._running:
+            self._running = False
+            stop(self._pipeline)
+
+    def _frame(self, colour: Any) -> Frame:
+        stamp_s = colour.get_timestamp() / 1000.0
+        if stamp_s <= self._last_s:
+            raise CameraFault(
+                FaultKind.CLOCK, f"{self._path}: a frame at {stamp_s:.4f} s does not come after {self._last_s:.4f} s"
+            )
+        self._last_s = stamp_s
+        image = to_bgr(self._rs, colour, str(self._path))
+        depth = None if self._depth is None else self._depth.at(stamp_s)
+        return self.frame(image, stamp_s, f"{self._path}#{self._delivered}", depth)

@@ -1,0 +1,78 @@
+"""What other people's cameras and drivers return, taken for nothing that it was not checked to be."""
+
+import math
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.inputs.cameras.protocol import Picture
+
+LARGEST_SIDE = 65_536  # px
+LARGEST_RATE_HZ = 1e4
+LARGEST_STAMP_S = 1e11  # a float has microseconds up to there
+
+
+def stamp_of(given: Any) -> float:
+    """A stamp in seconds; NaN for what is no number, or so large (nanoseconds, milliseconds of our time) that frames
+    would have one stamp."""
+    if isinstance(given, bool) or not isinstance(given, Real):
+        return math.nan
+    try:
+        stamp_s = float(given)
+    except (OverflowError, ValueError):
+        return math.nan
+    return stamp_s if abs(stamp_s) < LARGEST_STAMP_S else math.nan
+
+
+def picture_of(given: Any) -> Picture:
+    """What `Device.grab` gave as a Picture, its parts unchecked. Raises CameraError where it has not two or three."""
+    if isinstance(given, Picture):
+        return given
+    if not isinstance(given, tuple | list) or len(given) not in (2, 3):
+        raise CameraError(f"a grab gave a {type(given).__name__}, not (stamp_s, image) or a Picture")
+    return Picture(*given)
+
+
+def image_of(given: Any) -> NDArray[Any]:
+    """A picture's array, its shape and kind unchecked. Raises CameraError for what is no array."""
+    try:
+        return np.asarray(given)
+    except Exception as error:  # a ragged list, or whatever an object's own conversion raises
+        raise CameraError(f"picture is a {type(given).__name__} that is no array ({one_line(error, 60)})") from None
+
+
+def depth_of(given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
+    """Depth of a picture of (height, width): metres, 0 where it is unknown, infinite or negative.
+
+    Raises CameraError where it is no array of numbers of that shape.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, np.ndarray) or given.dtype.kind not in "fiu" or given.shape != shape:
+        what = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
+        raise CameraError(f"depth is {what}, not numbers (H, W) of the picture's {shape[1]}x{shape[0]} px")
+    depth = given.astype(np.float32, copy=False)
+    known = depth > 0.0  # false of NaN
+    known &= depth < np.float32(np.inf)
+    return depth if known.all() else np.where(known, depth, np.float32(0.0))
+
+
+def size_of(given: Any, name: str) -> tuple[int, int]:
+    """(width, height) in px of a camera or device. Raises CameraError."""
+    try:
+        width, height = (int(side) for side in given)
+    except (TypeError, ValueError, OverflowError):
+        width = height = 0
+    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
+        raise CameraError(f"camera {name}: its size is {one_line(repr(given), 60)}, not (width, height) in pixels")
+    return width, height
+
+
+def rate_of(given: Any) -> float | None:
+    """A nominal frame rate in Hz; None where it is none."""
+    rate = stamp_of(given)
+    return rate if 0.0 < rate <= LARGEST_RATE_HZ else None

@@ -1,0 +1,61 @@
+"""The focal length that a picture's or a video's own file states, as phones and cameras write it."""
+
+import math
+from importlib.util import find_spec
+from pathlib import Path
+
+from edgemap.runtime.frames.library_names import library_path
+
+PICTURE_KINDS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
+EXIF, FOCAL_35MM = 0x8769, 0xA405  # tags: the EXIF block, FocalLengthIn35mmFilm
+VIDEO_KEYS = ("com.apple.quicktime.camera.focal_length.35mm_equivalent",)
+LEAST_MM, MOST_MM = 8.0, 400.0
+
+
+def stated_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | None:
+    """Focal length, px, of pictures of this size, and where it stands; None where no file says.
+
+    path: a picture, a folder of them, or a video. By the diagonal of a 35 mm film (CIPA DCG-001). Of a video it is
+    somewhat short, as filming crops the sensor.
+    """
+    film_mm, source = None, ""
+    if path.is_dir():
+        path = next((one for one in sorted(path.iterdir()) if one.suffix.lower() in PICTURE_KINDS), path)
+    if path.suffix.lower() in PICTURE_KINDS and find_spec("PIL"):
+        film_mm, source = _of_picture(path), "EXIF"
+    elif path.is_file() and find_spec("av"):
+        film_mm, source = _of_video(path), "the video's metadata"
+    if film_mm is None or not LEAST_MM <= film_mm <= MOST_MM:
+        return None
+    return film_mm / FILM_DIAGONAL_MM * math.hypot(width, height), source
+
+
+def _of_picture(path: Path) -> float | None:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            return _number(picture.getexif().get_ifd(EXIF).get(FOCAL_35MM))
+    except (OSError, ValueError, SyntaxError, KeyError):  # what Pillow raises at damaged files
+        return None
+
+
+def _of_video(path: Path) -> float | None:
+    import av
+    from av.error import FFmpegError
+
+    try:
+        with av.open(library_path(path)) as container:
+            tags = [container.metadata, *(stream.metadata for stream in container.streams)]
+    except (FFmpegError, OSError, ValueError):
+        return None
+    return next((_number(tag[key]) for tag in tags for key in VIDEO_KEYS if key in tag), None)
+
+
+def _number(value: object) -> float | None:
+    try:
+        number = float(str(value))
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

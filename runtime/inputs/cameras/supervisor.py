@@ -1,0 +1,169 @@
+"""Keeps one live camera going: late frame, retry, open again, hardware reset, back off; and gives up at last."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from edgemap.runtime.frames.fault import CameraFault, CameraLostError, CameraState, FaultKind
+from edgemap.runtime.frames.reading import error_line
+from edgemap.runtime.inputs.cameras.delivery import DeliveryCheck
+from edgemap.runtime.inputs.cameras.protocol import Device, Driver, Picture
+from edgemap.runtime.inputs.cameras.recovery import RecoveryClock, RecoveryRule
+from edgemap.runtime.inputs.cameras.returned import size_of
+
+POLL_S = 0.2  # longest wait of one poll that has no device to wait for
+RETRY_S = 0.05  # between two grabs, the first of which failed
+
+
+class Supervisor:
+    """Grabs from a device that its driver opened, and opens it again where it fails.
+
+    `poll` belongs to one thread. report: called with every fault. clock_s, wait: seconds that only go forward, and
+    waiting them or until `wake`; tests pass their own.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        device: Device,
+        report: Callable[[CameraFault], None],
+        rule: RecoveryRule | None = None,
+        clock_s: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], object] | None = None,
+    ) -> None:
+        self.state = CameraState.RUNNING
+        self._driver, self._report, self._clock_s = driver, report, clock_s
+        self._wake = threading.Event()
+        self._wait = wait or self._wake.wait
+        self._device: Device | None = device
+        self._recovery = RecoveryClock(rule or RecoveryRule(), clock_s())
+        self._check = DeliveryCheck(driver.name, size_of(device.size, driver.name), report)
+        self._failures = 0
+        self._late_s: float | None = None
+        self._opened = self._resets = 0  # in this outage
+        self._due_s = 0.0
+        self._away_s = 0.0
+        self._removed = False
+        driver.watch(self._changed)
+
+    @property
+    def stall_limit_s(self) -> float:
+        """How long the camera may be silent before its frame is late, s."""
+        return self._recovery.stall_limit_s
+
+    def stream_s(self) -> float | None:
+        """The time now on the stream's clock."""
+        return self._check.clock.now_s(self._clock_s())
+
+    def poll(self) -> Picture | None:
+        """The next good picture at its stamp in the stream, None for none yet.
+
+        Blocks no longer than one grab, one opening or `POLL_S`. Raises CameraLostError once the budget is spent.
+        """
+        if self._removed and self._device is not None:
+            self._removed = False
+            self._fault(FaultKind.REMOVED, "was removed")
+            self._give_up_device()
+        if self._device is None:
+            return self._reopen()
+        begun_s = self._clock_s()
+        try:
+            picture = self._device.grab()
+            now_s = self._clock_s()
+            good = None if picture is None else self._check(picture, now_s)
+        except Exception as error:  # drivers and their libraries raise what they like: RuntimeError, cv2.error, OSError
+            self._failed(error, self._clock_s() - begun_s)
+            return None
+        if good is None:
+            self._silent(now_s)
+            return None
+        self._heard(now_s)
+        return good
+
+    def wake(self) -> None:
+        """End a wait that is under way; from any thread."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """Let go of the device, on the thread that polls."""
+        device, self._device = self._device, None
+        if device is not None:
+            try:
+                device.close()
+            except Exception as error:  # a device that is gone may fail to close; it is gone all the same
+                self._fault(FaultKind.FAILED, f"does not close: {error_line(error)}")
+
+    def _changed(self, present: bool) -> None:
+        self._removed = not present
+        if present:
+            self._due_s = 0.0
+        self.wake()
+
+    def _failed(self, error: Exception, took_s: float) -> None:
+        self._failures += 1
+        if self._failures == 1:
+            self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
+        # One that was waited for (a network stream's time limit) has had the time that retries would take.
+        if self._failures > self._recovery.rule.retries or took_s >= self._recovery.stall_limit_s:
+            self._give_up_device()
+        else:
+            self._wait(RETRY_S)
+
+    def _silent(self, now_s: float) -> None:
+        limit_s = self._recovery.stall_limit_s
+        silent_s = now_s - self._recovery.heard_s
+        if silent_s < limit_s:
+            return
+        if self._late_s is None:
+            self._late_s = now_s
+            self._fault(FaultKind.LATE, f"no frame for {silent_s:.1f} s (limit {limit_s:.1f} s)")
+            if not self._recovery.fresh:  # it has as long again: this process may be what stood still
+                return
+        if self._recovery.fresh or now_s - self._late_s >= limit_s:
+            self._give_up_device()
+
+    def _heard(self, now_s: float) -> None:
+        if self.state is CameraState.DEGRADED:
+            self.state = CameraState.RUNNING
+            how = f"opened {self._opened} times, reset {self._resets} times"
+            text = f"delivers again after {now_s - self._away_s:.1f} s ({how})"
+            self._report(CameraFault(FaultKind.RECOVERED, f"camera {self._driver.name}: {text}"))
+        self._recovery.frame(now_s)
+        self._failures, self._late_s = 0, None
+        self._opened = self._resets = 0
+
+    def _give_up_device(self) -> None:
+        self.close()
+        self._failures, self._late_s = 0, None
+        self._due_s = self._clock_s() + self._recovery.back_off_s()
+
+    def _reopen(self) -> None:
+        now_s = self._clock_s()
+        if now_s < self._due_s:
+            self._wake.clear()
+            self._wait(min(POLL_S, self._due_s - now_s))
+            return
+        if self._recovery.exhausted:
+            self.state = CameraState.LOST
+            raise CameraLostError(
+                f"camera {self._driver.name}: lost, no frame for {now_s - self._away_s:.0f} s and "
+                f"{self._recovery.rule.restarts} restarts are spent"
+            )
+        reset = self._recovery.restart(now_s)
+        self._opened += 1
+        try:
+            if reset and self._driver.reset():
+                self._resets += 1
+            self._device = self._driver.open()
+        except Exception as error:  # as in `poll`
+            self._fault(FaultKind.CLOSED, f"does not open ({error_line(error)})")
+            self._due_s = self._clock_s() + self._recovery.back_off_s()
+            return
+        self._removed = False
+        self._check.clock.restart()
+        self._recovery.heard_s = self._clock_s()
+
+    def _fault(self, kind: FaultKind, text: str) -> None:
+        if self.state is CameraState.RUNNING:
+            self.state, self._away_s = CameraState.DEGRADED, self._recovery.heard_s
+        self._report(CameraFault(kind, f"camera {self._driver.name}: {text}"))

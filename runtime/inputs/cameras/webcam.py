@@ -1,0 +1,118 @@
+"""Cameras through OpenCV: a USB camera by V4L2, and a network camera, `rtsp://` or `http(s)://`, by FFmpeg."""
+
+import math
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import cv2
+import numpy as np
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.quiet import quietly
+from edgemap.runtime.inputs.cameras.protocol import Picture
+
+OPEN_LIMIT_MS, READ_LIMIT_MS = 5000, 2000  # FFmpeg's own would be 30 s each
+
+
+class CaptureDevice:
+    """An open `cv2.VideoCapture`. Stamps are its own where it has a clock, else the host's monotonic one."""
+
+    intrinsics: Intrinsics | None = None
+
+    def __init__(self, capture: cv2.VideoCapture, name: str, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._capture, self._name, self._clock_s = capture, name, clock_s
+        rate = capture.get(cv2.CAP_PROP_FPS)
+        self.rate_hz: float | None = float(rate) if math.isfinite(rate) and 0.0 < rate <= 1000.0 else None
+        width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
+        self.size = (int(width), int(height))
+        self._device_clock: bool | None = None
+
+    def grab(self) -> Picture:
+        """The next picture. Raises CameraError where none comes."""
+        good, image = self._capture.read()
+        if not good or image is None:
+            raise CameraError(f"{self._name} gives no picture (unplugged?)")
+        stamp_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
+        if self._device_clock is None:  # decided once: two clocks must not mix
+            self._device_clock = stamp_s > 0
+        return Picture(stamp_s if self._device_clock else self._clock_s(), np.asarray(image, dtype=np.uint8))
+
+    def close(self) -> None:
+        """Let go of the device."""
+        self._capture.release()
+
+
+class WebcamDriver:
+    """`/dev/videoN`, at the intrinsics' size where they are given, else at the driver's default."""
+
+    def __init__(self, device: Path, name: str, intrinsics: Intrinsics | None = None) -> None:
+        self.name = name
+        self._device, self._intrinsics = device, intrinsics
+
+    def open(self) -> CaptureDevice:
+        """Open it. Raises CameraError where there is no such device, it may not be opened, or it is no camera."""
+        device = self._device
+        if not device.exists():
+            others = ", ".join(sorted(str(path) for path in Path("/dev").glob("video*"))) or "none"
+            raise CameraError(f"{device}: no such camera (video devices here: {others}; check the cable)")
+        if not os.access(device, os.R_OK | os.W_OK):
+            raise CameraError(f"{device}: no permission; add the user to the group `video` and log in again")
+        capture = cv2.VideoCapture(library_path(device), cv2.CAP_V4L2)
+        if not capture.isOpened():
+            capture.release()
+            raise CameraError(f"{device}: cannot be opened as a camera (in use by another program, or not a camera)")
+        if self._intrinsics is not None:
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._intrinsics.width)
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._intrinsics.height)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        return CaptureDevice(capture, str(device))
+
+    def reset(self) -> bool:
+        """V4L2 has no reset."""
+        return False
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """A camera that is unplugged says so by failing reads."""
+
+
+class StreamDevice(CaptureDevice):
+    """A connection; what FFmpeg says of a stall is said in our own line."""
+
+    def grab(self) -> Picture:
+        """The next picture. Raises CameraError where none comes within `READ_LIMIT_MS`."""
+        with quietly():
+            return super().grab()
+
+
+class StreamDriver:
+    """Opens the address. Its password, where it has one, stays out of every message."""
+
+    def __init__(self, url: str) -> None:
+        try:
+            host = urlsplit(url)
+        except ValueError as error:  # `rtsp://[`
+            raise CameraError(f"{url}: not an address ({error})") from None
+        self.name = url.replace(f"{host.username}:{host.password}@", "") if host.password else url
+        self._url = url
+
+    def open(self) -> StreamDevice:
+        """Connect, within 5 s, and decode the header. Raises CameraError."""
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_LIMIT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_LIMIT_MS]
+        with quietly():
+            capture = cv2.VideoCapture(library_path(self._url), cv2.CAP_FFMPEG, limits)
+        if not capture.isOpened():
+            capture.release()
+            raise CameraError(f"{self.name}: no stream that FFmpeg reads (is the address right, and the camera on?)")
+        return StreamDevice(capture, self.name)
+
+    def reset(self) -> bool:
+        """There is none."""
+        return False
+
+    def watch(self, changed: Callable[[bool], None]) -> None:
+        """A stream that ends says so by failing reads."""

@@ -1,0 +1,76 @@
+"""Pictures with camera-to-world poses in `poses.txt`: KIND `c2w`, a 4x4 a line, and KITTI odometry, a 3x4 a line."""
+
+from pathlib import Path
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import read_text
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup, stamps_for
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures, read_picture
+from edgemap.runtime.inputs.drives.pose_files import (
+    camera_attitudes,
+    check_count,
+    planarise_camera,
+    read_matrices,
+    trajectory,
+    upright_camera,
+)
+
+K_BYTES = 4096
+
+
+def read_kitti(folder: Path) -> Drive:
+    """Read a KITTI sequence. The world is the first camera's: its y points down, so up is `-y` unless said otherwise.
+
+    `times.txt`, one stamp in seconds per line, is used where present. Raises CameraError.
+    """
+    return _read("kitti", folder, ("image", "image_2", "images"), 12, "-y", ("times.txt",))
+
+
+def read_c2w(folder: Path) -> Drive:
+    """Read pictures with 4x4 camera-to-world lines, optical camera axes, metres; the world is z-up unless said.
+
+    `K.txt`, 3x3 in px, is used where no camera.yaml is. `stamps.txt` or `times.txt` in seconds where present. `depth/`:
+    a 16-bit picture of millimetres for each picture, registered to it, 0 where unknown.
+    Raises CameraError.
+    """
+    return _read("c2w", folder, ("image", "images"), 16, "z", ("stamps.txt", "times.txt"), "K.txt")
+
+
+def _read(
+    kind: str, folder: Path, names: tuple[str, ...], columns: int, world_up: str, times: tuple[str, ...], k: str = ""
+) -> Drive:
+    """Pictures in the first folder of these names, or in the folder itself."""
+    pictures_folder = first_folder(folder, names)
+    images = list_pictures(pictures_folder)
+    known = k and (folder / k).is_file() and not (folder / "camera.yaml").is_file()
+    setup = read_setup(folder, world_up, _read_k(folder / k, images[0]) if known else None)
+    path = folder / "poses.txt"
+    poses = read_matrices(path, columns)
+    check_count(path, len(poses), len(images), pictures_folder)
+    stamps = stamps_for(folder, times, len(images), pictures_folder, setup.rate_hz)
+    recorded = poses, setup.world_up, setup.mount
+    depth = list_pictures(folder / "depth") if kind == "c2w" and (folder / "depth").is_dir() else ()
+    if depth:
+        check_count(folder / "depth", len(depth), len(images), pictures_folder)
+    return Drive(
+        kind, folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz,
+        trajectory(path, stamps, planarise_camera(*recorded)), full_poses=upright_camera(*recorded),
+        attitudes=camera_attitudes(stamps, poses, setup.world_up) if kind == "c2w" else None, depth=depth,
+        notes=setup.notes,
+    )  # fmt: skip
+
+
+def _read_k(path: Path, first_picture: Path) -> Intrinsics:
+    height, width = read_picture(first_picture).shape[:2]
+    try:
+        numbers = [float(word) for word in read_text(path, K_BYTES, CameraError).split()]
+        if len(numbers) != 9:
+            raise CameraError(f"{path}: {len(numbers)} numbers, expected a 3x3 matrix")
+        return Intrinsics(width, height, numbers[0], numbers[4], numbers[2], numbers[5])
+    except ValueError:
+        raise CameraError(f"{path}: not numbers, expected a 3x3 matrix") from None
+    except GeometryError as error:
+        raise CameraError(f"{path}: {error}") from None

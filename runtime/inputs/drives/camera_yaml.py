@@ -1,0 +1,171 @@
+"""A data folder's `camera.yaml`: lens, mount, frame rate, which way is up in the poses; and where stamps come from."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+import yaml
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.plain_yaml import read_yaml
+from edgemap.runtime.frames.reading import Coordinate, Name, Side, Strict, convert
+from edgemap.runtime.inputs.drives.pose_files import check_count, read_stamps
+
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Angle = Annotated[float, Meta(gt=-90.0, lt=90.0)]  # degrees
+Arm = Annotated[float, Meta(ge=-100.0, le=100.0)]  # metres
+Focal = Annotated[float, Meta(gt=0.0, le=1e6)]  # px
+DEFAULT_RATE_HZ = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFile:
+    """What a `camera.yaml` says. world_up: the axis of the recorded poses that points up, e.g. `-y`;
+    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: how
+    lens and mount were measured, and how well, by what was calibrated; for people."""
+
+    intrinsics: Intrinsics
+    mount: Mount | None = None
+    rate_hz: float | None = None
+    world_up: str | None = None
+    calibration: dict[str, Any] = field(default_factory=dict)
+
+
+class DistortionRecord(Strict):
+    """As `geometry.camera.intrinsics.Distortion`."""
+
+    model: Name = "none"
+    coefficients: Annotated[tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], ...], Meta(max_length=5)] = ()
+
+
+class LensRecord(Strict):
+    """As `geometry.camera.intrinsics.Intrinsics`, px."""
+
+    width: Side
+    height: Side
+    fx: Focal
+    fy: Focal
+    cx: Coordinate
+    cy: Coordinate
+    distortion: DistortionRecord | None = None
+
+    def intrinsics(self) -> Intrinsics:
+        """The lens. Raises GeometryError."""
+        distortion = self.distortion or DistortionRecord()
+        lens = Distortion(distortion.model, distortion.coefficients)
+        return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy, lens)
+
+
+class _Mount(Strict):
+    height_m: Annotated[float, Meta(gt=0.0, le=100.0)]
+    pitch_deg: Angle
+    roll_deg: Angle = 0.0
+    forward_m: Arm = 0.0
+    left_m: Arm = 0.0
+
+
+class _CameraYaml(LensRecord):
+    fps: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
+    world_up: UpAxis | None = None
+    mount: _Mount | None = None
+    calibration: dict[str, Any] | None = None
+
+
+def read_camera_yaml(path: Path) -> CameraFile:
+    """Read and check a `camera.yaml`; unknown and missing fields are errors.
+
+    Raises CameraError, one line with the path, for text that is no YAML, wrong fields, and numbers that cannot be.
+    """
+    # Lax, because YAML 1.1 reads 1e-3 as text.
+    record = convert(read_yaml(path, CameraError), _CameraYaml, path, CameraError, strict=False)
+    try:
+        intrinsics = record.intrinsics()
+        mount = record.mount and Mount.from_degrees(**msgspec.structs.asdict(record.mount))
+    except GeometryError as error:
+        raise CameraError(f"{path}: {error}") from None
+    return CameraFile(intrinsics, mount, record.fps, record.world_up, record.calibration or {})
+
+
+def write_camera_yaml(
+    path: Path,
+    intrinsics: Intrinsics,
+    mount: Mount | None = None,
+    rate_hz: float | None = None,
+    world_up: str = "z",
+    calibration: dict[str, Any] | None = None,
+) -> None:
+    """Write a `camera.yaml` that `read_camera_yaml` reads back to the same numbers (angles to 1e-9 degrees).
+
+    Raises DiskError where the folder does not take it.
+    """
+    tree: dict[str, Any] = {
+        "width": intrinsics.width,
+        "height": intrinsics.height,
+        "fx": float(intrinsics.fx),
+        "fy": float(intrinsics.fy),
+        "cx": float(intrinsics.cx),
+        "cy": float(intrinsics.cy),
+        "distortion": {
+            "model": intrinsics.distortion.model,
+            "coefficients": list(intrinsics.distortion.coefficients),
+        },
+    }
+    if rate_hz is not None:
+        tree["fps"] = float(rate_hz)
+    tree["world_up"] = world_up
+    if mount is not None:
+        tree["mount"] = {
+            "height_m": float(mount.height_m),
+            "pitch_deg": round(math.degrees(mount.pitch_rad), 9),
+            "roll_deg": round(math.degrees(mount.roll_rad), 9),
+            "forward_m": float(mount.forward_m),
+            "left_m": float(mount.left_m),
+        }
+    if calibration:
+        tree["calibration"] = calibration
+    write_atomically(path, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The camera of a data folder: what `camera.yaml` says, or nothing and the layout's customs."""
+
+    intrinsics: Intrinsics | None
+    mount: Mount | None
+    rate_hz: float
+    world_up: str
+    notes: dict[str, Any]
+
+
+def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
+    """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are what holds where it says nothing."""
+    path = folder / "camera.yaml"
+    if not path.is_file():
+        return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up, _assumed_rate())
+    file = read_camera_yaml(path)
+    notes = {} if file.rate_hz else _assumed_rate()
+    return Setup(file.intrinsics, file.mount, file.rate_hz or DEFAULT_RATE_HZ, file.world_up or world_up, notes)
+
+
+def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path, rate_hz: float) -> NDArray[np.float64]:
+    """Stamps in seconds, one per picture: from the first of the named files that is there, else index / rate."""
+    for name in names:
+        path = folder / name
+        if path.is_file():
+            stamps = read_stamps(path)
+            check_count(path, len(stamps), pictures, where)
+            return stamps
+    return np.arange(pictures) / rate_hz
+
+
+def _assumed_rate() -> dict[str, Any]:
+    return {"rate": f"no fps given: {DEFAULT_RATE_HZ:g} Hz assumed"}

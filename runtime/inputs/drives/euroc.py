@@ -1,0 +1,151 @@
+"""EuRoC MAV: `cam0` and `imu0` of one flight with its ground truth, as published (`mav0/…`) or in one flat folder.
+
+    mav0/cam0/data/*.png, mav0/imu0/data.csv, mav0/state_groundtruth_estimate0/data.csv, sensor.yaml beside each
+    image/*, imu.csv, cam0.yaml, imu.yaml, truth.txt (stamp_ns x y z qx qy qz qw, of the camera's frame)
+
+A picture's name is its stamp in nanoseconds. IMU samples are turned into the camera's optical frame by both `T_BS`.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Distortion, Intrinsics
+from edgemap.geometry.errors import GeometryError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.number_rows import Column, NumberTable, columns
+from edgemap.runtime.frames.plain_yaml import read_yaml
+from edgemap.runtime.frames.reading import Coordinate, Side, convert
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.pictures import list_pictures
+from edgemap.runtime.inputs.drives.pose_files import (
+    camera_attitudes,
+    check_increasing,
+    planarise_camera,
+    poses_of,
+    trajectory,
+)
+from edgemap.runtime.inputs.drives.sensor_csv import RATES
+
+T = TypeVar("T")
+
+STAMP_NS = Column("stamp_ns", 0.0, 1e19)
+SAMPLES = NumberTable((STAMP_NS, *RATES), ",")
+BODY = NumberTable(
+    (STAMP_NS, *columns("x y z"), *columns("qw qx qy qz", -1.01, 1.01), *columns("vx vy vz bgx bgy bgz bax bay baz")),
+    ",",
+)
+CAMERA = NumberTable((STAMP_NS, *columns("x y z"), *columns("qx qy qz qw", -1.01, 1.01)))
+
+
+class _Pose(msgspec.Struct):
+    data: Annotated[list[Coordinate], Meta(min_length=16, max_length=16)]
+
+    @property
+    def rotation(self) -> Array:
+        return np.array(self.data).reshape(4, 4)[:3, :3]
+
+
+class _Sensor(msgspec.Struct):
+    T_BS: _Pose
+
+
+class _Camera(_Sensor):
+    resolution: tuple[Side, Side]
+    intrinsics: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+    distortion_coefficients: list[Coordinate] = []
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Where a flight keeps its files."""
+
+    pictures: Path
+    camera: Path
+    imu: Path
+    imu_yaml: Path
+    truth: Path
+    poses: NumberTable
+
+
+def _layout(folder: Path) -> _Layout:
+    root = folder / "mav0"
+    if root.is_dir():
+        cam, imu, truth = root / "cam0", root / "imu0", root / "state_groundtruth_estimate0"
+        return _Layout(
+            cam / "data", cam / "sensor.yaml", imu / "data.csv", imu / "sensor.yaml", truth / "data.csv", BODY
+        )
+    pictures, camera, imu, imu_yaml, truth = (
+        folder / name for name in ("image", "cam0.yaml", "imu.csv", "imu.yaml", "truth.txt")
+    )
+    return _Layout(pictures, camera, imu, imu_yaml, truth, CAMERA)
+
+
+def read_euroc(folder: Path) -> Drive:
+    """Read a flight; stamps are seconds since its first IMU sample. A `camera.yaml` may add a mount.
+
+    The published truth is of the body; its rotation is taken to the camera's, its lever arm of a few centimetres is
+    not. Pictures that the truth does not cover are left out. Raises CameraError.
+    """
+    layout = _layout(folder)
+    images = list_pictures(layout.pictures)
+    camera = _sensor(layout.camera, _Camera)
+    imu_body = _sensor(layout.imu_yaml, _Sensor).T_BS.rotation if layout.imu_yaml.is_file() else np.eye(3)
+    _, rows = SAMPLES.read(layout.imu, CameraError)
+    start_ns = rows[0, 0]
+    stamps = (rows[:, 0] - start_ns) * 1e-9
+    check_increasing(layout.imu, stamps)
+    samples = ImuSamples(stamps, rows[:, 1:4], rows[:, 4:7]).rotated(camera.T_BS.rotation.T @ imu_body)
+    truth_stamps, poses = _poses(layout, start_ns, camera.T_BS.rotation)
+    taken = np.array([(_stamp_ns(path) - start_ns) * 1e-9 for path in images])
+    check_increasing(layout.pictures, taken)
+    known = (taken >= truth_stamps[0] - 0.01) & (taken <= truth_stamps[-1] + 0.01)
+    if not known.any():
+        first, last = truth_stamps[0], truth_stamps[-1]
+        raise CameraError(f"{layout.truth}: covers {first:.3f} to {last:.3f} s, no picture lies in it")
+    setup = read_setup(folder, world_up="z", intrinsics=_lens(layout.camera, camera))
+    rate_hz = float(1.0 / np.median(np.diff(taken))) if len(taken) > 1 else setup.rate_hz
+    return Drive(
+        "euroc", folder, tuple(image for image, there in zip(images, known, strict=True) if there), taken[known],
+        setup.intrinsics, setup.mount, rate_hz,
+        trajectory(layout.truth, truth_stamps, planarise_camera(poses, setup.world_up, setup.mount)),
+        attitudes=camera_attitudes(truth_stamps, poses, setup.world_up), imu=samples,
+        notes={"pictures_without_truth": int((~known).sum())},
+    )  # fmt: skip
+
+
+def _poses(layout: _Layout, start_ns: float, camera_body: Array) -> tuple[Array, Array]:
+    """Stamps (N,) in seconds and poses (N, 4, 4) with the camera's rotation."""
+    _, rows = layout.poses.read(layout.truth, CameraError)
+    stamps = (rows[:, 0] - start_ns) * 1e-9
+    check_increasing(layout.truth, stamps)
+    if layout.poses is CAMERA:
+        return stamps, poses_of(rows[:, 1:4], rows[:, 4:8])
+    poses = poses_of(rows[:, 1:4], rows[:, [5, 6, 7, 4]])
+    poses[:, :3, :3] = poses[:, :3, :3] @ camera_body
+    return stamps, poses
+
+
+def _sensor(path: Path, kind: type[T]) -> T:
+    return convert(read_yaml(path, CameraError), kind, path, CameraError, strict=False)
+
+
+def _lens(path: Path, camera: _Camera) -> Intrinsics:
+    try:
+        distortion = Distortion("brown_conrady", tuple(camera.distortion_coefficients))
+        return Intrinsics(*camera.resolution, *camera.intrinsics, distortion)
+    except GeometryError as error:
+        raise CameraError(f"{path}: {error}") from None
+
+
+def _stamp_ns(path: Path) -> float:
+    if not path.stem.isdecimal() or len(path.stem) > 19:
+        raise CameraError(f"{path}: a EuRoC picture is named after its stamp in nanoseconds")
+    return float(path.stem)

@@ -1,0 +1,75 @@
+"""LoCoBot: `rgb/` and `depth/` pictures, 640x480, with the base's wheel odometry.
+
+    rgb/000000.png …       colour, one per stamp (any picture format)
+    depth/000000.png …     optional; 16-bit, millimetres, aligned with rgb/ and as many
+    odometry.csv           stamp_s,x_m,y_m,yaw_rad: integrated wheel odometry, one row per picture
+    camera.yaml            lens and mount
+    poses.tum              optional; base poses from something better than wheels, one per picture
+
+No public data in this form exists; the layout is edgemap's own. Truth is `poses.tum` where it is there, else the
+wheel odometry itself, which drifts (the source stands in the drive's notes).
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.trajectory import Trajectory, tum_line
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup, write_camera_yaml
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.pictures import list_pictures
+from edgemap.runtime.inputs.drives.pose_files import check_count, planarise_base, read_tum_3d, trajectory
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv, write_wheel_csv
+
+
+def read_locobot(folder: Path) -> Drive:
+    """Read a LoCoBot folder as described above. Raises CameraError."""
+    images = list_pictures(folder / "rgb")
+    depth = list_pictures(folder / "depth") if (folder / "depth").is_dir() else ()
+    if depth:
+        check_count(folder / "depth", len(depth), len(images), folder / "rgb")
+    setup = read_setup(folder, world_up="z")
+    wheel_path = folder / "odometry.csv"
+    stamps, poses = read_wheel_csv(wheel_path)
+    check_count(wheel_path, len(stamps), len(images), folder / "rgb")
+    truth, source = trajectory(wheel_path, stamps, poses), "wheel odometry"
+    better = folder / "poses.tum"
+    if better.is_file():
+        _, matrices = read_tum_3d(better)
+        check_count(better, len(matrices), len(images), folder / "rgb")
+        truth, source = trajectory(better, stamps, planarise_base(matrices, setup.world_up)), "poses.tum"
+    return Drive(
+        "locobot",
+        folder,
+        images,
+        stamps,
+        setup.intrinsics,
+        setup.mount,
+        setup.rate_hz,
+        truth,
+        wheel=wheel_path,
+        depth=depth,
+        notes={**setup.notes, "truth": source},
+    )
+
+
+def write_locobot(
+    folder: str | Path,
+    intrinsics: Intrinsics,
+    mount: Mount,
+    rate_hz: float,
+    odometry: Iterable[Sequence[float]],
+    poses: Trajectory | None = None,
+) -> None:
+    """Write everything beside the pictures: `camera.yaml`, `odometry.csv`, and `poses.tum` where truth is given.
+
+    odometry: rows (stamp_s, x_m, y_m, yaw_rad), one per picture. Pictures in `rgb/` and `depth/` are the caller's.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_camera_yaml(folder / "camera.yaml", intrinsics, mount, rate_hz)
+    write_wheel_csv(folder / "odometry.csv", odometry)
+    if poses is not None:
+        lines = [tum_line(stamp, pose) for stamp, pose in zip(poses.stamps_s, poses.poses, strict=True)]
+        (folder / "poses.tum").write_text("".join(lines))

@@ -1,0 +1,56 @@
+"""`KIND:DIR` to a `Drive`: one reader per layout."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.inputs.drives.c2w import read_c2w, read_kitti
+from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
+from edgemap.runtime.inputs.drives.euroc import read_euroc
+from edgemap.runtime.inputs.drives.locobot import read_locobot
+from edgemap.runtime.inputs.drives.own import read_own
+from edgemap.runtime.inputs.drives.sensor_csv import read_imu_csv
+from edgemap.runtime.inputs.drives.truth_json import ObjectRecord, read_objects
+from edgemap.runtime.inputs.drives.tum import read_tum_drive
+from edgemap.runtime.inputs.drives.yolo import read_yolo
+
+READERS: dict[str, Callable[[Path], Drive]] = {
+    "kitti": read_kitti,
+    "tum": read_tum_drive,
+    "c2w": read_c2w,
+    "drive": read_own,
+    "euroc": read_euroc,
+    "locobot": read_locobot,
+    "yolo": read_yolo,
+}
+
+
+def open_drive(spec: str) -> Drive:
+    """Read the drive `KIND:DIR`, KIND one of `READERS`. Pictures are listed, not decoded.
+
+    What the readers do not know themselves is the same for every KIND: the objects of `objects.json`, and the
+    samples of `imu.csv`.
+    Raises CameraError, one line with the path and the numbers, for an unknown KIND and for anything missing or wrong.
+    """
+    kind, colon, folder = spec.partition(":")
+    if not colon or not folder or kind not in READERS:
+        raise CameraError(f"data {spec!r} is not KIND:DIR with KIND one of {', '.join(READERS)}")
+    drive = READERS[kind](user_path(folder))
+    objects, imu = drive.folder / "objects.json", drive.folder / "imu.csv"
+    if objects.is_file():
+        drive = replace(drive, objects=tuple(_known(record, drive.boxes) for record in read_objects(objects)))
+    if drive.imu is None and imu.is_file():
+        drive = replace(drive, imu=read_imu_csv(imu))
+    return drive
+
+
+def _known(record: ObjectRecord, boxes: Sequence[LabelledBoxes]) -> dict[str, Any]:
+    """With the pictures that show it counted, where the file does not say how many and the boxes do."""
+    if record.visible_frames is None and boxes:
+        record.visible_frames = sum(str(record.id) in frame.seen_ids() for frame in boxes)
+    return msgspec.structs.asdict(record)

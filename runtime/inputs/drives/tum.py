@@ -1,0 +1,114 @@
+"""TUM RGB-D: `rgb.txt` (stamp, file) with `groundtruth.txt`, or pictures with `poses.tum`; poses of the CAMERA."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.attitude_track import AttitudeTrack
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.number_rows import STAMP
+from edgemap.runtime.frames.reading import one_line, read_text
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.camera_yaml import Setup, read_setup
+from edgemap.runtime.inputs.drives.drive import Drive
+from edgemap.runtime.inputs.drives.pictures import first_folder, list_pictures
+from edgemap.runtime.inputs.drives.pose_files import (
+    camera_attitudes,
+    check_count,
+    check_increasing,
+    planarise_camera,
+    read_tum_3d,
+    trajectory,
+)
+
+LIST_BYTES = 16 << 20
+MAX_GAP_S = 0.2  # truth is not interpolated over longer holes (the tracker lost the camera)
+
+
+def read_tum_drive(folder: Path) -> Drive:
+    """Read a TUM folder. Poses are the optical frame's in a world that is z-up unless camera.yaml says otherwise.
+
+    With `rgb.txt` the truth is interpolated at the pictures' stamps, and pictures without truth are left out
+    (their number stands in `notes`). Without it, `poses.tum` has one line per picture. Raises CameraError.
+    """
+    setup = read_setup(folder, world_up="z")
+    if (folder / "rgb.txt").is_file():
+        return _read_listed(folder, setup)
+    pictures_folder = first_folder(folder, ("rgb", "images", "image"))
+    images = list_pictures(pictures_folder)
+    path = folder / "poses.tum"
+    stamps, poses = read_tum_3d(path)
+    check_count(path, len(stamps), len(images), pictures_folder)
+    check_increasing(path, stamps)
+    truth = trajectory(path, stamps, planarise_camera(poses, setup.world_up, setup.mount))
+    return _drive(folder, images, stamps, setup, truth, camera_attitudes(stamps, poses, setup.world_up))
+
+
+def _read_listed(folder: Path, setup: Setup) -> Drive:
+    listing = folder / "rgb.txt"
+    stamps, images = _read_listing(listing)
+    truth_path = folder / "groundtruth.txt"
+    if not truth_path.is_file():
+        return _drive(folder, images, stamps, setup, None)
+    truth_stamps, poses = read_tum_3d(truth_path)
+    check_increasing(truth_path, truth_stamps)
+    recorded = Trajectory(truth_stamps, planarise_camera(poses, setup.world_up, setup.mount))
+    known = [i for i, stamp in enumerate(stamps) if _is_covered(truth_stamps, stamp)]
+    if not known:
+        raise CameraError(
+            f"{truth_path}: covers {truth_stamps[0]:.3f} to {truth_stamps[-1]:.3f} s, "
+            f"no picture of {listing} ({stamps[0]:.3f} to {stamps[-1]:.3f} s) lies in it"
+        )
+    poses_at: tuple[SE2, ...] = tuple(recorded.at(float(stamps[i]), MAX_GAP_S) for i in known)
+    dropped = len(images) - len(known)
+    notes = {"pictures_without_truth": dropped} if dropped else {}
+    kept = stamps[known]
+    truth = trajectory(truth_path, kept, poses_at)
+    attitudes = camera_attitudes(truth_stamps, poses, setup.world_up)
+    return _drive(folder, tuple(images[i] for i in known), kept, setup, truth, attitudes, notes)
+
+
+def _drive(
+    folder: Path,
+    images: tuple[Path, ...],
+    stamps: Array,
+    setup: Setup,
+    truth: Trajectory | None,
+    attitudes: AttitudeTrack | None = None,
+    notes: dict[str, int] | None = None,
+) -> Drive:
+    rate_hz = float(1.0 / np.median(np.diff(stamps))) if len(stamps) > 1 else setup.rate_hz
+    return Drive(
+        "tum", folder, images, stamps, setup.intrinsics, setup.mount, rate_hz, truth, attitudes=attitudes,
+        notes=notes or {},
+    )  # fmt: skip
+
+
+def _read_listing(path: Path) -> tuple[Array, tuple[Path, ...]]:
+    stamps, images = [], []
+    for number, line in enumerate(read_text(path, LIST_BYTES, CameraError).splitlines(), start=1):
+        words = line.split(maxsplit=1)
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            stamp_s = float(words[0])
+        except ValueError:
+            stamp_s = math.nan
+        if len(words) != 2 or not STAMP.minimum <= stamp_s <= STAMP.maximum or not words[1].isprintable():
+            raise CameraError(f"{path}:{number}: expected `stamp file`, found {one_line(line, 60)!r}")
+        stamps.append(stamp_s)
+        images.append(path.parent / words[1].strip())
+    if not images:
+        raise CameraError(f"{path}: no pictures listed in it")
+    check_increasing(path, np.array(stamps))
+    return np.array(stamps), tuple(images)
+
+
+def _is_covered(truth_stamps: Array, stamp: float) -> bool:
+    after = int(np.searchsorted(truth_stamps, stamp))
+    near = truth_stamps[max(after - 1, 0) : after + 1]
+    gap = near[-1] - near[0]
+    return bool(gap <= MAX_GAP_S and np.abs(near - stamp).min() <= MAX_GAP_S / 2)

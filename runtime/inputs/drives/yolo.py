@@ -1,0 +1,117 @@
+"""YOLO text labels: `images/` and `labels/`, one `class cx cy w h` line per object, relative to the picture.
+
+With a sixth column, the score, they are pseudo-labels of a network.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.number_rows import Column, NumberTable, columns
+from edgemap.runtime.frames.reading import read_bytes
+from edgemap.runtime.inputs.drives.camera_yaml import read_setup
+from edgemap.runtime.inputs.drives.drive import Drive, LabelledBoxes
+from edgemap.runtime.inputs.drives.pictures import list_pictures, read_picture
+from edgemap.runtime.inputs.drives.pose_files import check_count
+from edgemap.runtime.inputs.drives.truth_json import read_boxes
+
+# The 80 class names of COCO, in the order every YOLO numbers them.
+COCO_NAMES = tuple(
+    """person|bicycle|car|motorcycle|airplane|bus|train|truck|boat|traffic light|fire hydrant|stop sign|parking meter
+bench|bird|cat|dog|horse|sheep|cow|elephant|bear|zebra|giraffe|backpack|umbrella|handbag|tie|suitcase|frisbee|skis
+snowboard|sports ball|kite|baseball bat|baseball glove|skateboard|surfboard|tennis racket|bottle|wine glass|cup|fork
+knife|spoon|bowl|banana|apple|sandwich|orange|broccoli|carrot|hot dog|pizza|donut|cake|chair|couch|potted plant|bed
+dining table|toilet|tv|laptop|mouse|remote|keyboard|cell phone|microwave|oven|toaster|sink|refrigerator|book|clock
+vase|scissors|teddy bear|hair drier|toothbrush""".replace("\n", "|").split("|")
+)
+LABEL_BYTES = 4 << 20
+CLASS_LIMIT = 10_000
+LABEL_SCORE = 0.45  # of a told box that counts as a label; weaker ones down to DOUBT_SCORE are neither object nor not
+DOUBT_SCORE = 0.2
+
+
+def label_table(names: Sequence[str], scored: bool = False) -> NumberTable:
+    """A label file's lines: the number of one of these classes, centre and sides, and perhaps the score."""
+    told = "cx cy w h score" if scored else "cx cy w h"
+    return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns(told, 0.0, 1.0)))
+
+
+LABELS = label_table(COCO_NAMES)
+SCORED_COLUMNS = 6
+
+
+def read_yolo(folder: Path) -> Drive:
+    """Read labelled pictures; class numbers count lines of `classes.txt`, or are COCO's 80 where there is none.
+
+    `classes.txt`, a name per line, lies beside `images/` or in `labels/`, where labelling tools write it. A picture
+    without a label file shows no object. A `boxes.json` beside them, one entry per picture in order of names, goes
+    before the labels: it also knows what is hidden. There is no way between the pictures, so no truth. Raises
+    CameraError.
+    """
+    images = list_pictures(folder / "images")
+    if (folder / "boxes.json").is_file():
+        known = read_boxes(folder / "boxes.json")
+        check_count(folder / "boxes.json", len(known), len(images), folder / "images")
+        return _drive(folder, images, known)
+    labels = folder / "labels"
+    if not labels.is_dir():
+        raise CameraError(f"{labels}: no such folder")
+    paths = [labels / f"{image.stem}.txt" for image in images]
+    if not any(path.is_file() for path in paths):
+        raise CameraError(f"{labels}: no label file for any of the {len(images)} pictures in {folder / 'images'}")
+    names = _class_names((folder / "classes.txt", labels / "classes.txt"))
+    pairs = zip(paths, images, strict=True)
+    return _drive(folder, images, tuple(_read_labels(path, image, names) for path, image in pairs))
+
+
+def _drive(folder: Path, images: tuple[Path, ...], boxes: tuple[LabelledBoxes, ...]) -> Drive:
+    setup = read_setup(folder, world_up="z")
+    stamps = np.arange(len(images)) / setup.rate_hz
+    return Drive("yolo", folder, images, stamps, setup.intrinsics, setup.mount, setup.rate_hz, boxes=boxes)
+
+
+def write_yolo_labels(path: Path, boxes: Sequence[tuple[int, Sequence[float]]], width: int, height: int) -> None:
+    """Write one picture's labels: (class number, xyxy in px) each; the picture's size in px makes them relative."""
+    lines = []
+    for number, (x0, y0, x1, y1) in boxes:
+        centre = f"{(x0 + x1) / 2 / width:.6f} {(y0 + y1) / 2 / height:.6f}"
+        lines.append(f"{number} {centre} {(x1 - x0) / width:.6f} {(y1 - y0) / height:.6f}\n")
+    path.write_text("".join(lines))
+
+
+def _class_names(paths: Sequence[Path]) -> tuple[str, ...]:
+    """The names in the first of these files that is there, or COCO's. Raises CameraError."""
+    path = next((path for path in paths if path.is_file()), None)
+    if path is None:
+        return COCO_NAMES
+    lines = read_bytes(path, LABEL_BYTES, CameraError).decode("utf-8", "replace").splitlines()
+    names = tuple(line.strip() for line in lines if line.strip())
+    if not 1 <= len(names) <= CLASS_LIMIT:
+        raise CameraError(f"{path}: {len(names)} class names, expected 1 to {CLASS_LIMIT}")
+    return names
+
+
+def _read_labels(path: Path, image: Path, names: tuple[str, ...]) -> LabelledBoxes:
+    data = read_bytes(path, LABEL_BYTES, CameraError) if path.is_file() else b""
+    if not data.strip():
+        return LabelledBoxes(np.zeros((0, 4)), ())
+    scored = len(data.split(b"\n", 1)[0].split()) == SCORED_COLUMNS
+    numbers, rows = label_table(names, scored).parse(data, str(path), CameraError)
+    classes = rows[:, 0].astype(np.int64)
+    if len(odd := np.flatnonzero(classes != rows[:, 0])):
+        raise CameraError(f"{path}:{numbers[odd[0]]}: class {rows[odd[0], 0]:g} is not a whole number")
+    height, width = read_picture(image).shape[:2]
+    centres, halves = rows[:, 1:3], rows[:, 3:5] / 2
+    corners = np.hstack([centres - halves, centres + halves]) * [width, height, width, height]
+    labels = tuple(names[number] for number in classes)
+    return predicted_boxes(corners, labels, rows[:, 5]) if scored else LabelledBoxes(corners, labels)
+
+
+def predicted_boxes(boxes: NDArray[np.float64], labels: Sequence[str], scores: NDArray[np.float64]) -> LabelledBoxes:
+    """A network's detections as pseudo-labels: confident boxes, and uncertain ones with a visibility of 0."""
+    rows = np.flatnonzero(scores >= DOUBT_SCORE)
+    visible = (scores[rows] >= LABEL_SCORE).astype(np.float64)
+    return LabelledBoxes(boxes[rows], tuple(labels[int(row)] for row in rows), visible, scores=scores[rows])

@@ -1,0 +1,178 @@
+"""SPEC to camera: one line per kind, each kind's module imported when it is asked for."""
+
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import cast
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.reading import error_line, user_path
+from edgemap.runtime.inputs.cameras.plugins import load_kind, plugin_kinds
+from edgemap.runtime.inputs.cameras.protocol import Camera, Driver, SensorTopics
+from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+
+UNDERSTOOD = (
+    "demo, realsense[:SERIAL], realsense:FILE.db3|.bag, a number or /dev/videoN, an rtsp:// or http(s):// stream, "
+    "a video file, a folder of pictures, "
+    "a recording FILE.mcap[#/topic], a topic ros2:/camera/image_raw, "
+    "or KIND:DIR with KIND one of kitti, tum, c2w, drive, euroc, locobot, yolo"
+)
+STREAMS = ("rtsp", "rtsps", "http", "https")
+KINDS = ("kitti", "tum", "c2w", "drive", "euroc", "locobot", "yolo")
+DEMO = Path(__file__).parent / "demo"
+
+
+def open_camera(
+    spec: str = "demo",
+    *,
+    realtime: bool = False,
+    intrinsics: Intrinsics | None = None,
+    mount: Mount | None = None,
+    recovery: RecoveryRule | None = None,
+    topics: SensorTopics | None = None,
+    depth: bool = True,
+) -> Camera:
+    """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
+
+    realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices. topics: further
+    sensors, on ROS 2 topics. depth: whether frames bring their depth, where the source has any.
+
+    Raises CameraError, one line, for a SPEC that is not understood or cannot be opened.
+    """
+    topics = topics or SensorTopics()
+    recorded, by_ros = spec.partition("#")[0].endswith(".mcap"), spec.startswith("ros2:")
+    if topics.depth and not (recorded or by_ros):
+        raise CameraError(f"camera {spec}: a topic of depth goes with pictures of a ROS 2 topic or a recording only")
+    camera = _open(spec, intrinsics, mount, recovery, depth, topics)
+    if not recorded and (topics.wheels or topics.imu):
+        try:
+            camera = _with_topics(camera, topics)
+        except BaseException:
+            camera.close()
+            raise
+    if realtime and not camera.live:
+        from edgemap.runtime.inputs.cameras.around import PacedCamera
+
+        return PacedCamera(camera)
+    return camera
+
+
+def _open(
+    spec: str,
+    intrinsics: Intrinsics | None,
+    mount: Mount | None,
+    recovery: RecoveryRule | None,
+    depth: bool,
+    topics: SensorTopics,
+) -> Camera:
+    kind, _, rest = spec.partition(":")
+    if spec == "demo":
+        return _open_drive(f"drive:{DEMO}", spec, intrinsics, mount)
+    if kind in KINDS:
+        return _open_drive(spec, spec, intrinsics, mount, depth)
+    if kind == "realsense":
+        return _open_realsense(rest, spec, intrinsics, mount, recovery, depth)
+    if spec.isdecimal() or spec.startswith("/dev/video"):
+        from edgemap.runtime.inputs.cameras.webcam import WebcamDriver
+
+        device = Path(f"/dev/video{spec}" if spec.isdecimal() else spec)
+        return _open_live(WebcamDriver(device, spec, intrinsics), intrinsics, mount, recovery)
+    if kind in STREAMS:
+        from edgemap.runtime.inputs.cameras.webcam import StreamDriver
+
+        return _open_live(StreamDriver(spec), intrinsics, mount, recovery)
+    if kind == "ros2":
+        from edgemap.runtime.inputs.ros2.camera import Ros2Camera
+        from edgemap.runtime.inputs.ros2.depth import DepthTopic
+        from edgemap.runtime.inputs.ros2.node import shared_node
+
+        node = shared_node()
+        return Ros2Camera(node, rest, intrinsics, mount, recovery, DepthTopic(node, topics.depth) if depth else None)
+    if spec.partition("#")[0].endswith(".mcap"):
+        from edgemap.runtime.inputs.recordings.camera import RecordingCamera
+
+        return RecordingCamera(spec, intrinsics, mount, topics, depth)
+    kinds = plugin_kinds()
+    if kind in kinds:
+        return _open_plugin(kinds[kind], rest, spec, intrinsics, mount, recovery)
+    path = user_path(spec)
+    if path.is_dir():
+        from edgemap.runtime.inputs.cameras.pictures import open_folder
+
+        return open_folder(path, spec, intrinsics, mount)
+    if path.is_file():
+        from edgemap.runtime.inputs.cameras.video import VideoCamera
+
+        return VideoCamera(spec, path, intrinsics, mount)
+    understood = UNDERSTOOD + "".join(f", {name}[:ADDRESS]" for name in sorted(kinds))
+    if path.suffix or "/" in spec:
+        raise CameraError(f"camera {spec!r}: no such file or folder; understood: {understood}")
+    raise CameraError(f"camera {spec!r} is not understood; understood: {understood}")
+
+
+def _open_drive(spec: str, name: str, intrinsics: Intrinsics | None, mount: Mount | None, depth: bool = True) -> Camera:
+    from edgemap.runtime.inputs.cameras.pictures import drive_camera
+    from edgemap.runtime.inputs.drives.open import open_drive
+
+    drive = open_drive(spec)
+    return drive_camera(drive if depth else replace(drive, depth=()), name, intrinsics, mount)
+
+
+def _open_realsense(
+    rest: str,
+    name: str,
+    intrinsics: Intrinsics | None,
+    mount: Mount | None,
+    recovery: RecoveryRule | None,
+    depth: bool,
+) -> Camera:
+    from edgemap.runtime.inputs.cameras.imu_buffer import ImuCamera
+    from edgemap.runtime.inputs.cameras.realsense import RealSenseDriver, is_recording
+    from edgemap.runtime.inputs.cameras.realsense_recording import RealSenseRecording
+
+    if is_recording(rest):
+        return RealSenseRecording(user_path(rest), name, intrinsics, mount, depth)
+    driver = RealSenseDriver(name, rest or None, depth)
+    return ImuCamera(_open_live(driver, intrinsics, mount, recovery), driver.imu)
+
+
+def _open_plugin(
+    point: EntryPoint,
+    rest: str,
+    spec: str,
+    intrinsics: Intrinsics | None,
+    mount: Mount | None,
+    recovery: RecoveryRule | None,
+) -> Camera:
+    """A camera of another package, nothing of which is taken for granted."""
+    from edgemap.runtime.inputs.cameras.checked import CheckedCamera
+
+    try:
+        source = load_kind(point).open(rest, intrinsics, mount)
+        if callable(getattr(source, "read", None)):
+            return CheckedCamera(cast(Camera, source), spec)
+        if not callable(getattr(source, "open", None)):
+            raise CameraError(f"camera {spec}: its package gave a {type(source).__name__}, no Camera and no Driver")
+        return _open_live(cast(Driver, source), intrinsics, mount, recovery)
+    except EdgemapError:
+        raise
+    except Exception as error:  # another package's code may raise anything
+        raise CameraError(f"camera {spec}: does not open ({error_line(error)})") from error
+
+
+def _with_topics(camera: Camera, topics: SensorTopics) -> Camera:
+    from edgemap.runtime.inputs.ros2.node import shared_node
+    from edgemap.runtime.inputs.ros2.sources import Ros2SensorsCamera
+
+    return Ros2SensorsCamera(camera, shared_node(), topics)
+
+
+def _open_live(
+    driver: Driver, intrinsics: Intrinsics | None, mount: Mount | None, recovery: RecoveryRule | None
+) -> Camera:
+    from edgemap.runtime.inputs.cameras.live import LiveCamera
+
+    return LiveCamera(driver, intrinsics, mount, recovery)

@@ -1,0 +1,106 @@
+"""What edgemap keeps beside the ROS 2 messages, so that a replay starts from the very same numbers.
+
+Quaternions and whole nanoseconds round in the last bit, and `plumb_bob` stands for three of our lens models; the
+messages are for everybody else.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Optional
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.errors import GeometryError
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.decisions import Decisions
+from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.number_rows import ROW_LIMIT
+from edgemap.runtime.frames.reading import Coordinate, Stamp, Strict, decode_json, one_line
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.drives.camera_yaml import LensRecord
+
+RECORD = "edgemap.recording"  # name of the MCAP metadata record
+FORMAT = "edgemap.recording/1"
+WHEEL_FILE, TRUTH_FILE = "wheel.json", "truth.json"  # names of MCAP attachments
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a camera knew of itself when it was recorded. decisions: of the run that recorded it, where one did."""
+
+    camera: str
+    intrinsics: Intrinsics | None = None
+    mount: Mount | None = None
+    rate_hz: float | None = None
+    decisions: Decisions | None = None
+
+
+def facts_record(facts: Facts) -> dict[str, str]:
+    """The facts as an MCAP metadata record, text to text; floats keep every bit."""
+    lens, mount = facts.intrinsics, facts.mount
+    return {
+        "format": FORMAT,
+        "camera": facts.camera,
+        "rate_hz": json.dumps(facts.rate_hz),
+        "intrinsics": json.dumps(asdict(lens) if lens else None),
+        "mount": json.dumps(asdict(mount) if mount else None),
+        "decisions": json.dumps(asdict(facts.decisions) if facts.decisions else None),
+    }
+
+
+class _RecordedMount(Strict):
+    height_m: Coordinate
+    pitch_rad: Coordinate
+    roll_rad: Coordinate
+    forward_m: Coordinate
+    left_m: Coordinate
+
+
+_DECISIONS: Any = Decisions | None
+_LENS: Any = LensRecord | None
+_MOUNT: Any = _RecordedMount | None
+_RATE: Any = Optional[Annotated[float, Meta(gt=0.0, le=1e5)]]  # noqa: UP045
+
+
+def read_facts(record: dict[str, str], where: str) -> Facts:
+    """The facts of a metadata record. where: for messages. Raises CameraError for a damaged one."""
+    where = f"{where}: damaged {RECORD} record"
+    if missing := {"format", "camera", "rate_hz", "intrinsics", "mount"} - record.keys():
+        raise CameraError(f"{where}: lacks {', '.join(sorted(missing))}")
+    if record["format"] != FORMAT:
+        raise CameraError(f"{where}: format {one_line(record['format'])!r}, this edgemap reads {FORMAT!r}")
+    lens, mount, rate_hz = (
+        decode_json(record[name], kind, f"{where}: {name}", CameraError)
+        for name, kind in (("intrinsics", _LENS), ("mount", _MOUNT), ("rate_hz", _RATE))
+    )
+    try:
+        return Facts(
+            one_line(record["camera"]),
+            lens and lens.intrinsics(),
+            mount and Mount(**msgspec.structs.asdict(mount)),
+            rate_hz,
+            decode_json(record.get("decisions", "null"), _DECISIONS, f"{where}: decisions", CameraError),
+        )
+    except GeometryError as error:
+        raise CameraError(f"{where}: {error}") from None
+
+
+def trajectory_file(trajectory: Trajectory) -> bytes:
+    """Rows [stamp_s, x_m, y_m, yaw_rad] as JSON."""
+    poses = zip(trajectory.stamps_s, trajectory.poses, strict=True)
+    return json.dumps([[float(stamp), pose.x_m, pose.y_m, pose.yaw_rad] for stamp, pose in poses]).encode()
+
+
+def read_trajectory_file(data: bytes, where: str) -> Trajectory:
+    """The rows again, bit for bit. where: for messages. Raises CameraError for damaged ones."""
+    if data.count(b"[") > ROW_LIMIT + 1:
+        raise CameraError(f"{where}: more than {ROW_LIMIT:,} rows")
+    rows = decode_json(data, list[tuple[Stamp, Coordinate, Coordinate, Coordinate]], where, CameraError)
+    try:
+        return Trajectory(np.array([row[0] for row in rows], dtype=np.float64), tuple(SE2(*row[1:]) for row in rows))
+    except OdometryError as error:
+        raise CameraError(f"{where}: {error}") from None

@@ -1,0 +1,66 @@
+"""Who may find whom: ROS 2's environment variables as a configuration of Cyclone DDS.
+
+Source: https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discovery.html. Where none of them is set the
+range is this machine (ROS 2 itself: the subnet), so that a robot publishes beyond itself only when asked to.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from edgemap.runtime.frames.errors import Ros2Error
+
+LAST_DOMAIN = 232  # ports above it do not exist
+PARTICIPANTS = 32  # on one machine, that are looked for by their ports
+LOOK_EVERY = "1s"  # programs of an older ROS 2 call by multicast alone, which nobody hears on the loopback interface
+RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
+
+
+@dataclass(frozen=True, slots=True)
+class Discovery:
+    """domain: ROS_DOMAIN_ID. range: one of RANGES. peers: addresses that are looked for beyond it."""
+
+    domain: int = 0
+    range: str = "LOCALHOST"
+    peers: tuple[str, ...] = ()
+
+    def cyclone_config(self, before: str = "", loopback: bool = True) -> str:
+        """Configuration for `cyclonedds.domain.Domain`; before: the user's own CYCLONEDDS_URI, whose words win.
+
+        loopback: within this machine, listen on its loopback interface only; without it, as ROS 2 does, on all of them
+        and contact no other host.
+        """
+        if self.range == "SYSTEM_DEFAULT":
+            return before
+        local = loopback and self.range == "LOCALHOST" and not self.peers
+        interface = '<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>' if local else ""
+        multicast = "spdp" if self.range == "SUBNET" else "false"
+        peers = (*self.peers, *(("localhost",) if self.range != "OFF" else ()))
+        listed = "".join(f'<Peer address="{peer}"/>' for peer in peers)
+        general = f"{interface}<AllowMulticast>{multicast}</AllowMulticast>"
+        discovery = (
+            f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{PARTICIPANTS}</MaxAutoParticipantIndex>"
+            f"<SPDPInterval>{LOOK_EVERY}</SPDPInterval><Peers>{listed}</Peers>"
+        )
+        ours = (
+            f"<CycloneDDS><Domain><General>{general}</General><Discovery>{discovery}</Discovery></Domain></CycloneDDS>"
+        )
+        return ",".join(filter(None, (ours, before)))
+
+
+def discovery_from(environment: Mapping[str, str]) -> Discovery:
+    """Reads ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS. Raises Ros2Error."""
+    text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdecimal() or int(text) > LAST_DOMAIN:
+        raise Ros2Error(f"ROS_DOMAIN_ID={text}: a whole number from 0 to {LAST_DOMAIN}")
+    local = environment.get("ROS_LOCALHOST_ONLY", "").strip()
+    asked = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip().upper()
+    if asked and asked not in RANGES:
+        raise Ros2Error(f"ROS_AUTOMATIC_DISCOVERY_RANGE={asked}: one of {', '.join(RANGES)}")
+    peers = tuple(peer.strip() for peer in environment.get("ROS_STATIC_PEERS", "").split(";") if peer.strip())
+    if bad := [peer for peer in peers if set(peer) & set("<>&\"' ")]:
+        raise Ros2Error(f"ROS_STATIC_PEERS: {bad[0]!r} is no address")
+    if local == "1":
+        return Discovery(int(text))
+    if local == "0" and not asked:
+        asked = "SUBNET"
+    return Discovery(int(text), asked or "LOCALHOST", peers)

@@ -1,0 +1,66 @@
+"""What tf says, live: of frames that do not move, and where the robot has its own base in odom."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeVar
+
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError, OdometryError
+from edgemap.runtime.frames.growing_track import GrowingTrack
+from edgemap.runtime.frames.messages.frame_ids import FrameIds
+from edgemap.runtime.frames.messages.stamps import ns_of, to_s
+from edgemap.runtime.frames.messages.tf_tree import TfTree, planar
+from edgemap.runtime.frames.messages.topics import KINDS, TF, TF_STATIC
+from edgemap.runtime.inputs.ros2.node import Node, Reliability
+
+WAIT_S = 6.0  # Fast DDS announces latched topics to late readers every 3 s
+Answer = TypeVar("Answer")
+
+
+class TfListener:
+    """Gathers /tf_static and /tf for questions about frames that do not move against each other. where: for
+    messages."""
+
+    def __init__(self, node: Node, where: str) -> None:
+        latched = node.subscription(TF_STATIC, KINDS[TF_STATIC], Reliability.LATCHED, depth=100)
+        self._topics = [latched, node.subscription(TF, KINDS[TF], depth=100)]
+        self._tree = TfTree(where)
+
+    def ask(self, question: Callable[[TfTree], Answer | None], wait_s: float = WAIT_S) -> Answer | None:
+        """An answer out of the tree, once there is one; None where there is none within the time.
+
+        Raises CameraError for a transform that is none.
+        """
+        until_s = time.monotonic() + wait_s
+        while True:
+            for topic in self._topics:
+                for message in topic.take():
+                    self._tree.add(message)
+            answer = question(self._tree)
+            if answer is not None or time.monotonic() > until_s:
+                return answer
+            time.sleep(0.02)
+
+
+class RobotOdom:
+    """odom -> base as it comes on /tf. Called with a stamp of the stream, s. offset_s: from there to ROS time."""
+
+    def __init__(self, node: Node, frames: FrameIds) -> None:
+        self.offset_s = 0.0
+        self._frames, self._track = frames, GrowingTrack()
+        self._tf = node.subscription(TF, KINDS[TF], Reliability.RELIABLE, depth=500)
+
+    def __call__(self, stamp_s: float) -> SE2 | None:
+        """The pose at a stamp; None where tf has none."""
+        for message in self._tf.take():
+            for step in message.transforms:
+                if (step.header.frame_id, step.child_frame_id) == (self._frames.odom, self._frames.base):
+                    moved = step.transform
+                    with suppress(CameraError):  # what is no transform is none
+                        pose = planar(moved.translation, moved.rotation, TF)
+                        self._track.push(to_s(ns_of(step.header.stamp)), pose)
+        try:
+            return self._track.at(stamp_s + self.offset_s)
+        except OdometryError:
+            return None

@@ -1,0 +1,134 @@
+"""Whether gyro and accelerometer are believed: samples at full scale, ones that cannot be, and yaw by the odometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.motion.trust import Agreement, Trust, TrustRule
+
+Array = NDArray[np.float64]
+
+LIVELY = 50  # samples by which a sensor is known to have noise
+
+
+@dataclass(frozen=True, slots=True)
+class ImuTrustRule:
+    """When samples are no measurement.
+
+    gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale (the smallest ranges are 125
+    deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value; drivers deliver a sample up
+    to four times. held: repeats of all three axes, by which a gyro that has noise is frozen. share_s, share: of bad
+    samples, lately, by which a sensor is left out; it is used again below a tenth of that. yaw: as it agrees with the
+    odometry.
+    """
+
+    gyro_rad_s: tuple[float, float] = (1.5, 35.0)
+    accel_m_s2: tuple[float, float] = (15.0, 160.0)
+    repeats: int = 5
+    held: int = 12
+    share_s: float = 0.5
+    share: float = 0.3
+    yaw: TrustRule = field(default_factory=lambda: TrustRule(windows=3))
+
+
+class _Sensor:
+    """One sensor's samples, judged by themselves."""
+
+    def __init__(
+        self, name: str, unit: str, bounds: tuple[float, float], rule: ImuTrustRule, held: float = math.inf
+    ) -> None:
+        self.name, self._unit, self._rule, self._held = name, unit, rule, held
+        self._least, self._most = bounds
+        self._last, self._runs = np.full(3, math.nan), np.zeros(3, dtype=np.intp)
+        self._share, self.bad, self.reason = -1.0, False, ""
+        self._lively = 0  # samples of which every axis differed from the one before
+
+    def judge(self, values: Array, span_s: float) -> NDArray[np.bool_]:
+        """Which of the samples (N, 3) can be measurements, (N,)."""
+        good = np.ones(len(values), dtype=bool)
+        for row, value in enumerate(values):
+            same = value == self._last
+            self._runs, self._lively = np.where(same, self._runs + 1, 0), self._lively + (not same.any())
+            self._last, size = value, np.abs(value)
+            clipped = (self._runs >= self._rule.repeats) & (size >= self._least)
+            held = self._lively >= LIVELY and self._runs.min() >= self._held
+            if clipped.any() or held:
+                good[max(row - int(self._runs.min() if held else self._runs[clipped].max()), 0) : row + 1] = False
+                self.reason = (
+                    f"{self.name} {'saturated' if clipped.any() else 'frozen'} at {size.max():.1f} {self._unit}"
+                )
+            elif not (size <= self._most).all():
+                good[row], self.reason = False, f"{self.name} at {size.max():.1f} {self._unit}: none can be"
+        share = 1.0 - float(good.mean())
+        taken = 1.0 if self._share < 0.0 else min(span_s / self._rule.share_s, 1.0)
+        self._share = max(self._share, 0.0) + taken * (share - max(self._share, 0.0))
+        self.bad = max(self._share, share / 2.0) > self._rule.share * (0.1 if self.bad else 1.0)
+        return good
+
+
+class ImuTrust:
+    """Samples that can be measurements, and which sensor is to be left out."""
+
+    def __init__(self, rule: ImuTrustRule | None = None) -> None:
+        self._rule = rule = rule or ImuTrustRule()
+        self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, rule.held)
+        self._accel = _Sensor("accelerometer", "m/s2", rule.accel_m_s2, rule)
+        self._yaw = Agreement(rule.yaw, rule.yaw.least[0], rule.yaw.yaw_between)
+        self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
+        self._seen_s, self._reason = math.nan, ""
+
+    @property
+    def proved(self) -> bool:
+        """Whether the odometry has confirmed the gyro's yaw, and does."""
+        return self._yaw.state is Trust.TRUSTED and not self._yaw.doubted
+
+    @property
+    def left_out(self) -> bool:
+        """Whether the samples are not to be used."""
+        return bool(self._reason)
+
+    def judge(
+        self, samples: ImuSamples, stamp_s: float, moved: tuple[SE2, Array] | None, up: Array, bias: Array
+    ) -> tuple[ImuSamples, str]:
+        """The samples that can be measurements, and one line where a sensor is left out from now on, or used again.
+
+        moved: by the odometry over the last step but this one, the gyro left out. up: (3,), optical frame. bias: (3,)
+        of the gyro as far as it is known.
+        """
+        if not len(samples):
+            return samples, ""
+        span_s = stamp_s - self._seen_s if math.isfinite(self._seen_s) else 0.0
+        self._compare(moved)
+        good = self._gyro.judge(samples.gyro_rad_s, span_s)
+        good &= self._accel.judge(samples.accel_m_s2, span_s)
+        self._seen_s, self._span_s = stamp_s, span_s
+        self._turned_rad = float((samples.gyro_rad_s.mean(axis=0) - bias) @ up) * span_s
+        if not good.all():
+            samples = ImuSamples(samples.stamps_s[good], samples.gyro_rad_s[good], samples.accel_m_s2[good])
+        before, self._reason = self._reason, self._guilty()
+        if self._reason and not before:
+            return samples, f"{self._reason}: the IMU is left out"
+        return samples, "the IMU (gyro and accelerometer) is used again" if before and not self._reason else ""
+
+    def _compare(self, moved: tuple[SE2, Array] | None) -> None:
+        """The last step's yaw with the odometry's."""
+        if moved is None or self._span_s == 0.0:
+            self._yaw = self._yaw.anew()
+            return
+        yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
+        self._yaw = self._yaw.seen(self._turned_rad, yaw_rad, variance, self._span_s)
+
+    def _guilty(self) -> str:
+        """Why a sensor is left out; empty where none is."""
+        for sensor in (self._gyro, self._accel):
+            if sensor.bad:
+                return sensor.reason
+        if self._yaw.state is Trust.DISTRUSTED:
+            return f"gyro: its yaw is {100.0 * self._yaw.ratio:.0f} % of what the camera measures"
+        return ""

@@ -1,0 +1,170 @@
+"""Attitude of each frame from the camera's IMU, where its samples come with the frames."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, SeenRotation
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.inertial import (
+    InertialNoise,
+    InertialState,
+    inertial_mounted,
+    inertial_moved,
+    inertial_remounted,
+    inertial_start,
+    inertial_step,
+)
+from edgemap.geometry.camera.level import pitch_roll, up_optical
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.attitude.checked_mount import MountRule
+from edgemap.runtime.motion.attitude.imu_trust import ImuTrust, ImuTrustRule
+from edgemap.runtime.motion.attitude.pictures import PicturesRule
+from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
+
+LIKELY = 2.0  # standard deviations of nodding, at which the mount tells half as much of the tilt
+NOD_S = 1.0 / math.tau  # swing of a nod against its rate, at 1 Hz
+SWUNG_S = 5.0  # over which the camera's nodding is judged
+START_S = 0.1  # of samples, whose mean force is the first guess of where up is
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeRule:
+    """How gravity is weighed against the mount; between both lies a constant tilt: the accelerometer's offset (BMI055:
+    70 mg, 4 deg) and the mount's error.
+
+    farthest_rad: the filter starts at a mount that is nearer to gravity; what is tilted more is held otherwise.
+    nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so; held_every_s: how often the
+    filter takes the mount in, as each time costs processor time and neighbours tell the same.
+    swings_rad_s: of the tilt, up to which a gyro is not believed before the odometry confirms it; robots have 1 to 4
+    degrees a second. noise: of the sensor and the filter. trust: in its samples. pictures: where no samples come.
+    check: of the mount, by the pictures.
+    """
+
+    farthest_rad: float = math.radians(6.0)
+    nodding_rad: float = math.radians(0.5)
+    nodding_s: float = 0.5
+    held_every_s: float = 0.15
+    noise: InertialNoise = field(default_factory=InertialNoise)
+    swings_rad_s: float = math.radians(5.0)
+    trust: ImuTrustRule = field(default_factory=ImuTrustRule)
+    pictures: PicturesRule = field(default_factory=PicturesRule)
+    check: MountRule = field(default_factory=MountRule)
+
+
+class InertialAttitude:
+    """Roll, pitch and rotation by gyro, accelerometer and the odometry's last motion, about the mount; without samples
+    the `other` source. Starts with the first samples, and again after a hole of `InertialNoise.lost_s`.
+    """
+
+    name = "imu"
+
+    def __init__(self, mount: Mount, other: AttitudeSource, rule: AttitudeRule | None = None) -> None:
+        self._rule = rule = rule or AttitudeRule()
+        self._up = up_optical(mount.pitch_rad, mount.roll_rad)
+        arms = [(0.0, 0.0, mount.height_m), (mount.forward_m, mount.left_m, 0.0)]
+        self._arm = np.array(arms) @ mount.rotation_base_optical()
+        self._other, self._noise = other, rule.noise
+        self._state: InertialState | None = None
+        self._trust = ImuTrust(rule.trust)
+        self._seen_s = -math.inf
+        self._rate2, self._judged_s = 0.0, 0.0  # mean square of the tilt's rate, and over how long
+        self._loose_s = 0.0  # since the mount was last taken in
+
+    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
+        """The attitude at the frame's stamp."""
+        other = self._other.predict(frame, moved)
+        bias = np.zeros(3) if self._state is None else self._state.bias
+        samples, fault = self._trust.judge(frame.imu, frame.stamp_s, moved, self._up, bias)
+        other = replace(other, fault=fault) if fault else other
+        if self._trust.left_out:
+            self._state, self._seen_s = None, frame.stamp_s
+            return other
+        state, rotation = self._state, None
+        before_s, self._seen_s = self._seen_s, frame.stamp_s
+        if not len(samples):
+            if state is not None and frame.stamp_s - state.stamp_s > self._noise.lost_s:
+                self._state = None
+            elif state is not None:
+                self._state = replace(state, before=None)  # the odometry's next motion is of another time
+            return other
+        if state is None or not 0.0 < frame.stamp_s - state.stamp_s <= self._noise.lost_s:
+            state, rotation = self._begun(samples, frame.stamp_s, before_s)
+        else:
+            span_s = frame.stamp_s - state.stamp_s
+            state = replace(state, calm=None)
+            if moved is not None:
+                state = inertial_moved(state, *moved, self._arm, self._noise)
+            self._nodded(state, samples, span_s)
+            state, rotation = inertial_step(state, samples, frame.stamp_s, self._noise)
+            self._loose_s += span_s
+            if self._loose_s >= self._rule.held_every_s:
+                state = self._mounted(state, self._loose_s)
+                self._loose_s = 0.0
+        self._state = state
+        if rotation is not None and math.sqrt(self._rate2) < self._rule.swings_rad_s:
+            rotation = replace(rotation, proved=self._trust.proved)
+        found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
+        return replace(found, fault=fault, rotation=rotation, force_rad=_angles(state.force_optical))
+
+    def update(self, rotation: SeenRotation | None) -> Attitude:
+        """The other source's, where no samples came."""
+        return self._other.update(rotation)
+
+    def correct_mount(self, mount: Mount) -> None:
+        """What the mount told of up and of the accelerometer's offset was wrong by as much."""
+        self._other.correct_mount(mount)
+        before, self._up = self._up, up_optical(mount.pitch_rad, mount.roll_rad)
+        if self._state is not None:
+            self._state = inertial_remounted(self._state, before, self._up)
+
+    def reset(self, reason: str) -> None:
+        """Start again with the next samples."""
+        self._state, self._seen_s = None, -math.inf
+        self._other.reset(reason)
+
+    def _begun(self, samples: ImuSamples, stamp_s: float, before_s: float) -> tuple[InertialState, GyroRotation | None]:
+        """Started with the earliest samples and taken on to the frame: a camera at rest before it teaches the bias.
+        The rotation since the frame before, where the samples reach back to that."""
+        noise = self._noise
+        first_s = float(samples.stamps_s[0])
+        reaches = before_s <= first_s < before_s + noise.gap_s
+        edges = [*np.arange(first_s + START_S, stamp_s - 1e-6, START_S).tolist(), stamp_s]
+        first = samples.between(-math.inf, edges[0])
+        edges = [before_s, stamp_s] if reaches else edges
+        state, rotation = inertial_start(first, edges[0], noise), None
+        self._rate2, self._judged_s = 0.0, 0.0
+        self._nodded(state, first, START_S)
+        if float(state.up_optical @ self._up) > math.cos(self._rule.farthest_rad):
+            state = inertial_start(first, edges[0], noise, self._up, float(self._nods(np.zeros(2))[0]))
+        for edge_s in edges[1:]:
+            part = samples.between(state.stamp_s, edge_s)
+            if len(part):
+                state, rotation = inertial_step(state, part, edge_s, noise)
+        return state, rotation if reaches else None
+
+    def _mounted(self, state: InertialState, span_s: float) -> InertialState:
+        """Held to the mount, the less the farther off it is: what is carried is not mounted."""
+        nods = self._nods((state.rotation @ self._up)[1::-1])
+        return inertial_mounted(state, self._up, nods * math.sqrt(max(2.0 * self._rule.nodding_s / span_s, 1.0)))
+
+    def _nods(self, off_rad: np.ndarray) -> np.ndarray:
+        """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""
+        nodding = self._rule.nodding_rad
+        return nodding * (1.0 + (off_rad**2 + self._rate2 * NOD_S**2) / (LIKELY * nodding) ** 2)
+
+    def _nodded(self, state: InertialState, samples: ImuSamples, span_s: float) -> None:
+        """Take in how fast the tilt changes: a head nods faster than a robot."""
+        rate = samples.gyro_rad_s.mean(axis=0) - state.bias
+        rate -= (rate @ state.up_optical) * state.up_optical
+        self._judged_s += span_s
+        self._rate2 += min(span_s / min(self._judged_s, SWUNG_S), 1.0) * (float(rate @ rate) - self._rate2)
+
+
+def _angles(up: np.ndarray) -> np.ndarray:
+    """Roll and pitch (2,), rad, of a direction (3,) of the optical frame that points up."""
+    return np.array(pitch_roll(up)[::-1])

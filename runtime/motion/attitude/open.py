@@ -1,0 +1,26 @@
+"""The best source of a camera's attitude."""
+
+from __future__ import annotations
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.motion.attitude.checked_mount import CheckedMount
+from edgemap.runtime.motion.attitude.depth import DepthAttitude
+from edgemap.runtime.motion.attitude.inertial import AttitudeRule, InertialAttitude
+from edgemap.runtime.motion.attitude.pictures import PicturesAttitude
+from edgemap.runtime.motion.attitude.protocol import AttitudeSource
+from edgemap.runtime.motion.attitude.sources import RecordedAttitude
+
+
+def open_attitude(
+    odometry: str, camera: Camera, floor: FloorCamera, imu: bool = True, rule: AttitudeRule | None = None
+) -> AttitudeSource:
+    """The best source for this camera: recorded 6-DoF poses with `--odometry truth`, else the IMU's samples where
+    frames bring any and `imu` allows it, else the pictures; either about a mount that the room's edges check. Where a
+    frame brings depth, the floor in it gives attitude and height."""
+    if odometry == "truth" and camera.attitudes is not None:
+        return RecordedAttitude(camera.attitudes, floor.mount)
+    rule = rule or AttitudeRule()
+    pictures = PicturesAttitude(floor.mount, rule.pictures)
+    known = InertialAttitude(floor.mount, pictures, rule) if imu else pictures
+    return CheckedMount(floor, DepthAttitude(floor, known, pictures), pictures, rule.check)

@@ -1,0 +1,35 @@
+"""Sources of the camera's tilt in each step."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+
+Moved = tuple[SE2, Array]  # motion of the base over the step before, the gyro left out, and covariance (3, 3)
+
+
+class AttitudeSource(Protocol):
+    """Fed every frame in order; depends on frames, their stamps and their IMU samples only."""
+
+    name: str
+
+    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:
+        """The camera's attitude at this frame. moved: of the last step; None where it was not measured."""
+        ...
+
+    def update(self, rotation: SeenRotation | None) -> Attitude:
+        """The last frame's attitude, given its rotation as the odometry measured it; None where it did not."""
+        ...
+
+    def correct_mount(self, mount: Mount) -> None:
+        """From now on the mount has these angles."""
+        ...
+
+    def reset(self, reason: str) -> None:
+        """Forget the past."""
+        ...

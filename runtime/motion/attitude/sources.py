@@ -1,0 +1,62 @@
+"""Attitudes that need no measurement: recorded ones, and the mount's own."""
+
+from __future__ import annotations
+
+import math
+
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.attitude_track import AttitudeTrack
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.attitude.protocol import Moved
+
+NODDING_RAD = math.radians(0.3)  # of a robot on wheels that brakes and rolls over hard floors
+
+
+class MountAttitude:
+    """The mount's angles in every frame, with the covariance of a robot that nods."""
+
+    name = "mount"
+
+    def __init__(self, mount: Mount, sigma_rad: float = NODDING_RAD) -> None:
+        self._sigma_rad = sigma_rad
+        self.correct_mount(mount)
+
+    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
+        """The same in every frame."""
+        return self._attitude
+
+    def update(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
+        """The same."""
+        return self._attitude
+
+    def correct_mount(self, mount: Mount) -> None:
+        """Its angles from now on."""
+        self._attitude = Attitude.of_mount(mount, self._sigma_rad)
+
+    def reset(self, reason: str) -> None:
+        """Nothing to forget."""
+
+
+class RecordedAttitude:
+    """The attitude of recorded 6-DoF poses."""
+
+    name = "truth"
+
+    def __init__(self, track: AttitudeTrack, mount: Mount) -> None:
+        self._track, self._height_m, self._seen_s = track, mount.height_m, 0.0
+
+    def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
+        """Read off the track at the frame's stamp."""
+        self._seen_s = frame.stamp_s
+        return self._track.at(frame.stamp_s, self._height_m)
+
+    def update(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
+        """The same again: nothing is predicted."""
+        return self._track.at(self._seen_s, self._height_m)
+
+    def correct_mount(self, mount: Mount) -> None:
+        """The poses know better."""
+
+    def reset(self, reason: str) -> None:
+        """Nothing to forget."""

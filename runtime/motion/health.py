@@ -1,0 +1,221 @@
+"""Whether a picture shows anything: judged before detector, odometry and map trust it."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from cv2.typing import MatLike
+from numpy.typing import NDArray
+
+from edgemap.runtime.frames.frame import Frame
+
+WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which takes the noise out
+FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
+PERCENTILE = 0.99  # of the absolute structure
+DECODER_GREY = 128  # what decoders leave where data is missing
+TILES = 16, 12  # across and down, of a picture that may be covered in part
+
+
+@dataclass(frozen=True, slots=True)
+class HealthRule:
+    """When a picture shows nothing.
+
+    dark: grey level; a picture whose 98th percentile is below is dark (demo: 52 at its darkest, photographs 151).
+    blown, blown_share: grey level that counts as saturated, and the share that is too much (photographs: 0.65).
+    covered: grey levels of coarse structure; a covered lens or a plain wall close by has less (photographs: 23).
+    sharp: fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77.
+    frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share: of the rows, at
+    the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels by which the
+    other rows changed. repeated_s: of stream, between two faults of one blindness.
+    part_every_s, part_s: of pictures that are compared for what covers a part of the lens: tiles that stay as plain as
+    `covered` and change by less than part_still grey levels while others change by more. part_share, part_lasts_s: of
+    the tiles, and for how long, from which on that is a fault (half a picture covered has 0.35 to 0.40; walls that
+    rendered robots pass have up to 0.35 for a moment, HoloLens, lounge, RedKitchen, EuRoC, KITTI at most 0.04).
+    part_sudden: share of the tiles that become plain from one picture to the next as something covers them; it counts
+    until part_s shows what stays plain.
+    """
+
+    dark: int = 24
+    blown: int = 250
+    blown_share: float = 0.75
+    covered: int = 5
+    sharp: float = 0.40
+    frozen_s: float = 1.0
+    torn_share: float = 0.15
+    moved: float = 4.0
+    repeated_s: float = 10.0
+    part_every_s: float = 0.3
+    part_s: float = 1.0
+    part_still: float = 8.0
+    part_share: float = 0.3
+    part_lasts_s: float = 2.0
+    part_sudden: float = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class PictureHealth:
+    """kind: dark, blown, covered, blurred, frozen, repeated or torn; empty for a picture that can be trusted.
+
+    reason: one line for people, the same as long as it lasts. fault: the reason where it is news, else empty. covered:
+    share of a picture that can be trusted that shows nothing.
+    """
+
+    kind: str = ""
+    reason: str = ""
+    fault: str = ""
+    covered: float = 0.0
+
+    @property
+    def stale(self) -> bool:
+        """Whether the picture is as it was before: true of a robot at rest as well, if without a sensor's noise."""
+        return self.kind in ("repeated", "frozen")
+
+    @property
+    def blind(self) -> bool:
+        """Whether the picture has no information."""
+        return bool(self.kind)
+
+
+class HealthMonitor:
+    """Judges pictures one by one, on every second pixel of the green channel.
+
+    Every fourth is compared with the picture before: a sensor's noise always changes some.
+    """
+
+    def __init__(self, rule: HealthRule | None = None) -> None:
+        self._rule = rule or HealthRule()
+        self.reset()
+
+    def judge(self, frame: Frame) -> PictureHealth:
+        """The health of a frame's picture."""
+        half = np.ascontiguousarray(frame.image[::2, ::2, 1])
+        grid = np.ascontiguousarray(half[::2, ::2])
+        last, self._last = self._last, grid
+        changed = last is None or not np.array_equal(grid, last)
+        if changed:
+            self._changed_s = frame.stamp_s
+        small = _small(half)
+        fine = cv2.blur(small, (FINE_PX, FINE_PX))
+        structure = cv2.absdiff(fine, cv2.blur(fine, (COARSE_PX, COARSE_PX)))
+        kind, detail = _content(small, fine, structure, self._rule)
+        if not kind and not changed:
+            kind = "repeated" if frame.stamp_s - self._changed_s < self._rule.frozen_s else "frozen"
+            detail = f"has not changed since {self._changed_s:.3f} s"
+        elif not kind and last is not None and last.shape == grid.shape:
+            kind, detail = _torn(grid, last, self._rule)
+        found = self._found(kind, detail, frame.stamp_s)
+        return found if found.blind else self._covered_in_part(found, small, structure, frame.stamp_s)
+
+    def reset(self) -> None:
+        """Forget the last picture."""
+        self._seen: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
+        self._covered, self._part_due_s = 0.0, math.inf
+        self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture show nothing
+        self._cover = np.zeros(TILES[::-1], dtype=np.bool_)  # what suddenly showed nothing, until part_s tells
+        self._last: NDArray[np.uint8] | None = None
+        self._changed_s = self._reported_s = -math.inf
+        self._kind = self._reason = ""
+
+    def _covered_in_part(
+        self, health: PictureHealth, small: MatLike, structure: MatLike, stamp_s: float
+    ) -> PictureHealth:
+        """A good picture's health with the share that a cover takes, by what the last second showed."""
+        rule, seen, maxima = self._rule, self._seen, _tile_maxima(structure)
+        plain = maxima < rule.covered
+        suddenly = self._plain is not None and float((plain & ~self._plain).mean()) >= rule.part_sudden
+        self._plain = plain
+        if suddenly:
+            self._cover = plain
+            seen.clear()  # what was seen before the cover tells nothing of it
+        if not seen or stamp_s - seen[-1][0] >= rule.part_every_s:
+            seen.append((stamp_s, small, maxima))
+            while stamp_s - seen[0][0] > rule.part_s + rule.part_every_s:
+                seen.popleft()
+            if stamp_s - seen[0][0] >= rule.part_s:
+                changes = cv2.resize(cv2.absdiff(small, seen[0][1]), TILES, interpolation=cv2.INTER_AREA)
+                lasting = np.max([maxima for _, _, maxima in seen], axis=0) < rule.covered
+                self._cover = np.zeros_like(plain)
+                if (changes >= rule.part_still).any():  # at rest nothing tells a cover
+                    self._covered = float((lasting & (changes < rule.part_still)).mean())
+        covered = max(self._covered, float((self._cover & plain).mean()))
+        if covered < rule.part_share:
+            self._part_due_s = math.inf
+        elif self._part_due_s == math.inf:
+            self._part_due_s = stamp_s + rule.part_lasts_s
+        if stamp_s < self._part_due_s:
+            return replace(health, covered=covered)
+        self._part_due_s = stamp_s + rule.repeated_s
+        fault = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
+        return replace(health, covered=covered, fault=fault)
+
+    def _found(self, kind: str, detail: str, stamp_s: float) -> PictureHealth:
+        if not kind:
+            self._kind = ""
+            return PictureHealth()
+        if kind != self._kind:
+            self._kind, self._reason, self._reported_s = kind, f"blind: picture {kind} ({detail})", -math.inf
+        news = kind != "repeated" and stamp_s - self._reported_s >= self._rule.repeated_s
+        if news:
+            self._reported_s = stamp_s
+        return PictureHealth(kind, self._reason, self._reason if news else "")
+
+
+def _small(half: NDArray[np.uint8]) -> MatLike:
+    height, width = half.shape
+    step = max(1, width // WORKING_WIDTH)
+    return cv2.resize(half, (width // step, max(1, height // step)), interpolation=cv2.INTER_AREA)
+
+
+def _tile_maxima(values: MatLike) -> NDArray[np.uint8]:
+    """Of each of TILES, (down, across); what is left over at the right and below does not count."""
+    across, down = TILES
+    height, width = values.shape[0] // down, values.shape[1] // across
+    rows = values[: height * down, : width * across].reshape(down, height, -1).max(axis=1)
+    return rows.reshape(down, across, width).max(axis=2)
+
+
+def _content(grey: MatLike, fine: MatLike, structure: MatLike, rule: HealthRule) -> tuple[str, str]:
+    """What one picture's own content says, and the number. fine, structure: without the finest and the coarsest."""
+    shares = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
+    bright = int(np.searchsorted(shares, 0.98))
+    if bright < rule.dark:
+        return "dark", f"98 % of it at grey level {bright} or below"
+    blown = 1.0 - float(shares[rule.blown - 1])
+    if blown > rule.blown_share:
+        return "blown", f"{100 * blown:.0f} % of it saturated"
+    coarse = _percentile(structure)
+    if coarse < rule.covered:
+        return "covered", f"contrast {coarse} grey levels: a covered lens, or a plain surface"
+    sharpness = _percentile(cv2.absdiff(grey, fine)) / coarse
+    if sharpness < rule.sharp:
+        return "blurred", f"sharpness {sharpness:.2f}, at least {rule.sharp:.2f} is needed"
+    return "", ""
+
+
+def _torn(grid: NDArray[np.uint8], last: NDArray[np.uint8], rule: HealthRule) -> tuple[str, str]:
+    """Whether rows at one end are old, or missing."""
+    rows = len(grid)
+    if (grid[-1] == DECODER_GREY).all():
+        missing = _run((grid == DECODER_GREY).all(axis=1)[::-1])
+        if missing > rule.torn_share * rows:
+            return "torn", f"{missing} of {rows} rows are missing"
+    if (grid[0] == last[0]).all() or (grid[-1] == last[-1]).all():
+        same = (grid == last).all(axis=1) & (np.ptp(grid, axis=1) > 0)  # bars and borders of one colour are no old rows
+        top, bottom = _run(same), _run(same[::-1])
+        old = max(top, bottom)
+        moved = float(cv2.absdiff(grid[~same], last[~same]).mean())
+        if old > rule.torn_share * rows and moved > rule.moved:
+            return "torn", f"{old} of {rows} rows at the {'top' if top >= bottom else 'bottom'} are the last picture's"
+    return "", ""
+
+
+def _run(flags: NDArray[np.bool_]) -> int:
+    """How many flags are set from the first on."""
+    return len(flags) if flags.all() else int(flags.argmin())
+
+
+def _percentile(values: MatLike) -> int:
+    counts = cv2.calcHist([values], [0], None, [256], [0, 256]).ravel()
+    return int(np.searchsorted(np.cumsum(counts), PERCENTILE * values.size))

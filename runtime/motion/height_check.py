@@ -1,0 +1,168 @@
+"""One judge of the lens's height: depth pictures, what stands on the floor, and the wheels are its witnesses."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict, deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.floor import FloorCamera, FloorNoise
+from edgemap.geometry.camera.mount import HeightSeen, Mount
+from edgemap.geometry.observations.class_extents import HEIGHT_M
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.lens_height import lens_heights
+from edgemap.geometry.robust import median_and_scatter
+from edgemap.runtime.motion.odometry.protocol import Motion
+
+FEWEST_RATIOS, KEPT_RATIOS = 8, 60  # windows in which wheels and camera are compared
+
+
+@dataclass(frozen=True, slots=True)
+class HeightRule:
+    """When a mount's height counts as wrong.
+
+    every_s: between two pictures whose boxes count, as neighbours repeat each other. fewest, kept: boxes of a class, or
+    depth pictures with a floor. loose: scatter of a class's boxes, as a share, above which they do not count: the
+    camera is carried. window_m: that wheels roll between two comparisons with the camera; wheels_sigma: of their
+    radius; depth_sigma: of a depth camera's scale. judged_s: of stream, before anything is said. wrong_share, sigmas:
+    by which the height is wrong; wrong_depth_share: the same where depth shows it.
+    """
+
+    every_s: float = 0.2
+    fewest: int = 10
+    kept: int = 100
+    loose: float = 0.25
+    window_m: float = 0.5
+    wheels_sigma: float = 0.05
+    depth_sigma: float = 0.02
+    judged_s: float = 10.0
+    wrong_share: float = 0.25
+    wrong_depth_share: float = 0.1
+    sigmas: float = 2.6
+
+
+@dataclass(frozen=True, slots=True)
+class _Witness:
+    """log_share: logarithm of its height over the mount's. sigma: standard deviation of that."""
+
+    name: str
+    log_share: float
+    sigma: float
+
+
+class HeightCheck:
+    """Estimates the lens's height, and reports once that it must be higher or lower than the mount has it.
+
+    Objects of a class are alike within a home, so each class counts as one witness with the scatter of its kind. Wheels
+    measure the camera's scale. Where they alone contradict the others, they are wrong, and not the height. Not judged:
+    a height that recorded poses give, and a camera that is carried. seen: None until anything shows the height.
+    """
+
+    def __init__(self, mount: Mount, rule: HeightRule | None = None) -> None:
+        self._rule, self._given_m = rule or HeightRule(), mount.height_m
+        self.seen: HeightSeen | None = None
+        self._reported, self._used = False, mount
+        self._looked_s = self._judged_s = -math.inf
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was gathered: the camera looks otherwise than was thought."""
+        rule = self._rule
+        self._sizes: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=rule.kept))
+        self._ratios: deque[float] = deque(maxlen=KEPT_RATIOS)  # logarithms of wheels over camera
+        self._depths: deque[float] = deque(maxlen=rule.kept)  # logarithms of depth's height over the mount's
+        self._seen_m = self._rolled_m = 0.0  # in the window so far
+        self._began_s = math.inf
+
+    def judge(self, stamp_s: float, camera: FloorCamera, attitude: Attitude, boxes: Detections, motion: Motion) -> str:
+        """The fault after one more frame with a good picture; empty where there is none or it was reported before."""
+        used = attitude.mount.used if attitude.mount else self._used
+        if used != self._used or attitude.carried:
+            self.reset()
+        self._used = used
+        self._began_s = min(self._began_s, stamp_s)
+        if attitude.height_m is None:
+            self._compare(motion)
+            self._measure(stamp_s, camera, boxes)
+        elif attitude.source == "depth":
+            self._depths.append(math.log(attitude.height_m / self._given_m))
+        due = stamp_s - max(self._judged_s + 1.0, self._began_s + self._rule.judged_s) >= 0.0
+        return self._judge(stamp_s) if due else ""
+
+    def _measure(self, stamp_s: float, camera: FloorCamera, boxes: Detections) -> None:
+        """What stands on the floor, now and then."""
+        if stamp_s - self._looked_s < self._rule.every_s:
+            return
+        self._looked_s = stamp_s
+        for found in lens_heights(boxes, camera):
+            self._sizes[found.label].append((math.log(found.height_m / self._given_m), found.fall))
+
+    def _compare(self, motion: Motion) -> None:
+        """What the wheels rolled with what the camera measured of it."""
+        if motion.lengths is None:
+            self._seen_m = self._rolled_m = 0.0
+            return
+        seen_m, rolled_m = motion.lengths
+        self._seen_m, self._rolled_m = self._seen_m + seen_m, self._rolled_m + rolled_m
+        if abs(self._rolled_m) >= self._rule.window_m:
+            ratio = self._rolled_m / (self._seen_m or 1e-3)
+            self._ratios.append(math.log(ratio) if ratio > 0.0 else math.nan)
+            self._seen_m = self._rolled_m = 0.0
+
+    def _by_sizes(self) -> list[_Witness]:
+        """One for each class of which enough was seen."""
+        rule, found = self._rule, list[_Witness]()
+        for label, seen in self._sizes.items():
+            if len(seen) < rule.fewest:
+                continue
+            (middle, fall), (scatter, _) = median_and_scatter(np.array(seen))
+            if scatter <= rule.loose:
+                variance = HEIGHT_M[label][1] ** 2 + (FloorNoise().pitch_rad / fall) ** 2 + scatter**2 / rule.fewest
+                found.append(_Witness(label, float(middle), math.sqrt(variance)))
+        return found
+
+    def _by(self, name: str, values: deque[float], fewest: int, least_sigma: float) -> _Witness | None:
+        """Logarithms as a witness; None for too few, or where one has no meaning."""
+        if len(values) < fewest or not np.isfinite(values).all():
+            return None
+        middle, scatter = map(float, median_and_scatter(np.array(values)))
+        return _Witness(name, middle, math.hypot(scatter / math.sqrt(len(values)), least_sigma))
+
+    def _judge(self, stamp_s: float) -> str:
+        rule, self._judged_s = self._rule, stamp_s
+        witnesses = self._by_sizes()
+        labels = ", ".join(witness.name for witness in witnesses)
+        sources = [f"the usual height of {labels}"] if labels else []
+        depth = self._by("the floor in depth pictures", self._depths, rule.fewest, rule.depth_sigma)
+        wheels = self._by("the wheels", self._ratios, FEWEST_RATIOS, rule.wheels_sigma)
+        for more in filter(None, (depth, wheels)):
+            off, sigma = _agreed(witnesses)
+            if more is wheels and abs(more.log_share - off) >= rule.sigmas * math.hypot(more.sigma, sigma):
+                continue  # wheels that all others contradict are wrong themselves
+            witnesses.append(more)
+            sources.append(more.name)
+        if not witnesses:
+            return ""
+        off, sigma = _agreed(witnesses)
+        self.seen = HeightSeen(self._given_m * math.exp(off), self._given_m * math.exp(off) * sigma)
+        wrong = math.log1p(rule.wrong_depth_share if depth else rule.wrong_share)
+        if self._reported or abs(off) < max(wrong, rule.sigmas * sigma):
+            return ""
+        self._reported = True
+        return (
+            f"mount: height {self._given_m:.2f} m given, {' and '.join(sources)} would make it "
+            f"{self.seen.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again"
+        )
+
+
+def _agreed(witnesses: list[_Witness]) -> tuple[float, float]:
+    """Weighted mean of what witnesses say, and its standard deviation; more where they disagree (Birge 1932)."""
+    if not witnesses:
+        return 0.0, math.inf
+    said, weights = np.array([one.log_share for one in witnesses]), np.array([one.sigma**-2 for one in witnesses])
+    off = float(np.average(said, weights=weights))
+    scatter2 = float((said - off) ** 2 @ weights) / max(len(said) - 1, 1)
+    return off, math.sqrt(max(scatter2, 1.0) / float(weights.sum()))

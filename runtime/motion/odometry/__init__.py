@@ -1,0 +1,109 @@
+"""Where the robot's motion comes from: `open_odometry` makes one from its name on the command line."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.runtime.frames.errors import OdometryError
+from edgemap.runtime.frames.trajectory import Trajectory, read_tum
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.inputs.drives.sensor_csv import read_wheel_csv
+from edgemap.runtime.inputs.recordings.sensors import is_recording, read_wheel
+from edgemap.runtime.motion.odometry.coasting import CoastingRule
+from edgemap.runtime.motion.odometry.depth import DepthOdometry
+from edgemap.runtime.motion.odometry.depth_keyframes import DepthRule
+from edgemap.runtime.motion.odometry.gyro import GyroOdometry
+from edgemap.runtime.motion.odometry.hybrid import CAMERA, GYRO, WHEELS, HybridOdometry, HybridRule, Member
+from edgemap.runtime.motion.odometry.learned import FlowRule, LearnedOdometry
+from edgemap.runtime.motion.odometry.planar import PlanarOdometry, PlanarRule
+from edgemap.runtime.motion.odometry.protocol import Motion, Odometry
+from edgemap.runtime.motion.odometry.recorded import WHEEL, DriftRate, RecordedOdometry
+from edgemap.runtime.network.bundle import Bundle
+
+__all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajectory"]
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryRules:
+    """What is tuned of the robot's own motion: planar landmarks, keyframes with depth, the flow head's keyframes,
+    wheels, the hybrid of all, and a guess while blind."""
+
+    planar: PlanarRule = field(default_factory=PlanarRule)
+    depth: DepthRule = field(default_factory=DepthRule)
+    flow: FlowRule = field(default_factory=FlowRule)
+    wheels: DriftRate = WHEEL
+    hybrid: HybridRule = field(default_factory=HybridRule)
+    coasting: CoastingRule = field(default_factory=CoastingRule)
+
+
+def open_odometry(
+    spec: str,
+    bundle: Bundle,
+    camera: Camera,
+    floor: FloorCamera,
+    allow_untrained: bool = False,
+    wheels: bool = True,
+    rules: OdometryRules | None = None,
+) -> Odometry:
+    """The odometry that a SPEC names: hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum.
+
+    wheels: whether the hybrid listens to the source's wheels, where it brings any.
+    Raises OdometryError for one that is unknown or not to be had here.
+    """
+    rules = rules or OdometryRules()
+    if spec == "hybrid":
+        members = _members(bundle, camera, floor, wheels, rules)
+        return HybridOdometry(members, rules.hybrid, rules.coasting)
+    if spec == "gyro":
+        return GyroOdometry()
+    if spec == "planar":
+        return _tracked(floor, rules)
+    if spec in ("flow", "paper"):
+        return LearnedOdometry(bundle, spec, floor, allow_untrained, rules.coasting, rules.flow)
+    if spec == "truth":
+        if camera.truth is None:
+            raise OdometryError(f"odometry truth: {camera.name} brings no poses of its own")
+        return RecordedOdometry(camera.truth, "truth", edge_s=POSES_EDGE_S)
+    if spec.startswith("wheel:"):
+        return RecordedOdometry(wheel_trajectory(spec.removeprefix("wheel:")), spec, rules.wheels)
+    if spec.endswith(".tum"):
+        return RecordedOdometry(read_tum(Path(spec)), spec, edge_s=POSES_EDGE_S)
+    raise OdometryError(
+        f"odometry {spec!r} is not hybrid, flow, planar, gyro, paper, truth, wheel:FILE.csv|.mcap or FILE.tum"
+    )
+
+
+def wheel_trajectory(path: str | Path) -> Trajectory:
+    """The wheels' poses in a CSV or a recording. Raises CameraError."""
+    return read_wheel(str(path)) if is_recording(str(path)) else Trajectory(*read_wheel_csv(Path(path)))
+
+
+def _tracked(floor: FloorCamera, rules: OdometryRules) -> DepthOdometry:
+    """Corners by their depth, where frames bring any, and on the floor where not."""
+    planar = PlanarOdometry(floor, rules.planar, rules.coasting)
+    return DepthOdometry(floor, planar, rules.depth, rules.planar.carried)
+
+
+POSES_EDGE_S = 0.15  # poses that are taken as they are may end a frame early
+
+
+def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, rules: OdometryRules) -> list[Member]:
+    """Corners on the floor, the bundle's flow head where one is trained, wheels and gyro where there are any."""
+    rule = rules.hybrid
+    head, flow = bundle.manifest.odometry.get("flow"), None
+    if head is not None and head.trained:
+        flow = LearnedOdometry(bundle, "flow", floor, coasting=rules.coasting, rule=rules.flow)
+    carried = flow is not None and flow.outside_envelope
+    scale = rule.planar_covariance_scale * (rule.outside_planar_covariance_scale if carried else 1.0)
+    members = [Member(_tracked(floor, rules), CAMERA, scale)]
+    if flow is not None:
+        scale = rule.flow_covariance_scale * (rule.outside_flow_covariance_scale if carried else 1.0)
+        limits = rule.flow_reach_rad, rule.flow_alone_s, rule.flow_movers_scale
+        members.append(Member(flow, CAMERA, scale, False, *limits))
+    if wheels and camera.wheel is not None:
+        given = camera.wheel
+        track = wheel_trajectory(given) if isinstance(given, Path) else given
+        recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
+        members.append(Member(recorded, WHEELS, rule.wheels_covariance_scale))
+    members.append(Member(GyroOdometry(), GYRO, rule.gyro_covariance_scale, optional=True))
+    return members

@@ -1,0 +1,62 @@
+"""Yaw from the gyro alone: translation is a guess, so beside others it has a say on rotation only."""
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.protocol import (
+    NO_PRIOR,
+    STILL_RAD,
+    FramePrior,
+    Motion,
+    blind_motion,
+    first_motion,
+    no_motion,
+)
+from edgemap.runtime.network.network import Tensors
+
+UNKNOWN_M = 10.0  # standard deviation of a step's translation
+
+
+class GyroOdometry:
+    """The rotation of the frame's attitude, whose bias is learnt at rest; a step without one is blind."""
+
+    name, needs_features = "gyro", False
+
+    def __init__(self) -> None:
+        self.reset("start")
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
+        """The yaw since the last frame."""
+        return self.step_blind(frame.stamp_s, "", prior.attitude)
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """The same: it needs no picture."""
+        first, self._first = self._first, False
+        if first:
+            return first_motion()
+        if attitude is None or attitude.rotation is None:
+            return blind_motion(f"gyro odometry: no samples up to {stamp_s:.3f} s")
+        return yaw_motion(attitude.rotation)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """Whether the yaw is no more than the gyro's own noise."""
+        if attitude is None or attitude.rotation is None:
+            return None
+        return abs(attitude.rotation.yaw_rad) < STILL_RAD + attitude.rotation.sigma_rad
+
+    def rest(self, stamp_s: float) -> Motion:  # noqa: ARG002
+        """No motion; the next one is measured from there anyway."""
+        return no_motion()
+
+    def reset(self, reason: str) -> None:  # noqa: ARG002
+        """Start again at the next frame."""
+        self._first = True
+
+
+def yaw_motion(rotation: GyroRotation) -> Motion:
+    """A gyro's rotation as a motion of unknown translation."""
+    unproved_rad = 0.0 if rotation.proved else rotation.yaw_rad  # its sign and scale are not known yet
+    variances = UNKNOWN_M**2, UNKNOWN_M**2, rotation.sigma_rad**2 + unproved_rad**2
+    return Motion(SE2(0.0, 0.0, rotation.yaw_rad), np.diag(variances))

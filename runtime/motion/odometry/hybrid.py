@@ -1,0 +1,391 @@
+"""Several odometries fused into one: a network, tracked corners, wheels and gyro fail in different ways."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.observations.movers import share_covered
+from edgemap.geometry.odometry.covariance_intersection import (
+    GATE,
+    KNOWN_SIGMA,
+    MotionEstimate,
+    consensus,
+    difference,
+    distance,
+    fused,
+)
+from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.coasting import Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.protocol import (
+    NO_PRIOR,
+    FramePrior,
+    Motion,
+    MotionState,
+    Odometry,
+    blind_motion,
+    first_motion,
+    no_motion,
+    unknown_covariance,
+)
+from edgemap.runtime.motion.trust import Innovation, SourceTrust, Trust, TrustRule
+from edgemap.runtime.network.network import Tensors
+
+UNKNOWN = np.diag(unknown_covariance())  # variances of a motion that tells less than a guess
+UNPROVEN = np.array([100.0, 100.0, 10.0])  # variances of what a source has not proved yet
+GYRO = "gyro"  # the source that measures rotation only
+CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
+
+
+@dataclass(frozen=True, slots=True)
+class HybridRule:
+    """How the hybrid weighs its members.
+
+    gate: squared Mahalanobis distance up to which two motions agree. known_sigma: m and rad; a standard deviation
+    beyond it has less weight where sources disagree. gyro_gate: the same distance, up to which a motion counts fully
+    beside a gyro. lasting_conflict: steps in a row in which sources disagree make a
+    fault; a wheel slips for less. repeated_s: of stream, between two mentions of a member that stays out.
+    flow_covariance_scale, planar_covariance_scale, wheels_covariance_scale, gyro_covariance_scale: factors on the
+    members' covariances, so that errors and covariance agree; the flow head's errors last, so the drift asks for more
+    than its NEES: 3.6, 2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone).
+    outside_flow_covariance_scale, outside_planar_covariance_scale: further factors for a camera outside the head's
+    training envelope, which is carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their true
+    poses, drift 10 instead of 18 % over 5 m with 1000 instead of 25 in all for the head.
+    flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
+    missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
+    flow_alone_s: longest step for which it is used where no other member measures the rotation.
+    covered_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
+    and its edge stand still as the robot moves. covered_covariance_scale: one more factor for the camera there, and its
+    power with what is covered beyond.
+    flow_movers_scale: one more factor on the flow head's covariance, its power with the share of the picture that
+    people and animals cover, or covered when the corners last told a motion: it follows them (its NEES is 1 up to a
+    fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50 to 150 beyond; 29 tuning drives).
+    lasting_covariance_scale: factor on the fused covariance: errors of landmarks, of scale and of a wheel's radius last
+    for seconds, so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 with 1: by the camera
+    alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
+    movers_share: of the picture that people and animals cover, from which on the camera judges nobody. trust: in the
+    wheels. compass: of the room's edges, which keep the heading.
+    """
+
+    gate: float = GATE
+    known_sigma: float = KNOWN_SIGMA
+    gyro_gate: float = 1.0
+    lasting_conflict: int = 10
+    repeated_s: float = 10.0
+    flow_covariance_scale: float = 16.0
+    planar_covariance_scale: float = 2.0
+    wheels_covariance_scale: float = 1.0
+    gyro_covariance_scale: float = 2.0
+    flow_reach_rad: float = 0.2
+    flow_alone_s: float = 0.35
+    outside_flow_covariance_scale: float = 60.0
+    outside_planar_covariance_scale: float = 2.0
+    covered_share: float = 0.4
+    covered_covariance_scale: float = 30.0
+    flow_movers_scale: float = 100.0
+    lasting_covariance_scale: float = 2.0
+    movers_share: float = 0.2
+    trust: TrustRule = field(default_factory=TrustRule)
+    compass: CompassRule = field(default_factory=CompassRule)
+
+    def doubt(self, source: str, covered: float) -> float:
+        """Factor on the covariance of a source where so much of the picture is covered."""
+        counts = source == CAMERA and covered >= self.covered_share
+        return self.covered_covariance_scale ** (covered / self.covered_share) if counts else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """An odometry within the hybrid. source: those of one source share their errors: `camera`, `wheels`, `gyro`.
+
+    covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
+    optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
+    alone_s: longest step for which it is used where no other member measures the rotation. movers_scale: factor on its
+    covariance where people and animals fill the picture, as of `HybridRule.flow_movers_scale`.
+    """
+
+    odometry: Odometry
+    source: str
+    covariance_scale: float = 1.0
+    optional: bool = False
+    reach_rad: float = math.inf
+    alone_s: float = math.inf
+    movers_scale: float = 1.0
+
+
+class HybridOdometry:
+    """The fused motion of its members (`geometry.odometry.covariance_intersection.consensus`).
+
+    A member that is blind, reports a fault or is not finite is left out until it measures again, and the fault names
+    it; where no member measures, the motion is a guess (`Coasting`).
+    members: the most trusted first. Raises ValueError for none.
+    """
+
+    name = "hybrid"
+
+    def __init__(
+        self,
+        members: Sequence[Member],
+        rule: HybridRule | None = None,
+        coasting: CoastingRule | None = None,
+    ) -> None:
+        if not members:
+            raise ValueError("a hybrid odometry needs members")
+        self._members = tuple(members)
+        self._needy = {index for index, member in enumerate(members) if member.odometry.needs_features}
+        self.needs_features = len(self._needy) == len(members)
+        self._rule, self._coasting = rule or HybridRule(), Coasting(coasting)
+        # The others compute in Python while a network runs: 6.3 instead of 8.7 ms a step, paced, two cores.
+        self._beside = ThreadPoolExecutor(1, "odometry")
+        self.reset("start")
+
+    def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
+        """Start the members that are networks, in another thread.
+
+        Without features the members that need them sleep until two frames in a row have some: a network that was
+        trained on neighbouring frames errs over longer intervals, and its covariance does not show it in time.
+        """
+        asleep = set() if features and self._fed else self._needy
+        self._fed = bool(features)
+        self._woken, self._slept = self._slept - asleep, asleep
+        for index in self._woken:
+            self._members[index].odometry.reset("slept")
+        beside = set() if self.needs_features else self._needy - asleep
+        self._begun = {
+            index: self._beside.submit(self._members[index].odometry.step, frame, features, prior) for index in beside
+        }
+        self._begun_with = frame.index
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
+        """The members' fused motion since the last frame."""
+        if self._begun_with != frame.index:
+            self.begin(frame, features, prior)
+        motions = [blind_motion("")] * len(self._members)
+        for index, member in enumerate(self._members):
+            if index not in self._begun and index not in self._slept:
+                motions[index] = member.odometry.step(frame, features, prior)
+        for index, future in self._begun.items():
+            motions[index] = future.result()
+        for index in self._woken:
+            motions[index] = blind_motion("")
+        height, width = frame.image.shape[:2]
+        seen = any(self._measures(member, motion) for member, motion in zip(self._members, motions, strict=True))
+        movers = share_covered(prior.movers, width, height)
+        self._movers = movers if seen else max(movers, self._movers)
+        motion = self._headed(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
+        self._last_s, self._blind_rad = frame.stamp_s, 0.0
+        return motion
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+        """The motion of those that need no picture."""
+        motions = [member.odometry.step_blind(stamp_s, reason, attitude) for member in self._members]
+        motion = self._headed(stamp_s, self._fused(stamp_s, motions), attitude)
+        self._blind_rad += motion.motion.yaw_rad
+        return motion
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """Whether every member that measures rest reports it; None where none measures it."""
+        answers = [member.odometry.still(stamp_s, attitude) for member in self._members]
+        answers = [answer for answer in answers if answer is not None]
+        return all(answers) if answers else None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """Every member rests."""
+        for member in self._members:
+            member.odometry.rest(stamp_s)
+        self._coasting.saw(SE2(), stamp_s)
+        self._last_s, self._blind_rad = stamp_s, 0.0
+        return no_motion()
+
+    def reset(self, reason: str) -> None:
+        """Every member starts again."""
+        for member in self._members:
+            member.odometry.reset(reason)
+        self._coasting.reset()
+        self._measured: set[int] = set()
+        self._reported_s: dict[int, float] = {}
+        self._fed, self._slept = True, set[int]()  # whether the last frame had features, and who slept through it
+        self._woken = set[int]()
+        self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
+        self._begun_with: int | None = None  # index of that frame
+        self._conflicts, self._first = 0, True
+        self._movers = 0.0  # share of the picture that people and animals cover, or did when last one measured
+        self._compass = RoomCompass(self._rule.compass)
+        self._trust, self._innovation = SourceTrust.of("wheels", self._rule.trust), Innovation()
+        self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
+
+    def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
+        checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
+        dt_s = stamp_s - self._last_s
+        checked = [self._within_reach(index, checked, dt_s) for index in range(len(checked))]
+        named = list(zip(self._members, checked, strict=True))
+        all_faults = "; ".join(motion.fault for _, motion in named if motion.fault)
+        faults = self._repeated_faults(stamp_s, named)
+        if self._first:
+            self._first = False
+            self._coasting.begin(stamp_s)
+            return first_motion(all_faults)
+        alive = [
+            MotionEstimate(
+                motion.motion.vector(),
+                self._scale_of(member, covered) * motion.covariance,
+                member.source,
+                members=frozenset([_short(member)]),
+            )
+            for member, motion in named
+            if motion.measured
+        ]
+        alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
+        wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
+        judges = (
+            camera is not None and max(covered / self._rule.covered_share, self._movers / self._rule.movers_share) < 1
+        )
+        faults = "; ".join(filter(None, (self._judge(wheels, camera if judges else None, dt_s), faults)))
+        alive = self._believed(alive, camera is not None)
+        if all(item.source == GYRO for item in alive):
+            guess = self._coasting.guess(stamp_s, faults)
+            guess = guess if not alive else _with_gyro_yaw(guess, alive[0])
+            return replace(guess, members=self._answers(alive, alive))
+        found = consensus(self._held_to_gyro(alive), self._rule.gate, self._rule.known_sigma)
+        self._conflicts = self._conflicts + 1 if found.conflict else 0
+        # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
+        lasting = 2.0 * self._conflicts - 1.0 if found.conflict else self._rule.lasting_covariance_scale
+        found = replace(found, covariance=lasting * np.asarray(found.covariance))
+        if self._conflicts == self._rule.lasting_conflict:
+            faults = "; ".join(filter(None, (faults, f"hybrid odometry: {found.conflict}: they disagree")))
+        rotation = next((motion.rotation for motion in checked if motion.rotation is not None), None)
+        carried = rotation.carried.share if rotation is not None and rotation.carried is not None else 0.0
+        moved, covariance = found.motion, np.asarray(found.covariance)
+        if found.conflict:
+            self._coasting.saw(SE2(*moved), stamp_s)
+        else:
+            moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
+        others = [item for item in alive if item.source != GYRO]
+        seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
+        without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
+        members = self._answers(alive, [found])
+        lengths = (float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None
+        return Motion(
+            SE2(*moved), covariance * (1.0 if found.conflict else self._innovation.scale), faults,
+            members=members, without_gyro=without_gyro, rotation=rotation, lengths=lengths,
+        )  # fmt: skip
+
+    def _judge(self, wheels: MotionEstimate | None, camera: MotionEstimate | None, dt_s: float) -> str:
+        """Compare the wheels with the camera; the fault, where it is news that they are believed or not."""
+        trust = self._trust
+        if wheels is None or camera is None:
+            self._trust = trust.anew()
+            return ""
+        (x_m, _, yaw_rad), (seen_m, _, seen_rad) = wheels.motion.tolist(), camera.motion.tolist()
+        variance = np.diag(wheels.covariance + camera.covariance)
+        yaw = trust.yaw.seen(yaw_rad, seen_rad, float(variance[2]), dt_s)
+        length = trust.length.seen(x_m, seen_m, float(variance[0]), dt_s)
+        self._trust, fault = replace(trust, yaw=yaw, length=length).news()
+        if not self._trust.distrusted:
+            apart, covariance = difference(camera, wheels), np.asarray(camera.covariance + wheels.covariance)
+            self._innovation = self._innovation.seen(apart, covariance, dt_s)
+        return fault
+
+    def _believed(self, alive: Sequence[MotionEstimate], seen: bool) -> list[MotionEstimate]:
+        """The estimates without wheels that are not believed; what they have not proved yet counts for nothing beside
+        the camera."""
+        trust = self._trust
+        if trust.distrusted:
+            return [item for item in alive if item.source != WHEELS]
+        proved = [part.state is Trust.TRUSTED and not trust.doubted for part in (trust.length, trust.yaw)]
+        if not seen or all(proved):
+            return list(alive)
+        loose = np.diag(np.where([proved[0], proved[0], proved[1]], 0.0, UNPROVEN))
+        return [replace(item, covariance=item.covariance + loose) if item.source == WHEELS else item for item in alive]
+
+    def _scale_of(self, member: Member, covered: float) -> float:
+        """Factor on a member's covariance in this picture."""
+        return member.covariance_scale * self._rule.doubt(member.source, covered) * member.movers_scale**self._movers
+
+    def _measures(self, member: Member, motion: Motion) -> bool:
+        """Whether it is a camera's that is not led by movers, and measured."""
+        known = (np.diag(motion.covariance) < UNKNOWN).all()
+        return bool(member.source == CAMERA and member.movers_scale == 1.0 and motion.measured and known)
+
+    def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
+        """The motion, its heading held to the room's edges."""
+        if not self._compass.past:
+            self._compass = self._compass.moved(stamp_s, SE2(), 0.0)
+            return motion
+        span_s = stamp_s - self._compass.past[-1].stamp_s
+        compass = self._compass.moved(stamp_s, motion.motion, float(motion.covariance[2, 2]))
+        if attitude is not None and attitude.room is not None:
+            compass = compass.saw(attitude.room)
+        self._compass, turned_rad = compass.paid(span_s, by_gyro=motion.without_gyro is not None)
+        x_m, y_m, yaw_rad = motion.motion.vector()
+        covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
+        return replace(motion, motion=SE2(x_m, y_m, yaw_rad + turned_rad), covariance=covariance)
+
+    def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
+        """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by
+        its bias and scale, which its covariance holds, and pictures by what moves and wheels by slips, which theirs do
+        not."""
+        gyro = next((item for item in alive if item.source == GYRO), None)
+        if gyro is None:
+            return list(alive)
+        excess = [max(distance(item, gyro) / self._rule.gyro_gate, 1.0) for item in alive]
+        return [replace(item, covariance=item.covariance * share) for item, share in zip(alive, excess, strict=True)]
+
+    def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:
+        """What became of each member in a step, as of `Motion.members`."""
+        measured, taken = ({name for item in items for name in item.members} for items in (alive, used))
+        names = [_short(member) for member in self._members]
+        return {n: "used" if n in taken else "left_out" if n in measured else "blind" for n in names}
+
+    def _of(self, source: str, alive: Sequence[MotionEstimate]) -> MotionEstimate | None:
+        """The fused measurements of one source."""
+        own = [item for item in alive if item.source == source]
+        return consensus(own, self._rule.gate, self._rule.known_sigma) if own else None
+
+    def _checked(self, index: int, motion: Motion) -> Motion:
+        member = self._members[index]
+        found = motion.checked(member.odometry.name)
+        if found.measured:
+            self._measured.add(index)
+        elif member.optional and index not in self._measured:
+            return replace(found, fault="", state=MotionState.BLIND)
+        return found
+
+    def _within_reach(self, index: int, motions: Sequence[Motion], dt_s: float) -> Motion:
+        """A member's motion; blind where by the others the robot rotated by more than it can measure."""
+        member, motion = self._members[index], motions[index]
+        if member.reach_rad == math.inf or not motion.measured:
+            return motion
+        others = [other for place, other in enumerate(motions) if place != index and other.measured]
+        far = any(abs(self._blind_rad + other.motion.yaw_rad) > member.reach_rad for other in others)
+        alone = not others and dt_s > member.alone_s
+        return replace(motion, state=MotionState.BLIND) if far or alone else motion
+
+    def _repeated_faults(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
+        """Faults that are new, or were last reported a while ago."""
+        texts = []
+        for index, (_, motion) in enumerate(named):
+            if not motion.fault:
+                self._reported_s.pop(index, None)
+            elif stamp_s - self._reported_s.get(index, -math.inf) >= self._rule.repeated_s:
+                self._reported_s[index] = stamp_s
+                texts.append(motion.fault)
+        return "; ".join(texts)
+
+
+def _short(member: Member) -> str:
+    """Its name without the file that it reads."""
+    return member.odometry.name.partition(":")[0]
+
+
+def _with_gyro_yaw(guess: Motion, gyro: MotionEstimate) -> Motion:
+    """A guess with the gyro's yaw."""
+    found = fused(MotionEstimate(guess.motion.vector(), guess.covariance, "guess"), gyro)
+    return replace(guess, motion=SE2(*found.motion), covariance=np.asarray(found.covariance))

@@ -1,0 +1,614 @@
+"""Odometry without learning: corners are tracked from frame to frame and kept as landmarks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from cv2.typing import MatLike
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, SeenDirection, SeenRotation
+from edgemap.geometry.camera.carried import Carried, CarriedRule
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.odometry.landmarks import (
+    Landmarks,
+    Located,
+    Noise,
+    Viewpoint,
+    displacement,
+    excess_scale,
+    locate,
+    medians,
+    new_landmarks,
+    project,
+    reduce_tilt,
+    refined,
+    rescaled,
+    rotated,
+    rotation_between,
+    with_neighbours_depth,
+)
+from edgemap.geometry.odometry.planar import planar_motion
+from edgemap.geometry.odometry.rolling import Rolling
+from edgemap.geometry.odometry.two_view import travelled
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.odometry.coasting import Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
+from edgemap.runtime.network.network import Tensors
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.float32]
+
+LEVELS = 3  # of the tracker's pyramid; with two it loses a robot that starts to spin at once
+SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
+RESPONSE_PX = 3  # about a corner; that far its response reads the picture
+MASK_PX = 8  # the floor mask is computed on every so many pixels
+SHORTEST_S = 1e-3  # between two pictures
+TURN_M = 0.3  # of path length that a radian of turn counts as
+MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarRule:
+    """How planar odometry tracks corners and weighs them. Its metres are those of robots at home: `FloorCamera.unit_m`.
+
+    working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px: how
+    many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response,
+    shift_least_px: of the phase correlation, and what the tracker does not find by itself. scaled: landmarks of known
+    depth that keep the scale. reach_heights: what lies farther than this many camera heights is not taken for floor.
+    floor_probability: of the floor mask at a corner that counts as floor; without a mask what is within reach may be.
+    max_age: frames that a landmark is remembered. track_sigma_px, drift_sigma_px: of one tracked corner at the working
+    width, and what it wanders in one frame. levelling: share of the tilt that is taken for the landmarks' and not for
+    the camera's. trusted_share: of the tracks that must agree, or a fresh start is tried, but on wheels: it doubles
+    the scale there as often as it mends it. agrees_more: times as many must agree on the fresh start, which has looser
+    landmarks. least_weight: tracks that must agree at all.
+    scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
+    longest_gap_s: without a picture; after a longer one the corners are not looked for any more.
+    carried: when the camera counts as carried, and as one on wheels. nodding_sigmas: of how much it nods from picture
+    to picture, the standard deviation of a picture's tilt. What is carried rises and sinks as well: by rise_per_rad of
+    the mount's height for each radian beyond `carried.level_rad`.
+    mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
+    `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
+    it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
+    itself. slides_weight: of the newest step in that share. floor_lost_s: on wheels, after so long without floor
+    landmarks, what is seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost
+    meanwhile.
+    travelled_rad: the direction of motion is measured when the corners have moved so far, median, beside the rotation,
+    among travelled_fewest of one picture.
+    neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
+    The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
+    two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
+    and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
+    are held to it; yaw always is. gyro_levelling: `levelling`, as the gyro carries the tilt on. Beyond gyro_upright_rad
+    the tilt is still being found: what the attitude learns of it rotates the landmarks and is no motion; gyro_floor is
+    the share of its standard deviation by which new floor landmarks err each for itself, so that they last.
+    scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
+    once.
+    """
+
+    working_width_px: int = 320
+    window_px: int = 11
+    corners: int = 160
+    corners_apart_px: int = 6
+    floor_share: float = 0.6
+    shift_response: float = 0.15
+    shift_least_px: float = 8.0
+    scaled: int = 25
+    reach_heights: float = 12.0
+    floor_probability: float = 0.5
+    max_age: int = 30
+    track_sigma_px: float = 0.3
+    drift_sigma_px: float = 0.1
+    levelling: float = 0.25
+    trusted_share: float = 0.4
+    agrees_more: float = 1.3
+    least_weight: float = 8.0
+    scale_drift_per_s: float = 0.1
+    max_scale_drift: float = 0.5
+    longest_gap_s: float = 1.0
+    carried: CarriedRule = field(default_factory=CarriedRule)
+    nodding_sigmas: float = 3.0
+    mover_margin_px: int = 6
+    lateral_m: float = 0.001
+    lateral_share: float = 0.01
+    axle_sigma_m: tuple[float, float] = (0.0, 1.0)
+    slides_share: float = 0.3
+    slides_weight: float = 0.05
+    floor_lost_s: float = 1.0
+    unseen_speed_m_s: float = 0.35
+    travelled_rad: float = 0.035
+    travelled_fewest: int = 30
+    neighbour_px: float = 40.0
+    rise_per_rad: float = 0.5
+    carried_gate: float = 0.6
+    gyro_rad: float = math.radians(0.05)
+    gyro_share: float = 0.03
+    gyro_tilt: float = 3.0
+    gyro_upright_rad: tuple[float, float] = (math.radians(1.0), math.radians(2.5))
+    gyro_levelling: float = 0.03
+    gyro_floor: float = 0.5
+    scale_kept_s: float = 3.0
+
+
+class PlanarOdometry:
+    """KLT corners (Lucas and Kanade 1981, Shi and Tomasi 1994) as landmarks, and the pose among them (`locate`).
+
+    A step that finds no motion is blind: `Coasting` guesses.
+    """
+
+    name, needs_features = "planar", False
+
+    def __init__(
+        self,
+        camera: FloorCamera,
+        rule: PlanarRule | None = None,
+        coasting: CoastingRule | None = None,
+        seed: int = 0,
+    ) -> None:
+        self._rule = rule = rule or PlanarRule()
+        scale = min(1.0, rule.working_width_px / camera.intrinsics.width)
+        size = round(camera.intrinsics.width * scale), round(camera.intrinsics.height * scale)
+        self._size = size
+        self._unit_m = unit_m = camera.unit_m
+        self._level = self._camera = FloorCamera(camera.intrinsics.scaled(*size), _in_units(camera.mount, unit_m))
+        focal = self._level.intrinsics.fx
+        noise = Noise(rule.track_sigma_px / focal, rule.drift_sigma_px / focal)
+        self._level_noise = self._noise = noise
+        self._reach_m = rule.reach_heights * self._level.mount.height_m
+        self._rays = _ray_table(self._camera)
+        self._coarse = self._rays[MASK_PX // 2 :: MASK_PX, MASK_PX // 2 :: MASK_PX]
+        self._reached = self._within_reach(self._level)
+        self._mask = self._mask_before = self._reached
+        self._sees_floor = False  # the bundle has a floor head
+        self._window: MatLike | None = None  # against the edges of the phase correlation
+        self._attitude: Attitude | None = None
+        self._mount = camera.mount  # that attitudes are about
+        self._carried = Carried(rule.carried)
+        known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
+        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
+        self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
+        self._seed, self._coasting = seed, Coasting(coasting)
+        self.reset("start")
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
+        """Follow the corners of the last frame into this one."""
+        return self._metric(self._followed(frame, prior))
+
+    def _metric(self, motion: Motion) -> Motion:
+        """A motion in the camera's unit of length, in metres."""
+        if self._unit_m == 1.0:
+            return motion
+        units = np.array([self._unit_m, self._unit_m, 1.0])
+        metric = SE2(*(units * motion.motion.vector()))
+        return replace(motion, motion=metric, covariance=motion.covariance * np.outer(units, units))
+
+    def _followed(self, frame: Frame, prior: FramePrior) -> Motion:
+        """The motion in units."""
+        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        if (grey.shape[1], grey.shape[0]) != self._size:
+            grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
+        if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
+            self._start_again()
+        last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
+        self._mark_movers(prior.movers * (self._size[0] / frame.image.shape[1]))
+        self._attend(prior.attitude)
+        self._mark_floor(prior.floor)
+        first, self._first, self._seen_s = self._first, False, frame.stamp_s
+        if last is None:
+            self._floor_s = frame.stamp_s
+            self._seek(grey)
+            if first:
+                self._coasting.begin(frame.stamp_s)
+                return first_motion()
+            fault = f"planar odometry: started again at {frame.stamp_s:.3f} s"
+            return self._coasting.guess(frame.stamp_s, fault)
+        self._follow(last, grey)
+        found = self._locate(frame.index) if len(self._corners) >= self._rule.least_weight else None
+        if found is None or found.weights.sum() < self._rule.least_weight:
+            return self._guess(grey, frame)
+        motion = (self._view.pose @ self._since).inverse() @ found.view.pose
+        self._coasting.saw(motion, frame.stamp_s)
+        rotation = np.eye(3)
+        rotation[:2, :2] = motion.rotation()
+        now = found.covariance[:3, :3]
+        inflation = (len(found.weights) / found.weights.sum()) ** 2  # new tracks fit any motion
+        covariance = inflation * (self._covariance + rotation @ now @ rotation.T) + MINIMUM_COVARIANCE
+        covariance += self._since_covariance
+        scale2 = self._scale_variance(found, frame.stamp_s)
+        covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
+        if self._carried.on_wheels:  # a scale that has collapsed makes every motion small
+            covariance[0, 0] += scale2 * (self._rule.unseen_speed_m_s * dt_s) ** 2
+        if self._rotation_known and self._carried.beyond_rad > 0.0:  # tilt errs too: a better yaw tells no translation
+            covariance[:2, 2] = covariance[2, :2] = 0.0
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._learn_nodding(found.view, motion, dt_s)
+        self._learn_rolling(found, motion)
+        seen = self._seen_rotation(found)
+        self._view, self._motion, self._covariance, self._trusted = found.view, motion, now, True
+        self._landmarks, keep = refined(self._landmarks, found, replace(self._noise, gate=self._gate()))
+        self._keep(keep & (self._landmarks.age < self._rule.max_age))
+        factor = excess_scale(self._landmarks)
+        if factor > 1.0:
+            self._landmarks = rescaled(self._landmarks, self._camera, self._view, factor, self._noise)
+            motion = self._motion = SE2(motion.x_m / factor, motion.y_m / factor, motion.yaw_rad)
+        if not self._predicted:
+            self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, self._view, self._levelling)
+        direction = self._travelled()
+        self._seek(grey)
+        return Motion(motion, covariance, rotation=replace(seen, travelled=direction))
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:  # noqa: ARG002
+        """A guess; the landmarks stay for the next picture, which measures the motion since the last one."""
+        guess, self._skipped = self._coasting.guess(stamp_s, reason), True
+        self._since, self._since_covariance = self._since @ guess.motion, self._since_covariance + guess.covariance
+        self._motion, self._trusted = guess.motion, False
+        return self._metric(guess)
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
+        """It lives by pictures."""
+        return None
+
+    def rest(self, stamp_s: float) -> Motion:
+        """The last picture and its corners are as of this stamp."""
+        if self._grey is not None:
+            self._floor_s, self._seen_s = self._floor_s + stamp_s - self._seen_s, stamp_s
+        self._motion = SE2()
+        self._coasting.saw(SE2(), stamp_s)
+        return no_motion()
+
+    def reset(self, reason: str) -> None:  # noqa: ARG002
+        """Start again at the next frame."""
+        self._first, self._seen_s = True, -math.inf
+        self._coasting.reset()
+        self._start_again()
+
+    def _start_again(self) -> None:
+        self._grey: MatLike | None = None
+        self._view, self._covariance = Viewpoint(), np.zeros((3, 3))
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._corners = self._before = np.zeros((0, 2), dtype=np.float32)
+        self._landmarks = Landmarks.none()
+        self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
+        self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
+        self._rotation_known = self._rotation_held = self._upright = self._predicted = False
+        self._lost, self._levelled_rad = False, math.inf  # tilt being found, and what of it the landmarks have
+        self._floor_s, self._scaled_s = self._seen_s, -math.inf
+
+    def _scale_variance(self, found: Located, stamp_s: float) -> float:
+        """Relative, of the motion's length; it grows while no floor is in view."""
+        of_scale = self._landmarks.floor
+        if float(found.weights[of_scale].sum()) >= self._rule.least_weight:
+            self._floor_s = stamp_s
+        lost = min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
+        return lost + (self._noise.tilt_rad**2 if self._lost else 0.0)
+
+    def _attend(self, attitude: Attitude | None) -> None:
+        """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
+        self._camera_before = self._camera
+        if attitude is not None and attitude.carried != self._carried.scattered and self._unit_m == 1.0:
+            self._carried = replace(self._carried, scattered=attitude.carried)  # a road's edges are not a room's
+        if attitude is not None and attitude is not self._attitude:
+            height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
+            self._attitude, self._camera = attitude, self._level.at(replace(attitude, height_m=height_m))
+            sigma = max(math.sqrt(float(np.trace(attitude.covariance_rad2)) / 2.0), self._level_noise.floor_tilt_rad)
+            self._noise = replace(self._level_noise, tilt_rad=sigma)
+            self._reached = self._within_reach(self._camera)
+        ahead = attitude is not None and attitude.predicted and attitude.source != "mount"
+        mount, share = self._mount, self._rule.levelling
+        if attitude is not None and attitude.mount is not None and attitude.mount.used != mount:
+            self._mount, share = attitude.mount.used, 1.0  # the landmarks were placed by a mount that is wrong
+        # This camera is the last one as its rotation, or its mount, was corrected: what is left is wrong.
+        if ahead or self._predicted or self._mount != mount:
+            _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
+            view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
+            self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, share)
+            self._camera_before = self._camera
+        self._predicted = ahead
+        rotation = None if attitude is None or self._skipped else attitude.rotation
+        self._rotation_known = self._rotation_held = rotation is not None
+        known_rad, lost_rad = self._rule.gyro_upright_rad
+        if rotation is not None:
+            self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
+        self._lost = rotation is not None and not self._upright
+        if rotation is not None and self._lost:
+            self._retilt(rotation)
+        else:
+            self._levelled_rad = math.inf
+        self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
+        if rotation is None:
+            return
+        yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
+        carried = self._carried.beyond_rad > 0.0
+        self._rotation_held = carried and self._upright
+        self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
+        sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
+        self._noise = replace(self._noise, yaw_rad=sigma if carried else math.inf)
+        if self._lost:
+            self._noise = replace(self._noise, floor_tilt_rad=self._rule.gyro_floor * self._noise.tilt_rad)
+            self._tilt, self._levelling = tilt, 0.0
+        if not self._rotation_held:
+            return
+        self._noise = replace(self._noise, tilt_rad=min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad))
+        self._tilt, self._levelling = tilt, self._rule.gyro_levelling
+
+    def _retilt(self, rotation: GyroRotation) -> None:
+        """The last picture's camera as known now; the landmarks follow by the share of the tilt's variance gone."""
+        mount, sigma_rad = self._camera.mount, self._noise.tilt_rad
+        up = rotation.rotation @ up_optical(mount.pitch_rad, mount.roll_rad)
+        known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
+        before = self._level.at(replace(known, height_m=self._camera_before.mount.height_m))
+        _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), before)
+        share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.gyro_levelling)
+        drift = self._rule.gyro_levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
+        self._levelled_rad = min(sigma_rad, math.sqrt(self._levelled_rad**2 + drift))
+        view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
+        self._landmarks, self._view = reduce_tilt(self._landmarks, before, view, share)
+        self._camera_before = before
+
+    def _mark_floor(self, seen: FloorMask | None) -> None:
+        """Where corners may lie on the floor: within reach, and what the floor head, where there is one, calls so."""
+        self._mask_before, self._mask, self._sees_floor = self._mask, self._reached, seen is not None
+        if seen is not None:
+            floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
+            self._mask = np.where(floor >= self._rule.floor_probability, self._reached, 0).astype(np.uint8)
+
+    def _on_floor(self, mask: NDArray[np.uint8], corners: Pixels) -> NDArray[np.bool_]:
+        """Which corners (N, 2) may count as floor at once, (N,)."""
+        columns, rows = corners.astype(np.intp).T
+        trusted = mask[rows, columns] > 0 if self._sees_floor else np.asarray(self._trusting())
+        return np.asarray(trusted & ~self._doubtful(corners))
+
+    def _within_reach(self, camera: FloorCamera) -> NDArray[np.uint8]:
+        """255 where the floor is within reach, 0 elsewhere; judged on every few pixels."""
+        down = camera.mount.rotation_base_optical()[2]
+        falls = -(self._coarse @ down[:2] + down[2]) / np.sqrt((self._coarse**2).sum(axis=2) + 1.0)
+        reaches = (falls * self._reach_m > camera.mount.height_m).astype(np.uint8) * 255
+        return np.asarray(cv2.resize(reaches, self._size, interpolation=cv2.INTER_NEAREST))
+
+    def _mark_movers(self, boxes: NDArray[np.float64]) -> None:
+        """Where people and animals are: boxes (N, 4), px at the working width; 0 in `_still`, 255 elsewhere."""
+        self._movers = boxes.astype(np.intp)
+        self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
+        margin = self._rule.mover_margin_px
+        for x0, y0, x1, y1 in self._movers.tolist():
+            self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
+
+    def _doubtful(self, corners: Pixels) -> NDArray[np.bool_]:
+        """Which corners (N, 2) lie on people and animals, (N,)."""
+        columns, rows = corners.astype(np.intp).T
+        return self._still[rows, columns] == 0
+
+    def _locate(self, index: int) -> Located:
+        """The view that the landmarks agree on; where few agree, and more of a fresh set do, that of the fresh set."""
+        seen, noise = self._bearings(self._corners), self._noise_now()
+        start = self._ahead(self._since @ self._motion)
+        given = self._doubtful(self._corners), self._rolls()
+        found = locate(self._landmarks, seen, self._camera, start, noise, *given)
+        if self._rotation_held and found.weights.sum() < self._rule.trusted_share * len(seen):
+            free = replace(noise, yaw_rad=math.inf, tilt_rad=self._noise.tilt_rad)
+            other = locate(self._landmarks, seen, self._camera, start, free, *given)
+            if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
+                self._rotation_held, found, noise = False, other, free
+        agree = self._carried.on_wheels or found.weights.sum() > self._rule.trusted_share * len(seen)
+        if self._trusted and agree:
+            return found
+        rays = _rays(self._bearings(self._before))
+        still = ~self._doubtful(self._before)
+        if self._sees_floor:
+            still &= self._on_floor(self._mask_before, self._before)
+        renewed = new_landmarks(rays, self._camera_before, self._view, self._noise, self._reach_m, still)
+        before = self._camera_before.floor_points(self._before[renewed.floor])
+        after = self._camera.floor_points(self._corners[renewed.floor])
+        sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
+        rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
+        start = self._ahead(rough if rough and not self._rotation_held else self._since @ self._motion)
+        other = locate(renewed, seen, self._camera, start, noise, *given)
+        if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
+            return found
+        self._landmarks = renewed
+        return other
+
+    def _rolls(self) -> tuple[SE2, Rolling] | None:
+        """The pose that the robot rolled on from, and how, where it is on wheels and that pose was measured."""
+        rolls = self._carried.on_wheels and self._slides < self._rule.slides_share and self._since == SE2()
+        return (self._view.pose, self._rolling) if rolls else None
+
+    def _learn_rolling(self, found: Located, motion: SE2) -> None:
+        """Where the axle lies, and whether the robot moves sideways by itself."""
+        if found.lateral is not None:
+            self._slides += self._rule.slides_weight * (found.slid - self._slides)
+            self._rolling = self._rolling.learnt(*found.lateral, motion.yaw_rad)
+
+    def _ahead(self, motion: SE2) -> Viewpoint:
+        """The view after a motion, tilted and as high as before."""
+        return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
+
+    def _seen_rotation(self, found: Located) -> SeenRotation:
+        """Of the camera since the last picture, among the landmarks."""
+        rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
+        return SeenRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self._carried)
+
+    def _travelled(self) -> SeenDirection | None:
+        """In which direction the lens moved since the keyframe, once the corners have moved enough; then a new keyframe
+        begins. No landmark's depth is used, as those of the floor are the mount's."""
+        view, camera, rays = self._keyframe
+        now = _rays(self._bearings(np.asarray(self._corners, dtype=np.float32)))
+        both = np.isfinite(rays[:, 0])
+        found = None
+        if both.sum() >= self._rule.travelled_fewest:
+            first, second = rays[both], now[both]
+            rotation = rotation_between(view, camera, self._view, self._camera)
+            turned = second @ rotation.T
+            across, down = (turned[:, :2] / turned[:, 2:] - first[:, :2]).T
+            if float(np.median(np.hypot(across, down))) < self._rule.travelled_rad:
+                return None
+            way = displacement(view, camera, self._view, self._camera)
+            length = float(np.linalg.norm(way))
+            if length > 0.0:
+                found = travelled(first, second, rotation, way / length, self._noise.track_rad)
+        self._keyframe = self._view, self._camera, now
+        return found
+
+    def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:
+        """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
+        before, now = self._camera_before.mount, self._camera.mount
+        pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
+        roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
+        path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
+        nod2 = (pitch_rad**2 + roll_rad**2) / 2.0
+        self._carried = self._carried.seen(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
+
+    def _noise_now(self) -> Noise:
+        """What is unknown of this picture's tilt and height."""
+        known_height = self._attitude is not None and self._attitude.height_m is not None
+        measured = self._attitude is not None and self._attitude.source != "mount" and not self._predicted
+        nodding_rad = 0.0 if measured else self._rule.nodding_sigmas * self._carried.nodding_rad
+        carried_rad = 0.0 if known_height else self._carried.beyond_rad
+        rise_m = max(self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m, self._noise.rise_m)
+        return replace(
+            self._noise,
+            tilt_rad=max(self._noise.tilt_rad, nodding_rad),
+            rise_m=rise_m,
+            gate=self._gate(),
+        )
+
+    def _gate(self) -> float:
+        """Share of the usual gates within which a track fits."""
+        return 1.0 - (1.0 - self._rule.carried_gate) * self._carried.share
+
+    def _guess(self, grey: MatLike, frame: Frame) -> Motion:
+        """Tracking failed: begin with new corners where a guess puts the view."""
+        guess = self._coasting.guess(
+            frame.stamp_s, f"planar odometry: no motion agrees among {len(self._corners)} floor corners"
+        )
+        self._view = self._ahead(self._since @ guess.motion)
+        self._motion, self._trusted = guess.motion, False
+        self._since, self._since_covariance = SE2(), np.zeros((3, 3))
+        self._keep(np.zeros(len(self._corners), dtype=bool))
+        self._seek(grey)
+        return guess
+
+    def _follow(self, last: MatLike, grey: MatLike) -> None:
+        """Move the corners to where they are now; those that are lost or leave the picture go, with their landmarks."""
+        if len(self._corners) == 0:
+            return
+        projection = project(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
+        expected = self._camera.intrinsics.project(
+            np.column_stack([projection.seen, np.where(projection.ahead, 1.0, np.nan)])
+        )
+        expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
+        if not self._rotation_known:
+            expected += self._surprise(last, grey, expected)
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(
+            last, grey, self._corners[:, None], expected[:, None].copy(), winSize=[self._rule.window_px] * 2,
+            maxLevel=LEVELS, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=1e-4,
+        )  # fmt: skip
+        self._before, self._corners = self._corners, moved.reshape(-1, 2)
+        inside = ((self._corners >= 0) & (self._corners <= [self._size[0] - 1.0, self._size[1] - 1.0])).all(axis=1)
+        good = (status.reshape(-1) == 1) & inside
+        self._before = self._before[good]
+        self._keep(good)
+
+    def _surprise(self, last: MatLike, grey: MatLike, expected: Pixels) -> Pixels:
+        """By how much the picture moved other than expected, (2,) px, where that is more than the tracker reaches."""
+        width, height = self._size[0] // SHIFT_PX, self._size[1] // SHIFT_PX
+        if self._window is None:
+            self._window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+        small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) for p in (last, grey)]
+        if len(self._movers):
+            still = cv2.resize(self._still, (width, height), interpolation=cv2.INTER_NEAREST)
+            small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
+        shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
+        surprise = SHIFT_PX * np.array(shift) - medians(expected - self._corners)
+        clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
+        return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
+
+    def _keep(self, which: NDArray[np.bool_]) -> None:
+        self._corners, self._landmarks = self._corners[which], self._landmarks.chosen(which)
+        self._keyframe = *self._keyframe[:2], self._keyframe[2][which]
+
+    def _seek(self, grey: MatLike) -> None:
+        """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
+        missing = self._rule.corners - len(self._corners)
+        if missing < self._rule.corners // 5:
+            return
+        free = np.full(grey.shape, 255, dtype=np.uint8)
+        for corner in self._corners.astype(np.intp).tolist():
+            cv2.circle(free, corner, self._rule.corners_apart_px, 0, -1)
+        floors = int(self._landmarks.floor.sum())
+        for mask, have, share in (
+            (free & self._mask, floors, self._rule.floor_share),
+            (free & ~self._mask, len(self._corners) - floors, 1.0 - self._rule.floor_share),
+        ):
+            wanted = round(share * self._rule.corners) - have
+            if wanted <= 0:
+                continue
+            lines = np.flatnonzero(mask.any(axis=1))
+            if not len(lines):
+                continue
+            top, bottom = max(lines[0] - RESPONSE_PX, 0), lines[-1] + 1 + RESPONSE_PX
+            found = cv2.goodFeaturesToTrack(
+                grey[top:bottom], wanted, 0.005, self._rule.corners_apart_px, mask=mask[top:bottom], blockSize=3
+            )
+            if found is None:
+                continue
+            fresh = np.asarray(found.reshape(-1, 2) + [0.0, top], dtype=np.float32)
+            rays = _rays(self._bearings(fresh))
+            trusting = self._on_floor(self._mask, fresh)
+            new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting)
+            if self._rotation_held or self._carried.on_wheels:
+                apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
+                near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
+                new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
+            self._corners, self._landmarks = np.concatenate([self._corners, fresh]), self._landmarks.joined(new)
+            rays = np.concatenate([self._keyframe[2], np.full((len(fresh), 3), np.nan)])
+            self._keyframe = *self._keyframe[:2], rays
+
+    def _trusting(self) -> bool:
+        """Whether what is seen below the horizon counts as floor at once."""
+        if self._scaled():
+            self._scaled_s = self._seen_s
+            return self._carried.on_wheels and self._seen_s - self._floor_s > self._rule.floor_lost_s
+        return not self._rotation_held or self._seen_s - self._scaled_s > self._rule.scale_kept_s
+
+    def _scaled(self) -> bool:
+        """Whether landmarks of known depth determine the scale, so that new ones need not count as floor."""
+        kept = self._landmarks
+        return int((kept.floor | (kept.variance < (0.1 * kept.inverse_m) ** 2)).sum()) >= self._rule.scaled
+
+    def _bearings(self, pixels: Pixels) -> Array:
+        """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
+        corner = np.clip(pixels.astype(np.intp), 0, [self._size[0] - 2, self._size[1] - 2])
+        part = pixels - corner
+        u, v = corner.T
+        a, b = part[:, :1], part[:, 1:]
+        table = self._rays
+        return (1 - b) * ((1 - a) * table[v, u] + a * table[v, u + 1]) + b * (
+            (1 - a) * table[v + 1, u] + a * table[v + 1, u + 1]
+        )
+
+
+def _in_units(mount: Mount, unit_m: float) -> Mount:
+    """A mount with its lengths in a unit."""
+    return replace(
+        mount, height_m=mount.height_m / unit_m, forward_m=mount.forward_m / unit_m, left_m=mount.left_m / unit_m
+    )
+
+
+def _rays(bearings: Array) -> Array:
+    return np.column_stack([bearings, np.ones(len(bearings))])
+
+
+def _ray_table(camera: FloorCamera) -> Array:
+    """Normalised image points of all pixels, (height, width, 2)."""
+    height, width = camera.intrinsics.height, camera.intrinsics.width
+    v, u = np.mgrid[0:height, 0:width]
+    return camera.intrinsics.rays(np.column_stack([u.ravel(), v.ravel()]))[:, :2].reshape(height, width, 2)

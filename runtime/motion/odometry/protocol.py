@@ -1,0 +1,180 @@
+"""What every odometry is to the pipeline: frames in, motion of the base with its covariance out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.network.network import Tensors
+
+FARTHEST_M = 100.0  # of one step
+STILL_M, STILL_RAD = 0.002, 0.002  # of one step, below which wheels and gyro say still; their noise is less
+REST_M, REST_RAD = 1e-5, 1e-5  # standard deviations of no motion
+ROUNDING = 1e-6  # of a covariance, as a share of its largest entry; networks answer in float32
+
+
+def is_covariance(matrix: Array) -> bool:
+    """Whether a finite matrix is symmetric with no negative eigenvalue, but for rounding."""
+    if _clearly_positive(matrix.tolist()):
+        return True
+    slack = ROUNDING * max(float(np.abs(matrix).max()), 1e-12)
+    return bool(np.abs(matrix - matrix.T).max() <= slack and np.linalg.eigvalsh(matrix)[0] >= -slack)
+
+
+def _clearly_positive(rows: list[list[float]]) -> bool:
+    """Whether a 2x2 or 3x3 is symmetric but for rounding, with leading minors well above zero (Sylvester): nearly all
+    are, and numpy takes ten times as long to say so."""
+    (xx, xy, *_), (yx, yy, *_) = rows[:2]
+    slack = ROUNDING * min(xx, yy)
+    minor = xx * yy - xy * yx
+    clear = abs(xy - yx) <= slack and xx > 0.0 and minor > ROUNDING * xx * yy
+    if len(rows) == 2 or not clear:
+        return clear
+    (_, _, xz), (_, _, yz), (zx, zy, zz) = rows
+    determinant = zz * minor - yz * (xx * zy - zx * xy) - xz * (zx * yy - xy * zy)
+    return max(abs(xz - zx), abs(yz - zy)) <= min(slack, ROUNDING * zz) and determinant > ROUNDING * minor * zz
+
+
+def unknown_covariance() -> Array:
+    """Covariance of a step that was not measured at all: 1 m and about 30 degrees, (3, 3)."""
+    return np.diag([1.0, 1.0, 0.25])
+
+
+class MotionState(Enum):
+    """How a motion came about. MEASURED. COASTING: nothing measured, the last velocity carried on. BLIND: nothing
+    measured, a guess. UNMEASURED: of a first frame, before which there is nothing to measure from."""
+
+    MEASURED = "measured"
+    COASTING = "coasting"
+    BLIND = "blind"
+    UNMEASURED = "unmeasured"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
+    base frame. fault: one line for people on what failed or was left out, else empty; it decides nothing.
+    members: of a hybrid, by name: `used`, `blind` (it measured nothing) or `left_out` (it disagrees).
+    without_gyro: of a hybrid with one, what its other members measured: motion and covariance. rotation: of the camera,
+    where tracked corners show it. lengths: of a hybrid, ahead by the camera and by the wheels, m."""
+
+    motion: SE2 = field(default_factory=SE2)
+    covariance: Array = field(default_factory=unknown_covariance)
+    fault: str = ""
+    state: MotionState = MotionState.MEASURED
+    members: Mapping[str, str] = field(default_factory=dict)
+    without_gyro: tuple[SE2, Array] | None = None
+    rotation: SeenRotation | None = None
+    lengths: tuple[float, float] | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether it was measured."""
+        return self.state is MotionState.MEASURED
+
+    @property
+    def blind(self) -> bool:
+        """Whether it is a guess where there was something to measure."""
+        return self.state in (MotionState.COASTING, MotionState.BLIND)
+
+    def moved(self) -> tuple[SE2, Array] | None:
+        """What the next frame's attitude is predicted with: a gyro learns nothing from itself."""
+        return self.without_gyro or (self.motion, self.covariance) if self.measured else None
+
+    def checked(self, name: str) -> "Motion":
+        """This motion, or where it cannot be a blind one with a fault that names the odometry: a motion or covariance
+        that is not finite, farther than FARTHEST_M in one step, a covariance that is not symmetric and positive."""
+        values, covariance = self.motion.vector(), self.covariance
+        if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
+            return blind_motion(f"{name} odometry: motion not finite")
+        if np.abs(values).max() > FARTHEST_M or np.abs(covariance).max() > FARTHEST_M**2:
+            return blind_motion(f"{name} odometry: {values[0]:.3g}, {values[1]:.3g} m in one step")
+        if not is_covariance(covariance):
+            return blind_motion(f"{name} odometry: its covariance is not positive")
+        return self
+
+
+def no_motion() -> Motion:
+    """Of one frame at rest. What was missed shows in the motion up to the first frame after it."""
+    rest = SeenRotation(np.eye(3), REST_RAD)
+    return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
+
+
+def blind_motion(fault: str) -> Motion:
+    """No measurement: identity, covariance unknown, and the reason."""
+    return Motion(fault=fault, state=MotionState.BLIND)
+
+
+def first_motion(fault: str = "") -> Motion:
+    """Of a first frame: identity, covariance unknown."""
+    return Motion(fault=fault, state=MotionState.UNMEASURED)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramePrior:
+    """What the step knows of a frame before its motion is estimated.
+
+    attitude: of the camera at the frame's stamp, with the gyro's rotation since the frame before. covered: share of the
+    picture that something on the lens covers. movers: (N, 4) boxes, px, of people and animals; floor: where the floor
+    is; both of this picture where it was searched, else of the last one that was. None without a source.
+    """
+
+    attitude: Attitude | None = None
+    covered: float = 0.0
+    movers: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    floor: FloorMask | None = None
+
+
+NO_PRIOR = FramePrior()
+
+
+class Odometry(Protocol):
+    """Fed every frame in order. The first step after construction or a reset gives identity, covariance unknown.
+
+    needs_features: whether it cannot measure where the backbone did not run.
+    """
+
+    name: str
+    needs_features: bool
+
+    def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
+        """The motion since the frame of the previous step. features: the backbone's outputs of this frame, empty where
+        it did not run."""
+        ...
+
+    def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
+        """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
+
+        Wheels and gyro go on; an odometry that needs pictures is blind. reason: why there is none, for the fault.
+        attitude: at the stamp, with the gyro's rotation since the previous step, where there is an IMU.
+        """
+        ...
+
+    def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
+        """Whether the base has stood still from the previous step to a stamp, without the picture.
+
+        None where neither wheels nor gyro say anything.
+        """
+        ...
+
+    def rest(self, stamp_s: float) -> Motion:
+        """`no_motion`: the base stood still since the previous step, and the last picture stands for this stamp too."""
+        ...
+
+    def reset(self, reason: str) -> None:
+        """Forget the past: a gap in the frames, another place."""
+
+
+@runtime_checkable
+class StartsAhead(Protocol):
+    """An odometry that computes with a frame's features while its caller does something else."""
+
+    def begin(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> None:
+        """Start on a frame in another thread; `step` of that frame, which follows, takes the result."""

@@ -1,0 +1,203 @@
+"""Detects a robot at rest, so that its frames can be skipped: by wheels and gyro, and by the picture."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.camera.attitude import GyroRotation
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.attitude.protocol import Moved
+from edgemap.runtime.motion.health import HealthRule, PictureHealth
+
+Array = NDArray[np.float32]
+
+SIZE = 64, 48  # px that pictures are averaged down to
+SMALL_PX, LARGE_PX = 8, 16  # tiles of it, for what changes and for what shifts
+VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estimate a gain
+
+
+@dataclass(frozen=True, slots=True)
+class RestRule:
+    """When a robot is taken to stand still.
+
+    told_s, seen_s: of unchanged pictures, at least `frames`, where wheels or gyro say still too, and where the picture
+    alone does; 1e9 for never. changed: grey levels, RMS in a small tile; a sensor's noise of 5 a pixel leaves 1.4.
+    shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains.
+    exposure, offset: largest change of gain, and of grey levels, that is taken for the camera's exposure. texture,
+    textured: squared grey levels per px, and how many large tiles must have that, or the picture alone shows nothing.
+    braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5); turned_rad: by a gyro, that
+    every picture shows. A picture that stands still in spite of either is frozen, though a sensor's noise changes it.
+    """
+
+    told_s: float = 0.3
+    seen_s: float = 2.0
+    frames: int = 3
+    changed: float = 4.0
+    shifted_px: float = 0.06
+    sigmas: float = 4.0
+    exposure: float = 0.1
+    offset: float = 15.0
+    texture: float = 9.0
+    textured: int = 4
+    braking_m_s2: float = 3.0
+    turned_rad: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """The first of unchanged pictures. centred: without its mean."""
+
+    stamp_s: float
+    picture: Array
+    centred: Array
+    variance: float
+
+    @classmethod
+    def of(cls, picture: Array, stamp_s: float) -> "_Reference":
+        centred = picture - picture.mean()
+        return cls(stamp_s, picture, centred, float((centred**2).mean()))
+
+    @cached_property
+    def slopes(self) -> tuple[Array, Array]:
+        """Its gradients across and down; a robot that drives never asks for them."""
+        down, across = (np.asarray(slope, dtype=np.float32) for slope in np.gradient(self.picture))
+        return across, down
+
+    @cached_property
+    def energy(self) -> Array:
+        """Mean squares of the gradients, (2, tiles)."""
+        return np.stack([_tiles(slope**2, LARGE_PX) for slope in self.slopes])
+
+    def textured(self, texture: float) -> int:
+        """How many tiles show a shift."""
+        return int((self.energy.min(axis=0) > texture).sum())
+
+
+class RestMonitor:
+    """Compares every picture with the first one that looked the same, so that no motion is too slow to be seen.
+
+    frozen_since_s: stamp of that first one where the robot cannot have stopped there, else None.
+    """
+
+    def __init__(self, rule: RestRule | None = None, health: HealthRule | None = None) -> None:
+        self.rule, self._health = rule or RestRule(), health or HealthRule()
+        self.reset()
+
+    def judge(
+        self,
+        frame: Frame,
+        health: PictureHealth,
+        still: bool | None,
+        moved: Moved | None = None,
+        turned: GyroRotation | None = None,
+    ) -> tuple[bool, PictureHealth]:
+        """Whether the robot has stood still for a while, and the picture's health: frozen where it stands still though
+        the robot cannot. A blind picture gives no rest; a repeated one changes nothing.
+
+        still: by wheels and gyro, None where there are none. moved: over the step before, None where it was not
+        measured. turned: by the gyro since the frame before.
+        """
+        at_rest = self._rests(frame, health, still, moved, turned)
+        if self.frozen_since_s is None or health.blind:
+            return at_rest, health
+        return at_rest, self._frozen(self.frozen_since_s, frame.stamp_s)
+
+    def _frozen(self, since_s: float, stamp_s: float) -> PictureHealth:
+        """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
+        lasts = stamp_s - since_s >= self._health.frozen_s
+        reason = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
+        news = lasts and stamp_s - self._reported_s >= self._health.repeated_s
+        if news:
+            self._reported_s = stamp_s
+        return PictureHealth("frozen" if lasts else "repeated", reason, reason if news else "")
+
+    def _rests(
+        self,
+        frame: Frame,
+        health: PictureHealth,
+        still: bool | None,
+        moved: Moved | None,
+        turned: GyroRotation | None,
+    ) -> bool:
+        self._before_s, self._last_s = self._last_s, frame.stamp_s
+        if health.stale:
+            return False
+        reference, picture = self._reference, _averaged(frame.image)
+        if reference is None or health.blind or _moved(reference, picture, self.rule):
+            self._reference = _Reference.of(picture, frame.stamp_s)
+            self._step_s, self._turned_rad, self.frozen_since_s = frame.stamp_s - self._before_s, 0.0, None
+            self._begin(frame.stamp_s)
+            return False
+        if (
+            self.frozen_since_s is None
+            and still is not True
+            and self._must_move(frame.stamp_s, reference, moved, turned)
+        ):
+            self.frozen_since_s = reference.stamp_s
+        if still is False or self.frozen_since_s is not None:
+            self._begin(frame.stamp_s)
+            return False
+        self._frames += 1
+        rested_s = frame.stamp_s - self._since_s
+        if still is None and reference.textured(self.rule.texture) < self.rule.textured:
+            return False
+        return self._frames >= self.rule.frames and rested_s >= (self.rule.told_s if still else self.rule.seen_s)
+
+    def _must_move(
+        self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None
+    ) -> bool:
+        """Whether an unchanged picture cannot be a robot's that stands: by the gyro, or as it stopped too soon."""
+        if turned is not None:
+            self._turned_rad += turned.yaw_rad
+        must = abs(self._turned_rad) > self.rule.turned_rad
+        if moved is not None and reference.stamp_s == self._before_s:
+            (x_m, y_m, _), sigma_m = moved[0].vector(), math.sqrt(float(np.trace(moved[1][:2, :2])))
+            speed_m_s = (math.hypot(x_m, y_m) - sigma_m) / self._step_s
+            must |= speed_m_s > self.rule.braking_m_s2 * (stamp_s - reference.stamp_s)
+        return must and reference.textured(self.rule.texture) >= self.rule.textured
+
+    def reset(self) -> None:
+        """Forget the last picture."""
+        self._reference: _Reference | None = None
+        self._before_s = self._last_s = -math.inf  # of the last frames
+        self._step_s = math.inf  # that ended at the reference
+        self._reported_s = -math.inf  # of the last fault of a frozen picture
+        self._turned_rad = 0.0  # by the gyro, since the reference
+        self.frozen_since_s: float | None = None
+        self._begin(-math.inf)
+
+    def _begin(self, stamp_s: float) -> None:
+        self._since_s, self._frames = stamp_s, 0
+
+
+def _averaged(image: NDArray[np.uint8]) -> Array:
+    half = np.ascontiguousarray(image[::2, ::2, 1])
+    return np.asarray(cv2.resize(half, SIZE, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _moved(reference: _Reference, picture: Array, rule: RestRule) -> bool:
+    """Whether anything changed, or the picture shifted anywhere, by more than noise and exposure explain."""
+    change = picture - reference.picture
+    offset = float(change.mean())
+    gain = float((change * reference.centred).mean()) / (reference.variance + VARIANCE)
+    if abs(gain) > rule.exposure or abs(offset) > rule.offset:
+        return True
+    change -= offset + gain * reference.centred
+    squared = _tiles(change**2, SMALL_PX)
+    if float(squared.max()) > rule.changed**2:
+        return True
+    noise = math.sqrt(float(np.median(squared)))
+    slopes = np.stack([_tiles(change * slope, LARGE_PX) for slope in reference.slopes])
+    energy = reference.energy + rule.texture
+    doubt = rule.sigmas * noise / (LARGE_PX * np.sqrt(energy))
+    return bool((np.abs(slopes) / energy > rule.shifted_px + doubt).any())
+
+
+def _tiles(values: Array, side: int) -> Array:
+    """Mean of every square tile."""
+    width, height = SIZE
+    return values.reshape(height // side, side, width // side, side).mean(axis=(1, 3))

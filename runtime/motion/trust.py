@@ -1,0 +1,178 @@
+"""Whether a source is believed: what it measures against what the camera measures of the same motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+
+BEGUN = 4.0  # a window that has this part of what it needs can cast doubt
+# Of the source's motion to the camera's. Of 470 windows in which the camera of two bad drives was compared with honest
+# wheels 8 were outside `between`, two of them in a row, and none below 0.15: those are the camera's own errors.
+CONTRARY = 0.1
+INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0  # of a window; of the newest one in the mean; of one
+
+
+class Trust(Enum):
+    """UNPROVEN: nothing has confirmed it, or nothing since it stood still or went backwards as the camera moved.
+    TRUSTED. DISTRUSTED: window after window speaks against it."""
+
+    UNPROVEN = "unproven"
+    TRUSTED = "trusted"
+    DISTRUSTED = "distrusted"
+
+
+@dataclass(frozen=True, slots=True)
+class TrustRule:
+    """When a source's numbers are well formed and wrong.
+
+    least: of the reference's motion in a window that says something: yaw in rad, length in m. longest_s: of a window.
+    yaw_between, length_between: of the source's motion to the reference's, what is an error of scale at most and no
+    lie: of a lens or a wheel's track, and of a height or a wheel's radius. sigmas: standard deviations that both state,
+    beyond which a window speaks against it.
+    windows: in a row that decide, either way; 0 for sources that are believed whatever they tell.
+    """
+
+    least: tuple[float, float] = (0.12, 0.2)
+    longest_s: float = 3.0
+    yaw_between: tuple[float, float] = (0.75, 1.3)
+    length_between: tuple[float, float] = (0.75, 1.35)
+    sigmas: float = 3.0
+    windows: int = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """Of one quantity (yaw or length) of a source with a reference; `seen` with each step.
+
+    own, reference, variance, span_s: of the window so far. ratio: of the last window that said something. row: windows
+    in a row that spoke for it, negative against it.
+    """
+
+    rule: TrustRule
+    least: float
+    between: tuple[float, float]
+    state: Trust = Trust.UNPROVEN
+    own: float = 0.0
+    reference: float = 0.0
+    variance: float = 0.0
+    span_s: float = 0.0
+    ratio: float = 1.0
+    row: int = 0
+
+    def seen(self, own: float, reference: float, variance: float, span_s: float) -> Agreement:
+        """After one more step. variance: of the difference, as both state it."""
+        if not self.rule.windows:
+            return self
+        window = replace(
+            self,
+            own=self.own + own,
+            reference=self.reference + reference,
+            variance=self.variance + variance,
+            span_s=self.span_s + span_s,
+        )
+        if abs(window.reference) < max(self.least, self.rule.sigmas * math.sqrt(window.variance)):
+            return window if window.span_s < self.rule.longest_s else window.anew()
+        return window._judged()
+
+    def anew(self) -> Agreement:
+        """A window begins: the reference was none."""
+        return replace(self, own=0.0, reference=0.0, variance=0.0, span_s=0.0)
+
+    def _below(self, ratio: float) -> bool:
+        """Whether the window so far says that the source measures less than this of the reference."""
+        if abs(self.reference) < self.least / BEGUN:
+            return False
+        off = abs(self.own - self.reference) > self.rule.sigmas * math.sqrt(self.variance)
+        return off and self.own / self.reference < ratio
+
+    @property
+    def doubted(self) -> bool:
+        """Whether it stands still or goes backwards as the reference moves, or has nothing to its credit."""
+        return self._below(CONTRARY) or (self.row < 0 and self.state is Trust.UNPROVEN)
+
+    def _judged(self) -> Agreement:
+        """The window that is complete speaks for or against the source."""
+        ratio, (low, high) = self.own / self.reference, self.between
+        off = abs(self.own - self.reference) > self.rule.sigmas * math.sqrt(self.variance)
+        against = off and not low < ratio < high
+        row = min(self.row, 0) - 1 if against else max(self.row, 0) + 1
+        state = Trust.UNPROVEN if against and ratio < CONTRARY and self.state is Trust.TRUSTED else self.state
+        if abs(row) >= self.rule.windows:
+            state = Trust.DISTRUSTED if row < 0 else Trust.TRUSTED
+        elif row > 0 and state is Trust.UNPROVEN:
+            state = Trust.TRUSTED
+        return replace(self.anew(), ratio=ratio, row=row, state=state)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Innovation:
+    """By how much two sources differ more than both state; where they do, neither is as sure as it says.
+
+    difference (3,), covariance (3, 3), span_s: of the window so far. mean: of the squared Mahalanobis distances of
+    windows, per degree of freedom, the latest ones (innovation-based adaptive estimation: Mehra 1970).
+    """
+
+    difference: Array = field(default_factory=lambda: np.zeros(3))
+    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    span_s: float = 0.0
+    mean: float = 1.0
+
+    @property
+    def scale(self) -> float:
+        """Factor on covariances."""
+        return max(self.mean, 1.0)
+
+    def seen(self, difference: Array, covariance: Array, span_s: float) -> Innovation:
+        """After one more step, by whose motions the sources differ so; covariance: of that, as both state it."""
+        summed, together, span_s = self.difference + difference, self.covariance + covariance, self.span_s + span_s
+        if span_s < INNOVATION_S:
+            return Innovation(summed, together, span_s, self.mean)
+        squared = min(float(summed @ np.linalg.solve(together, summed)) / len(summed), MOST_SQUARED)
+        return Innovation(mean=self.mean + INNOVATION_SHARE * (squared - self.mean))
+
+
+@dataclass(frozen=True, slots=True)
+class SourceTrust:
+    """Of a source of yaw and length, as both agree with the camera."""
+
+    name: str
+    yaw: Agreement
+    length: Agreement
+    reported: bool = False
+
+    @classmethod
+    def of(cls, name: str, rule: TrustRule) -> SourceTrust:
+        """Nothing known."""
+        state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
+        yaw = Agreement(rule, rule.least[0], rule.yaw_between, state)
+        return cls(name, yaw, Agreement(rule, rule.least[1], rule.length_between, state))
+
+    @property
+    def distrusted(self) -> bool:
+        """Whether it is left out."""
+        return Trust.DISTRUSTED in (self.yaw.state, self.length.state)
+
+    @property
+    def doubted(self) -> bool:
+        """Whether either speaks against it at the moment."""
+        return self.yaw.doubted or self.length.doubted
+
+    def anew(self) -> SourceTrust:
+        """Nothing to compare with."""
+        return replace(self, yaw=self.yaw.anew(), length=self.length.anew())
+
+    def news(self) -> tuple[SourceTrust, str]:
+        """What has changed, one line, once."""
+        bad = [name for name in ("yaw", "length") if getattr(self, name).state is Trust.DISTRUSTED]
+        if bool(bad) == self.reported:
+            return self, ""
+        line = f"{self.name}: agrees with the camera again: used again"
+        if bad:
+            share = 100.0 * getattr(self, bad[0]).ratio
+            line = f"{self.name}: its {bad[0]} is {share:.0f} % of what the camera measures: left out"
+        return replace(self, reported=bool(bad)), line

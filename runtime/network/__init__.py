@@ -1,0 +1,1 @@
+"""The bundle and the networks in it: manifest, store, engines, preprocessing, decoding."""

@@ -1,0 +1,251 @@
+"""Loads a bundle: every file's sum, contract and graph are checked before a network runs."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from edgemap.runtime.frames.decisions import Engine, Numbers, Precision
+from edgemap.runtime.frames.errors import BundleError, MissingExtraError, OdometryError
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.network.compute import Pace, multiplies_int8, one_blas_thread, settle
+from edgemap.runtime.network.engine_choice import (
+    FEATURES,
+    PICTURE,
+    WORTH_IT,
+    EngineChoice,
+    agrees,
+    report_allows_int8,
+    stored_engine,
+    time_ratio,
+)
+from edgemap.runtime.network.engines import open_network
+from edgemap.runtime.network.manifest import (
+    METADATA_KEY,
+    OPSETS,
+    DetectorSpec,
+    Manifest,
+    OdometryHead,
+    contract_metadata,
+    read_manifest,
+    verified_file,
+)
+from edgemap.runtime.network.network import Compute, Network, Shapes, with_padding
+from edgemap.runtime.network.onnx_file import MODEL_BYTES, onnx_facts
+from edgemap.runtime.network.preprocess import Preprocessor, rows_of
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A bundle whose backbone is loaded. compute, precision (float32 or int8): of the backbone. reopen: opens it for an
+    input of so many rows."""
+
+    folder: Path
+    manifest: Manifest
+    backbone: Network
+    compute: Compute
+    reopen: Callable[[int], Network]
+    precision: Numbers = "float32"
+
+    @property
+    def engine(self) -> Engine:
+        """What runs the backbone."""
+        return self.compute.engine
+
+    @property
+    def detector(self) -> DetectorSpec:
+        """The manifest's, with an input of as many rows as the backbone has."""
+        whole = self.manifest.detector
+        rows = self.backbone.inputs[whole.input.name][2]
+        return msgspec.structs.replace(whole, input=msgspec.structs.replace(whole.input, height=rows))
+
+    def for_pictures(self, width: int, height: int, learned: bool = False) -> "Bundle":
+        """This bundle with a backbone that leaves off the rows of its input that pictures of this size do not reach.
+
+        For 640x480 pictures in a square input that is a quarter of its work, a sixth where they lie in its middle.
+        Features keep all rows: those left off are what padding gives. Itself where pictures reach all rows, the file is
+        of a fixed size, or an odometry reads a head as its feature (the paper's; learned: whether it is that one).
+        """
+        whole = self.manifest.detector
+        if any(len(head.shape) != 4 for head in whole.heads):  # lists of boxes, not maps
+            return self
+        coarsest = max(whole.input.height // head.shape[2] for head in whole.heads)
+        heads = {head.name for head in whole.heads}
+        read = {head.feature for kind, head in self.manifest.odometry.items() if kind == "flow" or learned}
+        if read & heads:
+            return self
+        first, rows = rows_of(whole.input, width, height, coarsest)
+        if rows == self.detector.input.height:
+            return self
+        cut = self.reopen(rows)
+        if cut.inputs[whole.input.name][2] != rows:
+            return self
+        blank, _ = Preprocessor(whole.input)(np.zeros((height, width, 3), dtype=np.uint8))
+        found = self.backbone.run({whole.input.name: blank})
+        padding = {item.name: found[item.name] for item in whole.features if item.name not in heads}
+        return replace(self, backbone=with_padding(cut, padding, first / whole.input.height))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Class names by class id."""
+        return tuple(entry.name for entry in self.manifest.detector.classes)
+
+    def full_weight_score(self, confidence: float | None) -> float:
+        """Score of a box that counts half towards making an object. confidence: what the user asks of every box."""
+        return self.manifest.sure_confidence if confidence is None else 0.0
+
+    @property
+    def mapped(self) -> frozenset[str]:
+        """Names of the classes that may appear on the map."""
+        return frozenset(entry.name for entry in self.manifest.detector.classes if entry.mapped)
+
+    def odometry_head(self, kind: str) -> tuple[OdometryHead, Network]:
+        """Load the bundle's learned odometry of a kind. Raises OdometryError where the bundle has none.
+
+        It runs as the backbone does where that computes with 16 bits and its outputs agree, else in onnxruntime, for in
+        float32 OpenVINO takes as long for its many small operators; on one thread: those of two networks would stand
+        in each other's way.
+        """
+        head = self.manifest.odometry.get(kind)
+        if head is None:
+            has = ", ".join(sorted(self.manifest.odometry)) or "none"
+            raise OdometryError(f"bundle {self.manifest.name} has no {kind} odometry (it has: {has})")
+        inputs = {head.feature_input: self._feature_shape(head)} | {state.input: state.shape for state in head.states}
+        outputs = {head.motion: (1, 3)} | {state.output: state.shape for state in head.states}
+        if head.geometry is not None:
+            inputs |= {head.geometry.cells: head.geometry.shape, head.geometry.mount: (1, 12), head.geometry.dt: (1, 1)}
+            outputs |= {head.geometry.covariance: (1, 3, 3)}
+        opened = _opener(self.folder, self.manifest, head, inputs, outputs)
+        if self.engine == "openvino-bf16":
+            with suppress(BundleError):  # its outputs differ by more than rounding
+                return head, opened(Compute(1, engine=self.engine), None)
+        return head, opened(Compute(1), None)
+
+    def _feature_shape(self, head: OdometryHead) -> tuple[int, ...]:
+        for feature in self.manifest.detector.features:
+            if feature.name == head.feature:
+                return feature.shape
+        raise BundleError(f"bundle {self.folder}: {head.file} reads feature {head.feature!r}, which no output provides")
+
+
+def load_bundle(
+    folder: Path,
+    threads: int | None = None,
+    precision: Precision = "float32",
+    pace: Pace = "camera",
+    engine: EngineChoice = "onnxruntime",
+) -> Bundle:
+    """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it.
+
+    threads: of the backbone; None settles it by a short trial for the pace (`settle`). BLAS gets one thread.
+    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it, the processor
+    adds it up exactly and a trial of about a second finds it faster, else float32. engine: auto takes the one that a
+    trial on this processor found best, now or before. The outputs of another engine must agree with onnxruntime's.
+    """
+    one_blas_thread()
+    if engine == "auto":
+        manifest = read_manifest(folder)
+        key = f"{manifest.sha256[manifest.detector.file]}, {precision}, {pace}, {threads or 'any'} threads"
+        engine = stored_engine(key, lambda one: load_bundle(folder, threads, precision, pace, one).backbone)
+    if precision == "auto":
+        return _load_the_faster(folder, threads, pace, engine)
+    manifest = read_manifest(folder)
+    detector = manifest.detector
+    if precision != "float32":
+        if precision not in manifest.variants:
+            raise BundleError(f"bundle {manifest.name} has no {precision} variant (edgemap export --int8 makes one)")
+        detector = msgspec.structs.replace(detector, file=manifest.variants[precision].file)
+    inputs = {detector.input.name: _input_shape(detector)}
+    outputs = detector.outputs()
+    opened, height = _opener(folder, manifest, detector, inputs, outputs), detector.input.height
+    network, compute = settle(lambda chosen: opened(chosen, height), pace, threads, engine)
+    return Bundle(folder, manifest, network, compute, lambda rows: opened(compute, rows), precision)
+
+
+def _load_the_faster(folder: Path, threads: int | None, pace: Pace, engine: Engine) -> Bundle:
+    exact = load_bundle(folder, threads, pace=pace, engine=engine)
+    if not (report_allows_int8(exact.manifest) and multiplies_int8()):
+        return exact
+    small = load_bundle(folder, threads, "int8", pace, engine)
+    spec = exact.manifest.detector
+    picture = np.random.default_rng(0).integers(0, 256, _input_shape(spec)).astype(np.float32)
+    tensors = {spec.input.name: picture * np.float32(spec.input.scale)}
+    ratio = time_ratio(lambda: small.backbone.run(tensors), lambda: exact.backbone.run(tensors))
+    return small if ratio <= WORTH_IT else exact
+
+
+def _input_shape(detector: DetectorSpec) -> tuple[int, ...]:
+    return (1, 3, detector.input.height, detector.input.width)
+
+
+def _opener(
+    folder: Path,
+    manifest: Manifest,
+    record: DetectorSpec | OdometryHead,
+    inputs: Shapes,
+    outputs: Shapes,
+) -> Callable[[Compute, int | None], Network]:
+    """Check a file's sum, opset and contract; what opens it, for so many rows of input where those are open, and checks
+    its tensors."""
+    path = verified_file(folder, manifest, record.file)
+    where = f"bundle {folder}: {record.file}"
+    _check_contract(path, where, record, folder)
+
+    def opened(compute: Compute, rows: int | None) -> Network:
+        try:
+            network = open_network(path, compute, rows)
+        except MissingExtraError:
+            raise
+        except Exception as error:  # the engines' exceptions share no public base
+            raise BundleError(f"{where} is not a model that {compute.engine} loads ({one_line(error, 160)})") from None
+        cut = _cut(inputs, network.inputs)
+        _compare(where, "input", cut(inputs), network.inputs)
+        _compare(where, "output", cut(outputs), network.outputs)
+        odometry = isinstance(record, OdometryHead)
+        rounded, largest = not odometry and record.file != manifest.detector.file, FEATURES if odometry else PICTURE
+        if compute.engine != "onnxruntime" and not agrees(
+            network, open_network(path, Compute(), rows), compute.engine, rounded, largest
+        ):
+            raise BundleError(f"{where}: {compute.engine} gives other outputs than onnxruntime")
+        return network
+
+    return opened
+
+
+def _cut(promised: Shapes, found: Shapes) -> Callable[[Shapes], Shapes]:
+    """What makes promised shapes those of a backbone of fewer rows, if it is one."""
+    name, shape = next(iter(promised.items()))
+    rows = found.get(name, shape)[2:3]
+    known = bool(rows) and isinstance(rows[0], int)  # a model may name a side, or leave it open
+    if len(promised) > 1 or not known or not 0 < rows[0] < shape[2]:
+        return lambda shapes: shapes
+    return lambda shapes: {key: (*one[:2], one[2] * rows[0] // shape[2], *one[3:]) for key, one in shapes.items()}
+
+
+def _compare(where: str, kind: str, promised: Shapes, found: Shapes) -> None:
+    if missing := sorted(set(promised) - set(found)):
+        raise BundleError(f"{where}: {kind} {', '.join(missing)} is missing")
+    if extra := sorted(set(found) - set(promised)):
+        raise BundleError(f"{where}: {kind} {', '.join(extra)} is not in the manifest")
+    for name, shape in promised.items():
+        if found[name] != shape:
+            raise BundleError(f"{where}: {kind} {name} has shape {found[name]}, manifest says {shape}")
+
+
+def _check_contract(path: Path, where: str, record: DetectorSpec | OdometryHead, folder: Path) -> None:
+    facts = onnx_facts(path)
+    if facts is None:
+        raise BundleError(
+            f"{where} is not a complete ONNX file ({path.stat().st_size:,} bytes, at most {MODEL_BYTES:,}; "
+            "no opset found)"
+        )
+    if facts.opset not in OPSETS:
+        raise BundleError(f"{where} uses ONNX opset {facts.opset}, this edgemap runs {OPSETS[0]} to {OPSETS[-1]}")
+    contract = facts.metadata.get(METADATA_KEY)
+    if contract is None:
+        raise BundleError(f"{where} carries no {METADATA_KEY} metadata: not made by edgemap export")
+    if contract != contract_metadata(record):
+        raise BundleError(f"{where}: the contract in its metadata differs from {folder.name}/bundle.json")

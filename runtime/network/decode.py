@@ -1,0 +1,160 @@
+"""Boxes in pictures: YOLOv3, YOLOX and DFL decode rules, then class-wise non-maximum suppression."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.objects.visibility import iou
+from edgemap.geometry.observations.detections import Detections
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.manifest import DetectorSpec, HeadSpec
+from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.preprocess import Placement, Preprocessor
+
+NMS_IOU = 0.45
+SAME_PLACE = 0.8  # IoU of boxes that are one object under two names
+MAX_CANDIDATES = 1000  # before suppression; the best scores stay
+DFL_BINS = 8  # per side of a box, whole strides 0 to 7
+
+
+class Decoder:
+    """Turns a backbone's heads into Detections, one label per box.
+
+    confidence: minimum score (objectness times class probability) of a box. nms_iou: overlap above which the weaker of
+    two boxes of one class goes. These are two different thresholds. one_name: of boxes in one place with different
+    labels only that one stays which most cells vote for; average precision wants them all.
+    """
+
+    def __init__(
+        self, detector: DetectorSpec, confidence: float = 0.3, nms_iou: float = NMS_IOU, one_name: bool = False
+    ) -> None:
+        self._heads = detector.heads
+        self._names = tuple(entry.name for entry in detector.classes)
+        self._rule = {"yolov3": _yolov3, "yolox": _yolox, "dfl": _dfl}[detector.decode]
+        self._size = (detector.input.width, detector.input.height)
+        self.confidence = confidence
+        self.nms_iou = nms_iou
+        self.one_name = one_name
+
+    def __call__(self, outputs: Tensors, placement: Placement) -> Detections:
+        """Boxes in picture px from the backbone's outputs, best first."""
+        parts = [self._rule(outputs[head.name], head, self.confidence, self._size) for head in self._heads]
+        centres, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if len(scores) == 0:
+            return Detections.none(self._names)
+        best = np.argsort(-scores, kind="stable")[:MAX_CANDIDATES]
+        centres, scores, classes = centres[best], scores[best], classes[best]
+        corners = np.concatenate([centres[:, :2] - centres[:, 2:] / 2.0, centres[:, :2] + centres[:, 2:] / 2.0], axis=1)
+        keep = suppress(corners, scores, classes, self.nms_iou)
+        if self.one_name and len(set(classes[keep].tolist())) > 1:
+            keep = keep[_elected(keep, corners, scores, classes)]
+        return Detections(placement.to_image(corners[keep]), scores[keep], classes[keep], self._names)
+
+
+def suppress(boxes: Array, scores: Array, classes: NDArray[np.int64], nms_iou: float) -> NDArray[np.int64]:
+    """Class-wise non-maximum suppression: indices of the boxes (N, 4) xyxy that stay, best score first."""
+    corner_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1)
+    kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), scores.tolist(), classes.tolist(), 0.0, nms_iou)
+    kept = np.asarray(kept, dtype=np.int64).reshape(-1)
+    return kept[np.argsort(-scores[kept], kind="stable")]
+
+
+def _elected(kept: NDArray[np.int64], boxes: Array, scores: Array, classes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of the kept rows stay, where boxes of different labels overlap by more than SAME_PLACE: those whose label
+    has the larger sum of scores among all boxes (N, 4) there."""
+    votes = np.array([scores[(iou(boxes[row], boxes) > SAME_PLACE) & (classes == classes[row])].sum() for row in kept])
+    stays = np.ones(len(kept), dtype=bool)
+    for at in np.argsort(-votes, kind="stable"):
+        if stays[at]:
+            rivals = (iou(boxes[kept[at]], boxes[kept]) > SAME_PLACE) & (classes[kept] != classes[kept[at]])
+            stays &= ~rivals
+    return stays
+
+
+def _yolov3(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
+    """YOLOv3 (Redmon and Farhadi 2018, section 2.1): logits (1, A*(5+C), H, W) to centre boxes in input px.
+
+    Only cells whose objectness logit passes the threshold are looked at: score = objectness * class <= objectness.
+    """
+    _, channels, rows, columns = output.shape
+    anchors = np.array(head.anchors, dtype=np.float64)
+    grid = output.reshape(len(anchors), channels // len(anchors), rows * columns)
+    anchor, cell = np.nonzero(grid[:, 4] > _logit(confidence))
+    logits = grid[anchor, :, cell].astype(np.float64)
+    classes = logits[:, 5:].argmax(axis=1)
+    scores = _sigmoid(logits[:, 4]) * _sigmoid(logits[np.arange(len(logits)), 5 + classes])
+    strong = scores >= confidence
+    logits, anchor, cell = logits[strong], anchor[strong], cell[strong]
+    offset = (head.scale_xy - 1.0) / 2.0
+    xy = _sigmoid(logits[:, :2]) * head.scale_xy - offset + np.column_stack([cell % columns, cell // columns])
+    wh = np.exp(logits[:, 2:4]) * anchors[anchor]
+    return np.concatenate([xy * [size[0] / columns, size[1] / rows], wh], axis=1), scores[strong], classes[strong]
+
+
+def _yolox(output: NDArray[np.float32], head: HeadSpec, confidence: float, size: tuple[int, int]) -> tuple:
+    """YOLOX (Ge et al. 2021): rows (1, N, 5+C), stride by stride; scores are probabilities already."""
+    rows = output[0]
+    strong = np.flatnonzero(rows[:, 4] >= confidence)
+    picked = rows[strong].astype(np.float64)
+    classes = picked[:, 5:].argmax(axis=1)
+    scores = picked[:, 4] * picked[np.arange(len(picked)), 5 + classes]
+    strong, picked, classes = strong[scores >= confidence], picked[scores >= confidence], classes[scores >= confidence]
+    centres, first = np.zeros((len(strong), 4)), 0
+    for stride in head.strides:
+        columns, lines = size[0] // stride, size[1] // stride
+        here = (strong >= first) & (strong < first + columns * lines)
+        cell = strong[here] - first
+        centres[here, :2] = (picked[here, :2] + np.column_stack([cell % columns, cell // columns])) * stride
+        centres[here, 2:] = np.exp(picked[here, 2:4]) * stride
+        first += columns * lines
+    return centres, scores[scores >= confidence], classes
+
+
+def _dfl(output: NDArray[np.float32], head: HeadSpec, confidence: float, _size: tuple[int, int]) -> tuple:
+    """Generalized focal loss's heads (Li et al. 2020), as PicoDet has them: logits (1, C+32, H, W) to centre boxes.
+
+    No objectness: score = sigmoid of the best class. A side's distance from the cell's centre is the mean of its bins,
+    in strides.
+    """
+    columns, classes = output.shape[3], output.shape[1] - 4 * DFL_BINS
+    grid = output[0].reshape(output.shape[1], -1)
+    cell = np.flatnonzero(grid[:classes].max(axis=0) >= _logit(confidence))
+    logits = grid[:, cell].astype(np.float64)
+    labels = logits[:classes].argmax(axis=0)
+    bins = logits[classes:].reshape(4, DFL_BINS, len(cell))
+    weights = np.exp(bins - bins.max(axis=1, keepdims=True))
+    left, top, right, bottom = np.einsum("sbn,b->sn", weights / weights.sum(axis=1, keepdims=True), np.arange(DFL_BINS))
+    x, y = cell % columns + 0.5, cell // columns + 0.5
+    boxes = np.stack([x + (right - left) / 2.0, y + (bottom - top) / 2.0, left + right, top + bottom], axis=1)
+    return boxes * head.strides[0], _sigmoid(logits[labels, np.arange(len(cell))]), labels
+
+
+def _sigmoid(x: Array) -> Array:
+    return 1.0 / (1.0 + np.exp(-x))
+
+
+def _logit(probability: float) -> float:
+    p = min(max(probability, 1e-9), 1.0 - 1e-9)
+    return math.log(p / (1.0 - p))
+
+
+class Detector:
+    """A bundle's detector without odometry or map, for pictures of any size, or of the one that it was fitted to."""
+
+    def __init__(self, bundle: Bundle, decode: Decoder | None = None) -> None:
+        self._backbone = bundle.backbone
+        self._input_name = bundle.manifest.detector.input.name
+        self._preprocess = Preprocessor(bundle.detector.input)
+        self._decode = decode or Decoder(bundle.detector)
+
+    def __call__(self, image: NDArray[np.uint8]) -> Detections:
+        """Detections in a BGR uint8 picture (H, W, 3), best first."""
+        return self._decode(*self.raw(image))
+
+    def raw(self, image: NDArray[np.uint8]) -> tuple[Tensors, Placement]:
+        """The backbone's outputs, for any decoder."""
+        tensor, placement = self._preprocess(image)
+        return self._backbone.run({self._input_name: tensor}), placement

@@ -1,0 +1,287 @@
+"""Downloads one file: resumable, with a progress bar, its sum checked before anyone opens it."""
+
+import http.client
+import json
+import re
+import socket
+import ssl
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, partial
+from pathlib import Path
+from typing import Annotated, Any
+from urllib.parse import urlsplit
+
+import msgspec
+from tqdm import tqdm
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.reading import Strict, decode_json, one_line, read_bytes
+from edgemap.runtime.frames.version import VERSION
+from edgemap.runtime.network.manifest import sha256_file
+
+TIMEOUT_S = 10.0  # to connect, and between two pieces
+LOOK_EVERY_S = 0.1
+PIECE = 1 << 16  # bytes
+LONGEST_S, SLOWEST_BYTES_S = 60.0, 20_000.0  # a transfer may take the former, and a second for so many bytes besides
+LARGEST_BYTES = 1 << 30  # of a file of unknown size
+NOTES_BYTES = 4096
+
+
+class DownloadError(EdgemapError):
+    """A file that could not be fetched, or is not the one that was promised."""
+
+
+def is_url(text: str) -> bool:
+    """Whether a text is an http or https URL."""
+    try:
+        return urlsplit(text).scheme in ("http", "https")
+    except ValueError:  # `http://[`
+        return False
+
+
+def download(
+    url: str,
+    target: Path,
+    *,
+    sums: tuple[str, ...] = (),
+    label: str | None = None,
+    timeout_s: float = TIMEOUT_S,
+    maximum_bytes: int = LARGEST_BYTES,
+    longest_s: float = LONGEST_S,
+    progress: bool = True,
+) -> Path:
+    """Fetch `url` into `target`; a broken transfer leaves `target.part` and goes on from there the next time.
+
+    sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source
+    (the URL by default). maximum_bytes, longest_s: limits of size and time; every SLOWEST_BYTES_S bytes that come in
+    give it one second more. Only http and https are followed, redirects included, and https never to http.
+    Raises DownloadError, one line; `target` appears only when it is complete and right.
+    """
+    label = label or url
+    part, notes = _part_of(target), _notes_of(target)
+    try:
+        with _Clock(longest_s) as clock:
+            if target.is_file() and (not sums or sha256_file(target) in sums):
+                return target
+            target.parent.mkdir(parents=True, exist_ok=True)
+            have, validator = _resume_point(part, notes, url, bool(sums))
+            with _open(url, have, validator, timeout_s, clock) as reply:
+                have = have if _continues(reply, have) else 0
+                total = _total(reply, have)
+                if (total or 0) > maximum_bytes:
+                    raise DownloadError(f"{label}: {total:,} bytes, expected {maximum_bytes:,} at most")
+                notes.write_text(json.dumps({"url": url, "validator": _validator(reply)}), encoding="utf-8")
+                done = _receive(
+                    reply, part, have, total, maximum_bytes, clock, target.name if progress else None, label
+                )
+        if clock.over:
+            raise DownloadError(f"{label}: too slow, {done:,} bytes so far; run again to go on from there")
+        if total is not None and done != total:
+            raise DownloadError(f"{label}: broke off after {done:,} of {total:,} bytes; run again to go on from there")
+        if sums and (seen := sha256_file(part)) not in sums:
+            _forget(part, notes)
+            wanted = " or ".join(value[:12] + "…" for value in sums)
+            raise DownloadError(f"{label}: sha256 {seen[:12]}…, expected {wanted}; deleted")
+        part.replace(target)
+        notes.unlink(missing_ok=True)
+    except urllib.error.HTTPError as error:
+        if error.code == 416:  # what is there is no beginning of what the server has
+            _forget(part, notes)
+        raise DownloadError(f"{label}: HTTP {error.code} {one_line(error.reason)}") from None
+    except (OSError, http.client.HTTPException, ValueError) as error:
+        reason = getattr(error, "reason", None) or error
+        words = f"no answer within {longest_s:g} s" if clock.over else _in_words(reason, timeout_s)
+        raise DownloadError(f"{label}: {words}") from None
+    return target
+
+
+class _Notes(Strict):
+    """The record beside a partial file: its URL, and the server's version tag."""
+
+    url: str
+    validator: Annotated[str, msgspec.Meta(max_length=1000, pattern=r"\A[\x20-\x7e]*\Z")]
+
+
+class _Clock:
+    """Ends a transfer that takes longer than it may, wherever it waits: also in headers that come drop by drop."""
+
+    def __init__(self, longest_s: float) -> None:
+        self.until_s = time.monotonic() + longest_s
+        self.over = False
+        self._sockets: list[socket.socket] = []
+        self._done = threading.Event()
+
+    def connect(self, kind: type[http.client.HTTPConnection], *arguments: Any, **options: Any) -> Any:
+        """A connection whose sockets end with the time. As `http.client`'s classes."""
+        clock = self
+
+        class Watched(kind):
+            def connect(self) -> None:
+                super().connect()
+                clock._sockets.append(self.sock)
+
+        return Watched(*arguments, **options)
+
+    def __enter__(self) -> "_Clock":
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._done.set()
+
+    def _watch(self) -> None:
+        while not self._done.wait(LOOK_EVERY_S):
+            if time.monotonic() > self.until_s:
+                self.over = True
+                for one in self._sockets:
+                    with suppress(OSError):
+                        one.shutdown(socket.SHUT_RDWR)
+
+
+class _Http(urllib.request.HTTPHandler):
+    """Opens http, watched by a clock."""
+
+    def __init__(self, clock: _Clock) -> None:
+        super().__init__()
+        self._clock = clock
+
+    def http_open(self, req: Any) -> Any:
+        """As the base class."""
+        return self.do_open(partial(self._clock.connect, http.client.HTTPConnection), req)  # type: ignore[arg-type]
+
+
+class _Https(urllib.request.HTTPSHandler):
+    """Opens https, watched by a clock."""
+
+    def __init__(self, clock: _Clock) -> None:
+        super().__init__(context=_trusted())
+        self._clock = clock
+
+    def https_open(self, req: Any) -> Any:
+        """As the base class."""
+        open_watched: Any = partial(self._clock.connect, http.client.HTTPSConnection)
+        return self.do_open(open_watched, req, context=_trusted())
+
+
+@cache
+def _trusted() -> ssl.SSLContext:
+    # The system's certificates take 20 ms to read, which a bundle's files need not pay for each.
+    return ssl.create_default_context()
+
+
+class _WebOnly(urllib.request.HTTPRedirectHandler):
+    """Follows redirects to http and https only, and never from https to http; their own bodies are not read."""
+
+    def http_error_302(self, req: Any, fp: Any, code: int, msg: str, headers: Any) -> Any:
+        """As the base class, which would take a redirect's whole body into memory, whatever its length."""
+        fp.read = bytes
+        return super().http_error_302(req, fp, code, msg, headers)
+
+    http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
+
+    def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
+        """As the base class, after the check. Raises ValueError."""
+        if not is_url(newurl) or (urlsplit(req.full_url).scheme == "https" and urlsplit(newurl).scheme != "https"):
+            raise ValueError(
+                f"redirected to {one_line(newurl, 80)}: only http and https are followed, never https to http"
+            )
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+def _part_of(target: Path) -> Path:
+    return target.with_name(target.name + ".part")
+
+
+def _notes_of(target: Path) -> Path:
+    return target.with_name(target.name + ".part.json")
+
+
+def _forget(part: Path, notes: Path) -> None:
+    part.unlink(missing_ok=True)
+    notes.unlink(missing_ok=True)
+
+
+def _resume_point(part: Path, notes: Path, url: str, checked: bool) -> tuple[int, str]:
+    """Bytes that are there and may be kept, and the server's mark of the version that they belong to."""
+    try:
+        noted = decode_json(read_bytes(notes, NOTES_BYTES, DownloadError), _Notes, notes, DownloadError)
+        same, validator = noted.url == url, noted.validator
+    except DownloadError:
+        same, validator = False, ""
+    # Without the server's mark only a sum at the end shows whether both halves belong together.
+    if not part.is_file() or not same or not (validator or checked):
+        return 0, ""
+    return part.stat().st_size, validator
+
+
+@contextmanager
+def _open(url: str, have: int, validator: str, timeout_s: float, clock: _Clock) -> Iterator[http.client.HTTPResponse]:
+    if not is_url(url):
+        raise ValueError("not an http or https URL")
+    headers = {"User-Agent": f"edgemap/{VERSION}", "Accept-Encoding": "identity"}
+    if have:
+        headers["Range"] = f"bytes={have}-"
+        if validator:
+            headers["If-Range"] = validator
+    opener = urllib.request.build_opener(_WebOnly, _Http(clock), _Https(clock))
+    with opener.open(urllib.request.Request(url, headers=headers), timeout=timeout_s) as reply:
+        yield reply
+
+
+def _continues(reply: http.client.HTTPResponse, have: int) -> bool:
+    return reply.status == 206 and (reply.headers.get("Content-Range") or "").startswith(f"bytes {have}-")
+
+
+def _total(reply: http.client.HTTPResponse, have: int) -> int | None:
+    whole = re.search(r"/(\d{1,18})$", reply.headers.get("Content-Range") or "")
+    if have and whole:
+        return int(whole[1])
+    length = reply.headers.get("Content-Length")
+    return have + int(length) if length is not None and re.fullmatch(r"\d{1,18}", length) else None
+
+
+def _validator(reply: http.client.HTTPResponse) -> str:
+    tag = reply.headers.get("ETag") or ""
+    mark = tag if tag and not tag.startswith("W/") else reply.headers.get("Last-Modified") or ""
+    return one_line(mark, 1000)
+
+
+def _receive(
+    reply: http.client.HTTPResponse,
+    part: Path,
+    have: int,
+    total: int | None,
+    maximum_bytes: int,
+    clock: _Clock,
+    title: str | None,
+    label: str,
+) -> int:
+    with (
+        part.open("ab" if have else "wb") as stream,
+        tqdm(total=total, initial=have, unit="B", unit_scale=True, desc=title, disable=title is None) as bar,
+    ):
+        done = have
+        while True:
+            try:
+                piece = reply.read1(PIECE)
+            except http.client.IncompleteRead as broken:
+                piece = broken.partial
+            if not piece:
+                return done
+            stream.write(piece)
+            bar.update(len(piece))
+            done += len(piece)
+            clock.until_s += len(piece) / SLOWEST_BYTES_S
+            if done > maximum_bytes:
+                raise DownloadError(f"{label}: more than {maximum_bytes:,} bytes, stopped")
+
+
+def _in_words(reason: object, timeout_s: float) -> str:
+    if isinstance(reason, TimeoutError):
+        return f"no answer within {timeout_s:g} s"
+    return one_line(getattr(reason, "strerror", None) or str(reason).strip() or type(reason).__name__)

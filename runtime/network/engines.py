@@ -1,0 +1,95 @@
+"""Engines: what runs a bundle's networks; every one gives a `Network`."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.library_names import library_path
+from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.network.network import Compute, Network, Tensors
+
+PROVIDERS = ["CPUExecutionProvider"]
+ROWS = "rows"  # name of an input's height in files that leave it open
+SPIN_US = "300"  # longer than between two operators, shorter than what a step does between two networks
+
+
+def open_network(path: Path, compute: Compute, rows: int | None = None) -> Network:
+    """Load an ONNX file into the engine asked for. rows: of the input, where the file leaves them open.
+
+    Raises MissingExtraError, or what the engine raises.
+    """
+    if compute.engine == "onnxruntime":
+        return open_onnxruntime(path, compute, rows)
+    return open_openvino(path, compute, rows)
+
+
+def session_options(compute: Compute, rows: int | None = None) -> ort.SessionOptions:
+    """One operator at a time, quiet, on the threads asked for. rows: of the input, where the file leaves them open."""
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = compute.threads
+    options.inter_op_num_threads = 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", str(int(compute.spin)))
+    options.add_session_config_entry("session.intra_op.spin_duration_us", SPIN_US)
+    options.log_severity_level = 4
+    if rows is not None:
+        options.add_free_dimension_override_by_name(ROWS, rows)
+    return options
+
+
+def open_onnxruntime(source: Path | bytes, compute: Compute, rows: int | None = None) -> Network:
+    """Load an ONNX file, or a model in memory. rows: as in `session_options`.
+
+    Raises what onnxruntime raises, which shares no public base.
+    """
+    model = source if isinstance(source, bytes) else library_path(source)
+    session = ort.InferenceSession(model, session_options(compute, rows), providers=PROVIDERS)
+    outputs = {node.name: tuple(node.shape) for node in session.get_outputs()}
+    names = list(outputs)
+
+    def run(tensors: Tensors) -> Any:
+        try:
+            return session.run(names, tensors)  # pyright: ignore[reportArgumentType]
+        except Exception as error:  # as above
+            name = source if isinstance(source, Path) else "a network"
+            raise BundleError(f"{name}: the network fails as it runs ({one_line(error, 160)})") from None
+
+    return Network(
+        {node.name: tuple(node.shape) for node in session.get_inputs()},
+        outputs,
+        run,
+    )
+
+
+def open_openvino(path: Path, compute: Compute, rows: int | None = None) -> Network:
+    """Compile an ONNX file for latency. rows: of the input, where the file leaves them open. Raises what OpenVINO
+    raises."""
+    need("openvino", "--engine openvino", ("openvino",))
+    import openvino as ov
+
+    core = ov.Core()
+    model = core.read_model(library_path(path))
+    if model.is_dynamic():
+        (port,) = model.inputs
+        channels, columns = (port.get_partial_shape()[axis].get_length() for axis in (1, 3))
+        model.reshape({port.get_any_name(): [1, channels, rows, columns]})
+    precision = "bf16" if compute.engine == "openvino-bf16" else "f32"
+    config = {
+        "PERFORMANCE_HINT": "LATENCY",
+        "INFERENCE_NUM_THREADS": compute.threads,
+        "INFERENCE_PRECISION_HINT": precision,
+        "ENABLE_CPU_PINNING": False,  # the threads of two networks would be held to one core
+    }
+    request = core.compile_model(model, "CPU", config).create_infer_request()
+    outputs = {port.get_any_name(): tuple(port.shape) for port in model.outputs}
+
+    def infer(tensors: Tensors) -> list[NDArray[np.float32]]:
+        request.infer(tensors, share_inputs=True)
+        # Copies: the request writes into the same memory at the next run, and a state must outlive it.
+        return [request.get_output_tensor(index).data.copy() for index in range(len(outputs))]
+
+    return Network({port.get_any_name(): tuple(port.shape) for port in model.inputs}, outputs, infer)

@@ -1,0 +1,317 @@
+"""The bundle: what export writes and the robot loads, checked before anything runs.
+
+A bundle is a folder with `bundle.json` (this module's `Manifest`) beside ONNX files. Sums are checked before
+a file is parsed; the contract in each ONNX file's metadata must say the same as the manifest.
+"""
+
+import hashlib
+import json
+import math
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Strict, decode_json, read_bytes
+
+FORMAT = "edgemap.bundle/1"
+MANIFEST_NAME = "bundle.json"
+METADATA_KEY = "edgemap.contract"
+OPSETS = range(11, 24)  # what onnxruntime 1.17 and newer run
+
+
+MANIFEST_BYTES = 4 << 20
+VALUES_LIMIT = 1 << 26  # of one tensor
+DFL_CHANNELS = 32  # 8 bins for each side of a box
+
+FileName = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]  # `_inside` checks where it leads
+Sha256 = Annotated[str, Meta(pattern=r"\A[0-9a-f]{64}\Z")]
+Dimension = Annotated[int, Meta(ge=1, le=1 << 20)]
+Shape = Annotated[tuple[Dimension, ...], Meta(min_length=1, max_length=8)]
+Stride = Annotated[int, Meta(ge=1, le=4096)]
+InputSide = Annotated[int, Meta(ge=8, le=4096)]  # px
+Deviation = Annotated[float, Meta(gt=0.0, le=1e6)]
+Text = Annotated[str, Meta(max_length=10_000)]
+Span = tuple[Coordinate, Coordinate]
+
+
+class ClassEntry(Strict):
+    """One class of the detector. mapped: false for what is detected but never mapped: people and
+    pets, what is carried or lies on tables."""
+
+    name: Name
+    mapped: bool = True
+
+
+class InputSpec(Strict):
+    """How a picture becomes the network's input tensor, (1, 3, height, width) float32.
+
+    resize: `stretch` (aspect lost), `letterbox` (centred) or `letterbox_topleft`. pad: the letterbox's
+    grey, 0..255, before scaling. colour: channel order. scale: factor on 0..255 values, then mean and std.
+    """
+
+    name: Name
+    width: InputSide
+    height: InputSide
+    resize: Literal["stretch", "letterbox", "letterbox_topleft"]
+    colour: Literal["rgb", "bgr"]
+    scale: Annotated[float, Meta(gt=0.0, le=1e3)]
+    pad: Annotated[int, Meta(ge=0, le=255)] = 114
+    mean: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    std: tuple[Deviation, Deviation, Deviation] = (1.0, 1.0, 1.0)
+
+
+class HeadSpec(Strict):
+    """One raw detection output of the backbone.
+
+    yolov3: (1, A*(5+C), H, W) logits, anchors (w, h) in input pixels, scale_xy as Darknet's `scale_x_y`.
+    yolox: (1, N, 5+C) for all strides in one tensor, rows ordered stride by stride; scores already sigmoid.
+    dfl: (1, C+32, H, W): class logits, then 8 bins for each side of the box (left, top, right, bottom).
+    """
+
+    name: Name
+    shape: Shape
+    strides: Annotated[tuple[Stride, ...], Meta(min_length=1, max_length=16)]
+    anchors: Annotated[tuple[tuple[Size, Size], ...], Meta(max_length=100)] = ()
+    scale_xy: Annotated[float, Meta(ge=-100.0, le=100.0)] = 1.0
+
+
+class FeatureSpec(Strict):
+    """A backbone output that feeds the odometry: name, shape (1, C, H, W), stride in input pixels."""
+
+    name: Name
+    shape: Shape
+    stride: Stride
+
+
+class FloorSpec(Strict):
+    """The backbone output that labels the floor: probabilities (1, len(labels), H, W), stride in input pixels."""
+
+    name: Name
+    shape: Shape
+    stride: Stride
+    labels: Annotated[tuple[Literal["floor", "wall"], ...], Meta(min_length=1, max_length=2)]
+
+
+class StateSpec(Strict):
+    """A recurrent state tensor: input name, output name, shape; starts filled with `initial`."""
+
+    input: Name
+    output: Name
+    shape: Shape
+    initial: Coordinate = 0.0
+
+
+class DetectorSpec(Strict):
+    """The backbone file and how to read it. decode: the rule that turns heads into boxes. floor: the output that is
+    the floor mask, where it has one."""
+
+    file: FileName
+    input: InputSpec
+    decode: Literal["yolov3", "yolox", "dfl"]
+    heads: Annotated[tuple[HeadSpec, ...], Meta(min_length=1, max_length=16)]
+    features: Annotated[tuple[FeatureSpec, ...], Meta(max_length=16)]
+    classes: Annotated[tuple[ClassEntry, ...], Meta(min_length=1, max_length=10_000)]
+    floor: FloorSpec | None = None
+
+    def outputs(self) -> dict[str, tuple[int, ...]]:
+        """Name and shape of all that the backbone gives."""
+        floor = () if self.floor is None else (self.floor,)
+        return {item.name: item.shape for item in (*self.heads, *floor, *self.features)}
+
+
+class GeometrySpec(Strict):
+    """Names of further tensors of an odometry that knows lens, mount and time (`geometry.flow_cells`).
+
+    cells: input, (1, 8, rows, columns), of cells of `stride` input px. mount: input, (1, 12). dt: input, (1, 1),
+    seconds since the previous frame. covariance: output, (1, 3, 3), of the motion.
+    """
+
+    cells: Name
+    shape: Shape
+    stride: Stride
+    mount: Name
+    dt: Name
+    covariance: Name
+
+
+class OdometryHead(Strict):
+    """A stepwise learned odometry: features and states in, motion and states out.
+
+    feature: the name of the backbone output that it reads. motion: the output's name, (1, 3) float32 holding
+    forward_m, left_m, yaw_rad of the base since the previous frame. trained: false for random weights. geometry: what
+    kind `flow` takes and gives besides. window: frames after which the state starts again from the last frame, because
+    it was trained on clips of so many and runs away beyond; 0 for never.
+    """
+
+    file: FileName
+    kind: Literal["paper", "flow"]
+    feature: Name
+    feature_input: Name
+    motion: Name
+    states: Annotated[tuple[StateSpec, ...], Meta(max_length=16)]
+    parameters: Annotated[int, Meta(ge=0, le=1 << 40)]
+    trained: bool
+    geometry: GeometrySpec | None = None
+    window: Annotated[int, Meta(ge=0, le=1 << 40)] = 0
+    sigma_forward_m: Deviation = 0.05
+    sigma_left_m: Deviation = 0.05
+    sigma_yaw_rad: Deviation = 0.05
+
+
+class Parity(Strict):
+    """What export proved about one file: the largest absolute difference of torch or source model and onnxruntime."""
+
+    max_abs_difference: Size
+    tolerance: Size
+    steps: int
+    cases: int
+
+
+class BundleVariant(Strict):
+    """A file that may run in the detector's place: same inputs, outputs and contract, other numbers inside.
+
+    measured: by export, against the float32 file: pictures, differences, AP50 where there was truth, and time.
+    """
+
+    file: FileName
+    measured: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class Manifest(Strict):
+    """`bundle.json`. sha256: of every other file in the folder, by its relative path.
+
+    variants: by precision, `int8`.
+
+    envelope: camera heights, pitches, fields of view, frame rates and speeds that an odometry was trained on
+    (empty while none is trained). confidence: minimum score of a box unless --confidence is given;
+    sure_confidence: then of one that counts fully towards making an object. measured: figures with their data.
+    sources: where the weights came from.
+    """
+
+    format: str
+    name: Name
+    version: Name
+    detector: DetectorSpec
+    sha256: Annotated[dict[FileName, Sha256], Meta(max_length=100)]
+    odometry: dict[Name, OdometryHead] = msgspec.field(default_factory=dict)
+    variants: dict[Literal["int8"], BundleVariant] = msgspec.field(default_factory=dict)
+    parity: dict[str, Parity] = msgspec.field(default_factory=dict)
+    envelope: dict[Name, Span] = msgspec.field(default_factory=dict)
+    confidence: Share = 0.3
+    sure_confidence: Share = 0.0
+    measured: dict[str, Any] = msgspec.field(default_factory=dict)
+    licence: Text = ""
+    sources: tuple[Text, ...] = ()
+
+
+def contract_metadata(record: DetectorSpec | OdometryHead) -> str:
+    """The contract as it stands in an ONNX file's metadata under `METADATA_KEY`: canonical JSON, file name left out."""
+    document = msgspec.to_builtins(record)
+    document.pop("file")
+    if document.get("floor", "") is None:  # contracts from before there were floor heads
+        document.pop("floor")
+    for volatile in ("trained", "window", "sigma_forward_m", "sigma_left_m", "sigma_yaw_rad"):
+        document.pop(volatile, None)
+    return json.dumps(document, sort_keys=True, separators=(",", ":"))
+
+
+def sha256_file(path: Path) -> str:
+    """Hex SHA-256 of a file, read in pieces."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Read and check `bundle.json`: format, fields, paths that stay inside the folder. Raises BundleError."""
+    path = folder / MANIFEST_NAME
+    if not folder.is_dir():
+        raise BundleError(f"bundle {folder}: no such folder")
+    if not path.is_file():
+        raise BundleError(f"bundle {folder}: no {MANIFEST_NAME} in it")
+    manifest = decode_json(read_bytes(path, MANIFEST_BYTES, BundleError), Manifest, f"bundle {path}", BundleError)
+    if manifest.format != FORMAT:
+        raise BundleError(f"bundle {path}: format {manifest.format!r}, this edgemap reads {FORMAT!r}")
+    parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
+    files = [part.file for part in parts]
+    for name in [*files, *manifest.sha256]:
+        _inside(folder, name)
+    for name in files:
+        if name not in manifest.sha256:
+            raise BundleError(f"bundle {path}: {name} has no sha256")
+    check_shapes(path, manifest)
+    return manifest
+
+
+def check_shapes(path: Path, manifest: Manifest) -> None:
+    """Raises BundleError where a tensor cannot hold what the manifest says of it."""
+    detector = manifest.detector
+    width, height, values = detector.input.width, detector.input.height, 5 + len(detector.classes)
+    shapes = detector.outputs()
+    for part in manifest.odometry.values():
+        shapes |= {state.input: state.shape for state in part.states}
+        shapes |= {part.geometry.cells: part.geometry.shape} if part.geometry else {}
+    for name, shape in shapes.items():
+        if math.prod(shape) > VALUES_LIMIT:
+            raise BundleError(f"bundle {path}: tensor {name} of shape {shape}, at most {VALUES_LIMIT:,} values")
+    if (floor := detector.floor) is not None:
+        expected = (1, len(floor.labels), height // floor.stride, width // floor.stride)
+        if floor.labels not in (("floor",), ("floor", "wall")):
+            raise BundleError(f"bundle {path}: floor mask {floor.name} has labels {floor.labels}, floor is the first")
+        if floor.shape != expected:
+            raise BundleError(
+                f"bundle {path}: floor mask {floor.name} has shape {floor.shape}, {len(floor.labels)} labels at stride "
+                f"{floor.stride} have {expected}"
+            )
+    for head in detector.heads:
+        expected = head.shape
+        if detector.decode == "yolov3":
+            (stride, *others), anchors = head.strides, len(head.anchors)
+            expected = (1, max(anchors, 1) * values, height // stride, width // stride) if not others else ()
+        elif detector.decode == "yolox":
+            expected = (1, sum((height // stride) * (width // stride) for stride in head.strides), values)
+        elif detector.decode == "dfl":
+            (stride, *others) = head.strides
+            rows, columns = -(-height // stride), -(-width // stride)  # 416 px are 7 cells of stride 64
+            expected = (1, values + DFL_CHANNELS - 5, rows, columns) if not others else ()
+        if head.shape != expected:
+            raise BundleError(
+                f"bundle {path}: head {head.name} has shape {head.shape}, {detector.decode} with {len(head.anchors)} "
+                f"anchors, strides {head.strides} and {len(detector.classes)} classes has {expected}"
+            )
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write `bundle.json`, indented for people."""
+    text = msgspec.json.format(msgspec.json.encode(manifest), indent=2)
+    (folder / MANIFEST_NAME).write_bytes(text + b"\n")
+
+
+def _inside(folder: Path, name: str) -> Path:
+    parts = PurePosixPath(name)
+    if parts.is_absolute() or ".." in parts.parts or "\\" in name or not parts.parts or parts.name == MANIFEST_NAME:
+        raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
+    path = folder / parts
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a loop of links
+        inside = False
+    if not inside:
+        raise BundleError(f"bundle {folder}: path {name!r} leaves the bundle's folder")
+    return path
+
+
+def verified_file(folder: Path, manifest: Manifest, name: str) -> Path:
+    """Path of a bundle's file whose sum has been checked. Raises BundleError naming the file where it differs."""
+    path = _inside(folder, name)
+    if not path.is_file():
+        raise BundleError(f"bundle {folder}: file {name} is missing")
+    try:
+        expected, seen = manifest.sha256[name], sha256_file(path)
+    except OSError as error:
+        raise BundleError(f"bundle {folder}: {name} cannot be read ({error.strerror})") from None
+    if seen != expected:
+        raise BundleError(f"bundle {folder}: {name} has sha256 {seen[:12]}…, manifest says {expected[:12]}…: damaged")
+    return path

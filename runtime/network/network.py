@@ -1,0 +1,73 @@
+"""One network of a bundle, whichever engine runs it, and what was decided of that."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.runtime.frames.decisions import Engine
+
+Tensors = dict[str, NDArray[np.float32]]
+Shapes = dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Compute:
+    """How a network computes. spin: idle threads wait in circles, which answers sooner and burns the cores.
+
+    engine: openvino computes with float32 numbers as onnxruntime does, openvino-bf16 with numbers of 16 bits.
+    """
+
+    threads: int = 1
+    spin: bool = False
+    engine: Engine = "onnxruntime"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Network:
+    """An ONNX file, ready to run. inputs, outputs: name to shape, all static. infer: outputs in that order."""
+
+    inputs: Shapes
+    outputs: Shapes
+    infer: Callable[[Tensors], Sequence[NDArray[np.float32]]]
+
+    def run(self, tensors: Tensors) -> Tensors:
+        """Run once: float32 inputs by name to float32 outputs by name."""
+        return dict(zip(self.outputs, self.infer(tensors), strict=True))
+
+    def zeros(self) -> Tensors:
+        """Inputs to time it with."""
+        return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
+
+    def error(self, reference: "Network", largest: float = 255.0) -> float:
+        """How far the outputs are from another engine's: the worst output's RMS over its standard deviation.
+
+        Both see the same random inputs from 0 to the largest: a picture's.
+        """
+        random = np.random.default_rng(0)
+        tensors = {name: random.uniform(0, largest, shape).astype(np.float32) for name, shape in self.inputs.items()}
+        expected, found = reference.run(tensors), self.run(tensors)
+        return max(float(np.sqrt(np.mean((found[k] - v) ** 2)) / (v.std() + 1e-6)) for k, v in expected.items())
+
+
+def with_padding(cut: Network, padding: Tensors, above: float = 0.0) -> Network:
+    """The cut network whose outputs named in `padding`, features (1, C, H, W) of all rows, are filled up with those.
+
+    above: share of all rows that is left out above.
+    So an odometry head reads what it was trained on. Two pictures' features exist at a time: those of the frame before
+    the last one are written over.
+    """
+    names = list(cut.outputs)
+    places = [(names.index(name), [whole.copy(), whole.copy()]) for name, whole in padding.items()]
+
+    def infer(tensors: Tensors) -> Sequence[NDArray[np.float32]]:
+        outputs = list(cut.infer(tensors))
+        for at, buffers in places:
+            buffers.reverse()
+            first = round(above * buffers[0].shape[2])
+            buffers[0][:, :, first : first + outputs[at].shape[2]] = outputs[at]
+            outputs[at] = buffers[0]
+        return outputs
+
+    return replace(cut, outputs=cut.outputs | {name: whole.shape for name, whole in padding.items()}, infer=infer)

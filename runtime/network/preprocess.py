@@ -1,0 +1,103 @@
+"""A picture becomes the network's input tensor, and boxes find their way back."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.odometry.flow_cells import CellGrid
+from edgemap.runtime.network.manifest import InputSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Placement of the picture inside the input tensor: size and offset in input px, and the picture's own size."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+    image_width: int
+    image_height: int
+
+    def to_image(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Boxes (N, 4) xyxy from input px to picture px, clipped to the picture.
+
+        Both count px from the outer edge of the first one, as Darknet and YOLOX do.
+        """
+        scale = np.array([self.image_width / self.width, self.image_height / self.height] * 2)
+        moved = (boxes - np.array([self.left, self.top] * 2)) * scale
+        limit = np.array([self.image_width, self.image_height] * 2, dtype=np.float64)
+        return np.clip(moved, 0.0, limit)
+
+
+def place(spec: InputSpec, image_width: int, image_height: int) -> Placement:
+    """Where a picture of this size goes under the input's resize rule (sizes cut to whole px, as in Darknet)."""
+    if spec.resize == "stretch":
+        return Placement(spec.width, spec.height, 0, 0, image_width, image_height)
+    scale = min(spec.width / image_width, spec.height / image_height)
+    width = max(1, min(spec.width, int(image_width * scale + 1e-9)))
+    height = max(1, min(spec.height, int(image_height * scale + 1e-9)))
+    left, top = (spec.width - width) // 2, (spec.height - height) // 2
+    if spec.resize == "letterbox_topleft":
+        left = top = 0
+    return Placement(width, height, left, top, image_width, image_height)
+
+
+EDGE_PX = 8  # of padding beside the picture that its features of stride 4 see, rather than the zeros beyond an input
+
+
+def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -> tuple[int, int]:
+    """The first row of the input that a picture of this size reaches and how many, in whole cells of a stride: the rest
+    is padding, but for some that show in the features of the picture's edge. Of a centred letterbox as many are left
+    out above as below, so that the picture stays in its middle."""
+    if spec.resize == "stretch":
+        return 0, spec.height
+    where = place(spec, image_width, image_height)
+    height = math.ceil(image_height * min(spec.width / image_width, spec.height / image_height) - 1e-9)  # not cut
+    below = max(spec.height - where.top - height - EDGE_PX, 0) // stride * stride
+    if spec.resize == "letterbox_topleft":
+        return 0, spec.height - below
+    above = min(max(where.top - EDGE_PX, 0) // stride * stride, below)
+    return above, spec.height - 2 * above
+
+
+def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> CellGrid:
+    """Cells of `stride` input px over the whole input, for a picture of this size."""
+    where = place(spec, image_width, image_height)
+    scale = where.width / image_width, where.height / image_height
+    rows, columns = spec.height // stride, spec.width // stride
+    return CellGrid(rows, columns, stride, scale, where.left, where.top, where.width, where.height)
+
+
+class Preprocessor:
+    """Fills one reused input tensor, (1, 3, H, W) float32, from BGR uint8 pictures."""
+
+    def __init__(self, spec: InputSpec) -> None:
+        self.spec = spec
+        self._canvas = np.full((spec.height, spec.width, 3), spec.pad, dtype=np.uint8)
+        self._placement: Placement | None = None
+        std = np.array(spec.std, dtype=np.float32)
+        self._factor = (np.float32(spec.scale) / std)[:, None, None]
+        self._offset = (np.array(spec.mean, dtype=np.float32) / std)[:, None, None]
+        self._tensor = np.zeros((1, 3, spec.height, spec.width), dtype=np.float32)
+
+    def __call__(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], Placement]:
+        """The tensor, valid until the next call, and the placement that leads boxes back."""
+        height, width = image.shape[:2]
+        where = self._placement
+        if where is None or (where.image_width, where.image_height) != (width, height):
+            where = self._placement = place(self.spec, width, height)
+            self._canvas[:] = self.spec.pad
+        region = self._canvas[where.top : where.top + where.height, where.left : where.left + where.width]
+        region[:] = cv2.resize(image, (where.width, where.height), interpolation=cv2.INTER_LINEAR)
+        planes = cv2.split(self._canvas)
+        for channel, plane in enumerate(planes[::-1] if self.spec.colour == "rgb" else planes):
+            self._tensor[0, channel] = plane
+        if np.any(self._factor != 1.0):
+            self._tensor[0] *= self._factor
+        if np.any(self._offset != 0.0):
+            self._tensor[0] -= self._offset
+        return self._tensor, where

@@ -1,0 +1,207 @@
+"""The cache on this machine: where bundles and downloads lie, how a bundle gets in, and which one is the default."""
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from urllib.parse import quote
+
+import platformdirs
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.errors import BundleError
+from edgemap.runtime.frames.reading import user_path
+from edgemap.runtime.network.download import download
+from edgemap.runtime.network.manifest import MANIFEST_BYTES, MANIFEST_NAME, read_manifest, verified_file
+
+BUNDLE_BYTES = 1 << 30  # of all files of a bundle together
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+RENDERED, LENS = "edgemap-nano", "edgemap-pico"
+RENDERED_KINDS = ("sim", "drive")
+RECORDED_DEPTH = 3
+SIMULATION_FILE = "simulation.json"  # lies in what `edgemap simulate` writes
+
+
+def cache_folder() -> Path:
+    """`$EDGEMAP_CACHE`, or the user's cache folder for edgemap."""
+    return Path(os.environ.get("EDGEMAP_CACHE") or platformdirs.user_cache_path("edgemap"))
+
+
+def downloads_folder() -> Path:
+    """Where fetched files lie."""
+    return cache_folder() / "downloads"
+
+
+def bundle_folder(name: str) -> Path:
+    """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name.
+
+    A name is looked up among the bundles that come with the package, then in the cache: what was put there under a
+    shipped name may be of an earlier version (`passed_over`).
+    """
+    path = user_path(name)
+    if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
+        return path
+    shipped = _shipped_folder() / name
+    return shipped if (shipped / MANIFEST_NAME).is_file() else cache_folder() / "bundles" / name
+
+
+def passed_over(name: str) -> Path | None:
+    """The bundle in the cache whose name is that of another one that comes with the package, and is therefore not used.
+
+    Raises BundleError where either has no manifest that can be read.
+    """
+    if not _NAME.fullmatch(name):
+        return None
+    cached, shipped = cache_folder() / "bundles" / name, _shipped_folder() / name
+    if not all((folder / MANIFEST_NAME).is_file() for folder in (cached, shipped)):
+        return None
+    return None if read_manifest(cached).sha256 == read_manifest(shipped).sha256 else cached
+
+
+def install_folder(folder: Path) -> Path:
+    """Copy a finished bundle into the cache under its own name, every file checked. Raises BundleError."""
+    manifest = read_manifest(folder)
+    target = _place(manifest.name, str(folder))
+    if target.exists() and target.resolve() == folder.resolve():
+        return target
+    with staged(target) as stage:
+        for name in manifest.sha256:
+            with _written(stage / name):
+                shutil.copyfile(verified_file(folder, manifest, name), stage / name)
+            verified_file(stage, manifest, name)
+        shutil.copyfile(folder / MANIFEST_NAME, stage / MANIFEST_NAME)
+    return target
+
+
+def install_url(url: str, progress: bool = True) -> Path:
+    """Fetch a finished bundle from the folder at `url` (or its bundle.json) into the cache, every file checked.
+
+    Raises BundleError or DownloadError; the cache is left as it was.
+    """
+    base = url.removesuffix(MANIFEST_NAME).rstrip("/")
+    with tempfile.TemporaryDirectory() as name:
+        page = download(
+            f"{base}/{MANIFEST_NAME}", Path(name) / MANIFEST_NAME, maximum_bytes=MANIFEST_BYTES, progress=False
+        )
+        manifest, text = read_manifest(page.parent), page.read_bytes()
+    target = _place(manifest.name, url)
+    with staged(target) as stage:
+        left = BUNDLE_BYTES
+        for name, expected in manifest.sha256.items():
+            fetched = download(
+                f"{base}/{quote(name)}",
+                downloads_folder() / expected,
+                sums=(expected,),
+                maximum_bytes=left,
+                progress=progress,
+            )
+            left -= fetched.stat().st_size
+            with _written(stage / name):
+                shutil.move(fetched, stage / name)
+        (stage / MANIFEST_NAME).write_bytes(text)
+    return target
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[None]:
+    """Makes the file's folder; what goes wrong while the file is written is a BundleError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise BundleError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+@contextmanager
+def staged(target: Path) -> Iterator[Path]:
+    """An empty folder beside `target` that takes its place in one rename when the block ends well, and else goes.
+
+    Raises BundleError where `target` holds something that is no bundle: that is never overwritten.
+    """
+    if target.exists() and not (target.is_dir() and (not any(target.iterdir()) or (target / MANIFEST_NAME).is_file())):
+        raise BundleError(f"{target} exists and is no bundle: left alone")
+    stage = target.parent / f".{target.name}.{os.getpid()}.new"
+    old = target.parent / f".{target.name}.{os.getpid()}.old"
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(stage, ignore_errors=True)
+        stage.mkdir()
+    except OSError as error:
+        raise BundleError(f"{target}: cannot be written ({error.strerror})") from None
+    try:
+        yield stage
+        if target.exists():
+            target.rename(old)
+        try:
+            stage.rename(target)
+        except OSError:
+            if old.exists():
+                old.rename(target)
+            raise
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _shipped_folder() -> Path:
+    return Path(str(files("edgemap.models")))
+
+
+def shipped_bundles() -> list[str]:
+    """Names of the bundles that come with the package, the default ones first."""
+    found = (path.parent.name for path in _shipped_folder().glob(f"*/{MANIFEST_NAME}"))
+    return sorted(found, key=lambda name: (name not in (LENS, RENDERED), name))
+
+
+def shipped_heads(name: str) -> list[Path]:
+    """Trained odometry heads for a backbone that come with the package: `models/heads/NAME.KIND.pt`."""
+    return sorted((_shipped_folder() / "heads").glob(f"{name}.*.pt"))
+
+
+def _place(name: str, source: str) -> Path:
+    if not _NAME.fullmatch(name):
+        raise BundleError(f"bundle {source}: its name {name!r} is no file name")
+    return cache_folder() / "bundles" / name
+
+
+def default_bundle(*specs: str) -> tuple[str, str]:
+    """The bundle's name for sources `SPEC...`, and why: `edgemap-nano` only where every one of them is rendered.
+
+    `demo`, `sim:SEED` and `drive:DIR` count as rendered, as do a recording of one of them and pictures that
+    `edgemap simulate` wrote.
+    """
+    real = next((spec for spec in specs if not _is_rendered(_recorded_from(spec))), None)
+    if real is None:
+        return RENDERED, f"trained for rendered pictures, as those of {', '.join(specs[:3])}"
+    return LENS, f"trained for real cameras, as {real} is"
+
+
+def _is_rendered(spec: str) -> bool:
+    kind, _, folder = spec.partition(":")
+    return spec == "demo" or kind in RENDERED_KINDS or bool(folder and (Path(folder) / SIMULATION_FILE).is_file())
+
+
+def _recorded_from(spec: str) -> str:
+    """SPEC of the camera that a recording of ours was made with, through recordings of recordings; else as it is."""
+    for _ in range(RECORDED_DEPTH):  # a file may name itself
+        if not spec.partition("#")[0].endswith(".mcap"):
+            break
+        spec = _camera_of(spec) or ""
+    return spec
+
+
+def _camera_of(spec: str) -> str | None:
+    """What a recording says that it was made with; None for one that is not ours, or broken."""
+    from edgemap.runtime.inputs.recordings.facts import RECORD
+    from edgemap.runtime.inputs.recordings.reader import McapReading
+
+    try:
+        recording = McapReading(user_path(spec.partition("#")[0]))
+    except EdgemapError:  # opening the camera says what is wrong with it
+        return None
+    recording.close()
+    return recording.metadata.get(RECORD, {}).get("camera")

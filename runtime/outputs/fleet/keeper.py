@@ -1,0 +1,379 @@
+"""`edgemap fleet serve`: keeps the merged map of a place from the latest map of each robot."""
+
+import hashlib
+import json
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.place import (
+    Alignments,
+    MergeBudget,
+    MergedRobot,
+    MergeStopped,
+    PlaceMap,
+    RobotMap,
+    merge_place,
+)
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.frames.reading import Coordinate, decode_json, one_line
+from edgemap.runtime.outputs.fleet.network import (
+    MESSAGE_BYTES,
+    NAME,
+    name_of,
+    open_session,
+    packed,
+    place_key,
+    robot_of,
+    rounded,
+    unpacked_map,
+)
+from edgemap.runtime.step.map_file import load_annotated_map, map_document, read_map, save_map
+
+MAXIMUM_ROBOTS = 100  # of a place; of one robot's map see `network.MAXIMUM_OBJECTS`
+LARGEST_M, MAXIMUM_COUNTED = 1000.0, 1 << 20  # so that what is merged stays within what a map may hold: a day at 10 Hz
+MAXIMUM_VIEWS, MAXIMUM_LABELS = 100, 10  # of an object of one robot; the merged one may have 10,000 and 1,000
+LONGEST_LABEL = 80  # letters
+ROUTER_S = 10.0  # for which a router is waited for
+MAXIMUM_BYTES = {"map": MESSAGE_BYTES, "pose": 1000}
+TURN_OBJECTS = 3000  # taken in before a merge: the robots that have cost least lately come first
+PASSES = 3  # of one update, where a robot costs so much that others wait for it: then it joins last
+EXPIRES_S = {"apart": 86_400.0, "merged": 30 * 86_400.0}  # away for so long, a robot's map goes
+STRANGERS = 20  # messages of nobody that are remembered, for one line each
+
+
+class _PoseMessage(msgspec.Struct):
+    x_m: Coordinate
+    y_m: Coordinate
+    yaw_rad: Coordinate
+
+
+@dataclass(slots=True)
+class Robot:
+    """The state of one robot. restarted: since its latest map, which stays while it has more than the new one.
+    came_s: clock of its last map; heard_s: of its last word. refused: why its last message was not taken; culprit: key
+    of a map of it with which the merged one was none."""
+
+    here: bool = False
+    restarted: bool = False
+    latest: RobotMap | None = None
+    pose: SE2 | None = None
+    came_s: float | None = None
+    heard_s: float = 0.0
+    refused: str = ""
+    culprit: str = ""
+
+
+class _Inbox:
+    """The newest message of each robot and kind, put in by zenoh's threads: bounded, whatever comes."""
+
+    def __init__(self, names: Collection[str]) -> None:
+        self._names, self._lock = dict.fromkeys(names, True), threading.Lock()  # whether the keeper has its map
+        self._newest: dict[tuple[str, str], bytes] = {}
+
+    def put(self, kind: str, name: str, message: bytes) -> None:
+        """Keep it in place of the one before, where there is room for the robot: who brings a map takes the room of one
+        that never did."""
+        with self._lock:
+            if name not in self._names:
+                if len(self._names) >= MAXIMUM_ROBOTS:
+                    empty = next((one for one, known in self._names.items() if not known), None)
+                    if kind != "map" or empty is None:
+                        return
+                    self._forget(empty)
+                self._names[name] = False
+            self._newest[kind, name] = message
+
+    def take(self) -> dict[tuple[str, str], bytes]:
+        """All that has come, by kind (`here`, `map`, `pose`) and robot."""
+        with self._lock:
+            taken, self._newest = self._newest, {}
+            return taken
+
+    def put_back(self, kind: str, name: str, message: bytes) -> None:
+        """Not taken in this turn; a newer one goes before it."""
+        with self._lock:
+            self._newest.setdefault((kind, name), message)
+
+    def has_map(self, name: str) -> None:
+        """The keeper has accepted a map of this robot and keeps its slot."""
+        with self._lock:
+            self._names[name] = True
+
+    def forget(self, name: str) -> None:
+        """The robot's room is free."""
+        with self._lock:
+            self._forget(name)
+
+    def knows(self, name: str) -> bool:
+        """Whether the robot still has room here."""
+        with self._lock:
+            return name in self._names
+
+    def _forget(self, name: str) -> None:
+        self._names.pop(name, None)
+        for key in [key for key in self._newest if key[1] == name]:
+            del self._newest[key]
+
+
+class PlaceKeeper:
+    """Takes each robot's latest map, and merges when `update` is called; `folder/map.json` is the place's.
+
+    Robots' maps are kept in `folder/robots/NAME.json`, so that a robot that is away stays in the map, through a
+    restart too, for a month (a day where its map fits nowhere). A damaged or too large message is refused with the
+    reason; the map before it stays. What one robot may cost is bounded, by turns at taking messages in and by a
+    `MergeBudget`; a robot whose map makes the merged one none is left out by name.
+    Raises PublishError, MissingExtraError, MapError for a map in the folder that is none, or DiskError.
+    """
+
+    def __init__(
+        self, place: str, folder: Path, connect: str = "", listen: str = "", reference: Path | None = None
+    ) -> None:
+        self.place, self.folder = name_of(place, "place"), folder
+        self.robots: dict[str, Robot] = {}
+        self.merged = PlaceMap()
+        self._reference = _robot_map(*load_annotated_map(reference)) if reference else None
+        self._alignments: Alignments = {}
+        self._stale = True
+        self._budget, self._arrivals, self._began_s = MergeBudget(), 0, time.monotonic()
+        self._cost: Counter[str] = Counter()  # bytes that each robot sent lately, halved at every update
+        self._good: frozenset[str] = frozenset()  # robots of the last map that was one
+        self.strangers: list[str] = []  # what came with keys of no robot
+        try:
+            (folder / "robots").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DiskError(f"{folder}/robots: cannot be made ({error.strerror})") from None
+        for path in sorted((folder / "robots").glob("*.json"))[:MAXIMUM_ROBOTS]:
+            if NAME.fullmatch(path.stem):
+                self.robots[path.stem] = Robot(latest=_robot_map(*load_annotated_map(path)))
+        self._inbox = _Inbox(self.robots)
+        self._session: Any = open_session(connect, listen, wait_s=None if listen else ROUTER_S)
+        root = place_key(place)
+        self._key, self._document = f"{root}/map", packed(self.document())
+        alive = self._session.liveliness()
+        self._declared = [
+            self._session.declare_subscriber(f"{root}/robots/*/map", self._on_message),
+            self._session.declare_subscriber(f"{root}/robots/*/pose", self._on_message),
+            alive.declare_subscriber(f"{root}/robots/*", self._on_alive, history=True),
+            self._session.declare_queryable(self._key, self._on_question),
+            alive.declare_token(f"{root}/keeper"),
+        ]
+        self._publisher = self._session.declare_publisher(self._key)
+
+    def update(self, stopped: Callable[[], bool] = lambda: False) -> bool:
+        """Take in what has come; merge, save and publish where that changes the map. Whether it did.
+
+        stopped: asked again and again; where it is true the map stays as it was until the next update. Raises
+        DiskError, or MapError where no merged map is one that a map may be; the file stays then.
+        """
+        self._take_in(stopped)
+        if stopped():
+            return False
+        self._expire()
+        changed, self._stale = self._stale, False
+        if changed:
+            try:
+                self.merged, text = self._merge(stopped)
+            except MergeStopped:
+                self._stale = True
+                return False
+            write_atomically(self.folder / "map.json", text)
+        self._document = packed(self.document())
+        if changed:
+            self._publisher.put(self._document)
+        return changed
+
+    def _take_in(self, stopped: Callable[[], bool]) -> None:
+        """Messages, those of robots that cost least lately first, as many as a turn has room for."""
+        room, now_s = TURN_OBJECTS, time.monotonic()
+        taken = self._inbox.take()
+        for kind, name in sorted(taken, key=lambda key: (key[0] == "map", self._cost[key[1]])):
+            message = taken[kind, name]
+            if room <= 0 or stopped():
+                self._inbox.put_back(kind, name, message)
+                continue
+            robot = self.robots.setdefault(name, Robot())
+            robot.heard_s = now_s
+            self._cost[name] += len(message)
+            try:
+                room -= self._take(kind, name, robot, message)
+            except DiskError:
+                raise
+            except MapError as error:
+                robot.refused = str(error)
+        self._cost = Counter({name: cost // 2 for name, cost in self._cost.items() if cost > 1})
+
+    def _expire(self) -> None:
+        """Robots that are away for too long, and names without a map whose slot was given away."""
+        now_s = time.monotonic()
+        for name, robot in list(self.robots.items()):
+            if robot.latest is None:
+                if not self._inbox.knows(name):
+                    del self.robots[name]
+                continue
+            member = self.merged.members.get(name)
+            state = "merged" if member and member.pose_place_map is not None else "apart"
+            if not robot.here and now_s - max(robot.heard_s, self._began_s) > EXPIRES_S[state]:
+                del self.robots[name]
+                self._inbox.forget(name)
+                (self.folder / "robots" / f"{name}.json").unlink(missing_ok=True)
+                self._stale = True
+
+    def _merge(self, stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
+        """The merged map and its text; robots with which it is none are left out, each with the reason."""
+        latest = {
+            name: robot.latest
+            for name, robot in self.robots.items()
+            if robot.latest is not None and robot.latest.key != robot.culprit
+        }
+        try:
+            return self._merged(latest, stopped)
+        except MergeStopped:
+            raise
+        except MapError as error:
+            reason = error
+        good: dict[str, RobotMap] = {}
+        done: tuple[PlaceMap, str] | None = None
+        order = sorted(latest, key=lambda name: (name not in self._good, self._budget.arrived.get(name, 0), name))
+        for name in order:  # those of the last good map first, then as they came
+            try:
+                done = self._merged(good | {name: latest[name]}, stopped)
+            except MergeStopped:
+                raise
+            except MapError as error:
+                self.robots[name].culprit = latest[name].key
+                self.robots[name].refused = f"left out, with it the merged map is none: {error}"
+            else:
+                good[name] = latest[name]
+        if done is None:
+            raise reason
+        return done
+
+    def _merged(self, latest: dict[str, RobotMap], stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
+        """Raises MapError where the merged map holds what no map may hold, or MergeStopped."""
+        self._budget.stopped = stopped
+        for _ in range(PASSES):  # who costs much joins last from the second on, and the others no longer wait
+            merged = merge_place(latest, self._reference, self._alignments, self._budget)
+            if not self._budget.waiting:
+                break
+        text = json.dumps(self._document_of(merged), indent=1) + "\n"
+        read_map(text.encode(), f"map of {self.place}")  # robots may send any numbers; what is saved can be read
+        self._stale, self._good = bool(self._budget.waiting), frozenset(latest)
+        return merged, text
+
+    def document(self) -> dict[str, Any]:
+        """The place's map as `map.json` holds it, and `fleet`: what became of each robot's map."""
+        return self._document_of(self.merged)
+
+    def _document_of(self, merged: PlaceMap) -> dict[str, Any]:
+        robots = {name: self._robot_document(name, robot, merged) for name, robot in sorted(self.robots.items())}
+        document = map_document(list(merged.objects), merged.annotations)
+        return document | {"fleet": {"place": self.place, "robots": robots}}
+
+    def close(self) -> None:
+        """Leave; the folder stays."""
+        self._session.close()
+
+    def _robot_document(self, name: str, robot: Robot, merged: PlaceMap) -> dict[str, Any]:
+        member = merged.members.get(name, MergedRobot(None, reason="no map of it yet"))
+        document: dict[str, Any] = {"here": robot.here, "objects": len(robot.latest.objects) if robot.latest else 0}
+        document |= {"map_age_s": round(time.monotonic() - robot.came_s, 1)} if robot.came_s is not None else {}
+        if member.pose_place_map is None:
+            document |= {"apart": member.reason}
+        else:
+            document |= {
+                "pairs": member.pairs,
+                "shared": member.shared,
+                "pose_place_map": rounded(member.pose_place_map),
+            }
+            if robot.pose is not None:
+                document |= {"pose_place_base": rounded(member.pose_place_map @ robot.pose)}
+        return document | ({"refused": robot.refused} if robot.refused else {})
+
+    def _take(self, kind: str, name: str, robot: Robot, message: bytes) -> int:
+        """Take in one message; how many objects it brought. Raises MapError where it is none of ours, DiskError where
+        it cannot be kept."""
+        source = f"{kind} of {name}"
+        if kind == "here":
+            robot.restarted |= bool(message) and not robot.here
+            robot.here, self._stale = bool(message), self._stale or robot.here != bool(message)
+            return 0
+        if kind == "pose":
+            pose = decode_json(message, _PoseMessage, source, MapError)
+            robot.pose = SE2(pose.x_m, pose.y_m, pose.yaw_rad)
+            return 0
+        objects, annotations = unpacked_map(message, source)
+        for item in objects:
+            if (
+                max(*abs(item.position_m), *item.covariance_m2.diagonal() ** 0.5) > LARGEST_M
+                or item.count > MAXIMUM_COUNTED
+                or max(len(item.label), len(item.id)) > LONGEST_LABEL
+            ):
+                raise MapError(
+                    f"{source}: {item.id[:LONGEST_LABEL]} lies, or is unsure by, more than {LARGEST_M:g} m, is seen "
+                    "too often, or has too long a name"
+                )
+        objects = [
+            replace(
+                item,
+                seen_from_m=_some(item.seen_from_m),
+                labels=dict(sorted(item.labels.items(), key=lambda pair: -pair[1])[:MAXIMUM_LABELS]),
+            )
+            if len(item.labels) > MAXIMUM_LABELS or len(item.seen_from_m) > MAXIMUM_VIEWS
+            else item
+            for item in objects
+        ]
+        robot.refused, robot.came_s, latest = "", time.monotonic(), _robot_map(objects, annotations)
+        before = 0 if robot.latest is None else len(robot.latest.objects)
+        if robot.restarted and len(objects) < before:
+            robot.refused = (
+                f"{len(objects)} objects since it started again: its map of {before} stays until it has as many"
+            )
+            return len(objects)
+        robot.restarted = False
+        if robot.latest is None or robot.latest.key != latest.key:
+            robot.latest, self._stale = latest, True
+            self._budget.arrived[name] = self._arrivals = self._arrivals + 1
+            self._inbox.has_map(name)
+            save_map(self.folder / "robots" / f"{name}.json", objects, annotations)
+        return len(objects)
+
+    # On zenoh's threads.
+
+    def _on_message(self, sample: Any) -> None:
+        key = str(sample.key_expr)
+        kind = key.rpartition("/")[2]
+        if (name := robot_of(key)) and len(sample.payload) <= MAXIMUM_BYTES.get(kind, -1):
+            self._inbox.put(kind, name, sample.payload.to_bytes())
+        elif len(self.strangers) < STRANGERS:
+            size = f"{len(sample.payload):,} bytes"
+            self.strangers.append(f"a message of {size} with the key {one_line(key, 80)} is no robot's: ignored")
+
+    def _on_alive(self, sample: Any) -> None:
+        import zenoh
+
+        key, here = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+        if name := robot_of(key):
+            self._inbox.put("here", name, b"1" if here else b"")
+
+    def _on_question(self, query: Any) -> None:
+        query.reply(self._key, self._document)
+
+
+def _robot_map(objects: list[Any], annotations: Any) -> RobotMap:
+    text = json.dumps(map_document(objects, annotations), sort_keys=True)
+    return RobotMap(hashlib.sha256(text.encode()).hexdigest(), tuple(objects), annotations.zones)
+
+
+def _some(views: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """At most `MAXIMUM_VIEWS` of the places, evenly."""
+    return views if len(views) <= MAXIMUM_VIEWS else views[:: -(-len(views) // MAXIMUM_VIEWS)]

@@ -1,0 +1,176 @@
+"""Where a fleet meets: names, keys and sessions of zenoh, its messages, and the merged map asked of its keeper."""
+
+import json
+import os
+import re
+import tempfile
+import time
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.frames.reading import Coordinate, Name, decode_json
+from edgemap.runtime.step.map_file import read_map
+
+ROOT, PORT, USER = "edgemap/fleet", 7447, "edgemap"
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", re.ASCII)
+MESSAGE_BYTES, MAP_BYTES = 512 << 10, 16 << 20  # as sent, and once inflated
+ROBOT_BYTES, MAXIMUM_OBJECTS = 4 << 20, 1000  # of one robot's map: inflated, and objects
+SECRET = "EDGEMAP_FLEET_SECRET"  # of the environment: who does not have it is let in by nobody
+PATIENCE_S, ASK_S = 5.0, 1.0
+Pose = tuple[Coordinate, Coordinate, Coordinate]
+
+
+def name_of(text: str, what: str) -> str:
+    """A robot's or a place's name: one part of a key, and of a file's name. Raises PublishError."""
+    if not NAME.fullmatch(text):
+        said = "a name has 1 to 64 of A-Z a-z 0-9 _ . - and begins with a letter or digit"
+        raise PublishError(f"{what} {text[:70]!r}: {said}")
+    return text
+
+
+def place_key(place: str) -> str:
+    """`PLACE/map` is the merged map, `PLACE/keeper` who keeps it, and `PLACE/robots/NAME/map` and `/pose` a robot's."""
+    return f"{ROOT}/{place}"
+
+
+def robot_of(key: str) -> str | None:
+    """The robot that a key `…/robots/NAME` or `…/robots/NAME/map` is about."""
+    name = key.partition("/robots/")[2].partition("/")[0]
+    return name if NAME.fullmatch(name) else None
+
+
+def open_session(connect: str = "", listen: str = "", wait_s: float | None = None) -> Any:
+    """A zenoh session: a router that listens on an address (`127.0.0.1:7447`), or a peer that connects to one.
+
+    A peer need not find anybody there: it connects in the background, again and again. wait_s: connect as a client,
+    which other clients and peers reach through a router, and give up after so long. Where ZENOH_CONFIG names a file
+    that file says all of this, and encryption and who may do what besides. Else EDGEMAP_FLEET_SECRET, where it is set,
+    is what all must know: zenoh's own challenge and response, by which it is not sent; messages are not encrypted.
+    Raises PublishError, or MissingExtraError.
+    """
+    need("fleet", "--fleet", ("zenoh",))
+    import zenoh
+
+    given = os.environ.get("ZENOH_CONFIG")
+    try:
+        config = zenoh.Config.from_file(given) if given else zenoh.Config()
+        options = {} if given else {
+            "mode": "router" if listen else "peer" if wait_s is None else "client",
+            "scouting/multicast/enabled": False,
+            "scouting/gossip/enabled": False,
+            "listen/endpoints": [f"tcp/{listen}"] if listen else [],
+            "connect/endpoints": [f"tcp/{connect}"] if connect else [],
+            "connect/timeout_ms": -1 if wait_s is None else round(1e3 * wait_s),
+            "connect/exit_on_failure": wait_s is not None,
+            "transport/link/rx/max_message_size": MESSAGE_BYTES + 4096,
+        }  # fmt: skip
+        secret = "" if given else os.environ.get(SECRET, "")
+        with _passwords(secret) as path:
+            if secret:
+                user = {"user": USER, "password": secret, "dictionary_file": path}
+                options |= {f"transport/auth/usrpwd/{key}": value for key, value in user.items()}
+            for key, value in options.items():
+                config.insert_json5(key, json.dumps(value))
+            return zenoh.open(config)
+    except zenoh.ZError as error:
+        line = str(error).split(" at ")[0]
+        where = f"listening on {listen}" if listen else f"connecting to {connect}"
+        raise PublishError(f"fleet, {where}: {line}") from None
+
+
+@contextmanager
+def _passwords(secret: str) -> Iterator[str]:
+    """zenoh's file of user and password, for as long as it is read. Raises PublishError for what cannot stand in it."""
+    if secret and not re.fullmatch(r"[\x21-\x39\x3b-\x7e]{8,200}", secret):
+        raise PublishError(f"{SECRET} must be 8 to 200 printable ASCII characters without spaces and colons")
+    with tempfile.TemporaryDirectory(prefix="edgemap-") as folder:  # only this user may enter it
+        path = Path(folder) / "passwords"
+        if secret:
+            path.write_text(f"{USER}:{secret}\n")
+        yield str(path)
+
+
+def rounded(pose: SE2) -> list[float]:
+    """x, y and yaw as in messages: to a millimetre and a tenth of a milliradian."""
+    return [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 4)]
+
+
+def packed(document: dict[str, Any]) -> bytes:
+    """A document as a message: compact JSON, deflated."""
+    return zlib.compress(json.dumps(document, separators=(",", ":")).encode(), 6)
+
+
+def unpacked(message: bytes, source: str, limit: int = MAP_BYTES) -> bytes:
+    """The JSON text of a message. Raises MapError where it is too large, or damaged."""
+    if len(message) > MESSAGE_BYTES:
+        raise MapError(f"{source}: a message of {len(message):,} bytes, at most {MESSAGE_BYTES:,} are read")
+    inflate = zlib.decompressobj()
+    try:
+        text = inflate.decompress(message, limit)
+    except zlib.error as error:
+        raise MapError(f"{source}: a damaged message ({error})") from None
+    if not inflate.eof:
+        raise MapError(f"{source}: a message that is cut off, or of more than {limit:,} bytes once inflated")
+    return text
+
+
+def unpacked_map(message: bytes, source: str) -> tuple[list[MapObject], Annotations]:
+    """A robot's map as it came, every value checked, and nothing made of one that is too large. Raises MapError."""
+    return read_map(unpacked(message, source, ROBOT_BYTES), source, MAXIMUM_OBJECTS)
+
+
+class _Robot(msgspec.Struct):
+    here: bool
+    objects: int
+    pairs: int = 0
+    shared: int = 0
+    map_age_s: float | None = None
+    pose_place_map: Pose | None = None
+    pose_place_base: Pose | None = None
+    apart: Annotated[str, Meta(max_length=1000)] | None = None
+    refused: Annotated[str, Meta(max_length=1000)] | None = None
+
+
+class _Fleet(msgspec.Struct):
+    place: Name
+    robots: dict[Name, _Robot]
+
+
+class _Document(msgspec.Struct):
+    objects: list[Any]
+    fleet: _Fleet
+
+
+def place_document(place: str, address: str) -> tuple[dict[str, Any], bytes]:
+    """`map.json` of a place as it is now, checked, and its text.
+
+    Raises PublishError where nobody is there or answers within five seconds, MapError for an answer that is no map, or
+    MissingExtraError.
+    """
+    session = open_session(connect=address, wait_s=PATIENCE_S)
+    try:
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s:
+            for reply in session.get(f"{place_key(name_of(place, 'place'))}/map", timeout=ASK_S):
+                if reply.ok is not None:
+                    source = f"map of {place}"
+                    text = unpacked(reply.ok.payload.to_bytes(), source)
+                    read_map(text, source)
+                    decode_json(text, _Document, source, MapError)
+                    return json.loads(text), text
+            time.sleep(0.1)
+    finally:
+        session.close()
+    raise PublishError(f"nobody keeps the map of {place} at {address} (no answer within {PATIENCE_S:.0f} s)")

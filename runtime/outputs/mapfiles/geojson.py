@@ -1,0 +1,119 @@
+"""A map as GeoJSON: circles on the floor as polygons, the trajectory as a line; in metres of the map's own frame."""
+
+import json
+import math
+from collections.abc import Collection, Sequence
+from itertools import chain
+
+from edgemap.geometry.grid.rooms import Room
+from edgemap.geometry.grid.walls import Wall
+from edgemap.geometry.map_object import MapObject, radius_m
+from edgemap.geometry.objects.edits import Zone
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_record, object_uuid, zone_record
+
+FRAME = "local frame map, metres, REP-103 (x forward, y left, counter-clockwise); NOT WGS 84 longitude and latitude"
+CORNERS = 32
+STEP_M = 0.05  # spacing of the trajectory's points
+
+
+def geojson_text(
+    objects: Sequence[MapObject],
+    trajectory: Trajectory | None = None,
+    map_id: str = DEFAULT_MAP_ID,
+    zones: Sequence[Zone] = (),
+    walls: Sequence[Wall] = (),
+    rooms: Sequence[Room] = (),
+) -> str:
+    """One FeatureCollection. Each object is a Polygon with the fields of map.json as properties; so is each zone, with
+    its id and name. Each wall is a LineString, each room a
+    Polygon.
+
+    RFC 7946 knows WGS 84 only, and other frames by prior arrangement (section 4): the member `frame` says which, and
+    `crs: null` (GeoJSON 2008, section 3) that no program should take the numbers for degrees. Exterior rings run
+    counter-clockwise (section 3.1.6).
+    """
+    taken = {item.id for item in objects}
+    features = chain(
+        (_feature(item, object_record(item), map_id) for item in objects),
+        (_zone(zone, taken) for zone in zones),
+        (_wall(number, wall) for number, wall in enumerate(walls, start=1)),
+        (_room(number, room) for number, room in enumerate(rooms, start=1)),
+        (_trajectory(one) for one in (trajectory,) if one is not None),
+    )
+    document = {
+        "type": "FeatureCollection",
+        "name": f"edgemap {map_id}: local frame map, metres, REP-103",
+        "frame": FRAME,
+        "crs": None,
+    }
+    head = json.dumps(document, indent=1)[:-2]
+    lines = ",\n".join("  " + json.dumps(feature, allow_nan=False) for feature in features)  # one line each
+    return f'{head},\n "features": [\n{lines}\n ]\n}}\n'
+
+
+def _feature(item: MapObject, record: dict, map_id: str) -> dict:
+    radius = radius_m(item)
+    x_m, y_m = (float(value) for value in item.position_m)
+    turns = [math.tau * k / CORNERS for k in range(CORNERS)]
+    ring = [[round(x_m + radius * math.cos(t), 4), round(y_m + radius * math.sin(t), 4)] for t in turns]
+    own = {"uuid": object_uuid(item.id, map_id), "radius_m": round(radius, 4), "frame": "map"}
+    return {
+        "type": "Feature",
+        "id": item.id,
+        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
+        "properties": record | own,
+    }
+
+
+def _zone(zone: Zone, taken: Collection[str]) -> dict:
+    """taken: ids of objects, beside which zones have a namespace of their own and features have not."""
+    ring = zone_record(zone)["corners_m"]
+    if sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True)) < 0.0:
+        ring.reverse()
+    return {
+        "type": "Feature",
+        "id": f"zone:{zone.id}" if zone.id in taken else zone.id,
+        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
+        "properties": {"zone": zone.name, "frame": "map"},
+    }
+
+
+def _wall(number: int, wall: Wall) -> dict:
+    ends = [[round(x, 4), round(y, 4)] for x, y in (wall.from_m, wall.to_m)]
+    return {
+        "type": "Feature",
+        "id": f"wall-{number}",
+        "geometry": {"type": "LineString", "coordinates": ends},
+        "properties": {"wall": True, "length_m": round(wall.length_m, 3), "frame": "map"},
+    }
+
+
+def _room(number: int, room: Room) -> dict:
+    ring = [[round(x, 4), round(y, 4)] for x, y in room.corners_m]
+    return {
+        "type": "Feature",
+        "id": f"room-{number}",
+        "geometry": {"type": "Polygon", "coordinates": [ring + ring[:1]]},
+        "properties": {
+            "room": True,
+            "area_m2": round(room.area_m2, 2),
+            "closed": round(room.closed, 3),
+            "frame": "map",
+        },
+    }
+
+
+def _trajectory(trajectory: Trajectory) -> dict:
+    points = [[round(trajectory.poses[0].x_m, 3), round(trajectory.poses[0].y_m, 3)]]
+    for pose in trajectory.poses:
+        if math.dist(points[-1], (pose.x_m, pose.y_m)) >= STEP_M:
+            points.append([round(pose.x_m, 3), round(pose.y_m, 3)])
+    line = {"type": "LineString", "coordinates": points}
+    still = {"type": "Point", "coordinates": points[0]}  # a line needs two points
+    return {
+        "type": "Feature",
+        "id": "trajectory",
+        "geometry": line if len(points) > 1 else still,
+        "properties": {"label": "robot's trajectory", "frame": "map"},
+    }

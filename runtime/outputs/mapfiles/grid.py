@@ -1,0 +1,141 @@
+"""A map as occupied, free and unknown cells of floor."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from edgemap.geometry.map_object import MapObject, radius_m
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.trajectory import Trajectory
+
+MAXIMUM_CELLS, MAXIMUM_LIVE_CELLS = 100_000_000, 1_000_000
+MAXIMUM_POINTS = 2_000_000  # along the path: 50 km at half a cell of 5 cm
+MAXIMUM_DRAWN = 2_000_000_000  # cells of all discs together: some ten seconds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorCells:
+    """cells: (rows, columns) int8; row 0 has the smallest y, column 0 the smallest x, as in nav_msgs/OccupancyGrid.
+
+    x_m, y_m: the outer corner of cell (0, 0) in the map frame.
+    """
+
+    cells: NDArray[np.int8]
+    x_m: float
+    y_m: float
+    resolution_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class CellsRule:
+    """resolution_m: side of a cell. robot_width_m: what the robot sweeps free on its way. margin_m: unknown floor kept
+    round everything."""
+
+    resolution_m: float = 0.05
+    robot_width_m: float = 0.35
+    margin_m: float = 0.5
+
+
+def grid_of(
+    objects: Sequence[MapObject], trajectory: Trajectory | None = None, rule: CellsRule | None = None
+) -> FloorCells:
+    """Objects occupied, the floor that the robot has driven over free, the rest unknown; objects win.
+
+    Raises MapError where nothing is there to draw, or for more than 100 million cells.
+    """
+    rule = rule or CellsRule()
+    res = rule.resolution_m
+    path_m = np.array([(pose.x_m, pose.y_m) for pose in trajectory.poses] if trajectory else []).reshape(-1, 2)
+    discs = [(item.position_m, radius_m(item)) for item in objects]
+    reach = [*((centre, radius) for centre, radius in discs), *((point, rule.robot_width_m / 2.0) for point in path_m)]
+    if not reach:
+        raise MapError("the map has neither objects nor a trajectory: there is no floor to draw")
+    low = np.min([centre - radius for centre, radius in reach], axis=0) - rule.margin_m
+    high = np.max([centre + radius for centre, radius in reach], axis=0) + rule.margin_m
+    first = np.floor(low / res)  # whole cells from the map's origin, so that grids of one map fit onto each other
+    columns, rows = (int(count) for count in np.ceil(high / res) - first)
+    if rows * columns > MAXIMUM_CELLS:
+        raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}, take a coarser resolution")
+    points = _point_count(path_m, res / 2.0)
+    drawn = points * (rule.robot_width_m / res + 1.0) ** 2 + sum((2.0 * radius / res + 1.0) ** 2 for _, radius in discs)
+    if points > MAXIMUM_POINTS or drawn > MAXIMUM_DRAWN:
+        raise MapError(
+            f"a trajectory of {points:,.0f} points and {len(discs)} objects take {drawn:,.0f} cells to draw: more than "
+            f"{MAXIMUM_POINTS:,} and {MAXIMUM_DRAWN:,}, take a coarser resolution"
+        )
+    trail = [(point, rule.robot_width_m / 2.0) for point in _points(trajectory, res / 2.0)]
+    x_m, y_m = (round(float(value) * res, 9) for value in first)
+    grid = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), x_m, y_m, res)
+    for value, some in ((FREE, trail), (OCCUPIED, discs)):
+        for centre, radius in some:
+            _fill(grid, np.asarray(centre), radius, value)
+    return grid
+
+
+def seen_cells(grid: OccupancyGrid, objects: Sequence[MapObject] = ()) -> FloorCells:
+    """The observed floor, with the given objects drawn over it. Raises MapError as `grid_of`."""
+    cells = FloorCells(grid.cells, grid.x_m, grid.y_m, grid.cell_m)
+    if not objects:
+        return cells
+    drawn = grid_of(objects, None, CellsRule(grid.cell_m))  # both lie on whole cells from the map's origin
+    res, parts = grid.cell_m, (cells, drawn)
+    low = np.min([[part.x_m, part.y_m] for part in parts], axis=0)
+    size = [np.array(part.cells.shape[::-1]) * res + [part.x_m, part.y_m] for part in parts]
+    columns, rows = np.rint((np.max(size, axis=0) - low) / res).astype(int)
+    if rows * columns > MAXIMUM_CELLS:
+        raise MapError(f"{columns} x {rows} cells of {res:g} m: more than {MAXIMUM_CELLS}")
+    both = FloorCells(np.full((rows, columns), UNKNOWN, np.int8), float(low[0]), float(low[1]), res)
+    for part in parts:
+        column, row = np.rint((np.array([part.x_m, part.y_m]) - low) / res).astype(int)
+        known = part.cells != UNKNOWN
+        both.cells[row : row + part.cells.shape[0], column : column + part.cells.shape[1]][known] = part.cells[known]
+    return both
+
+
+def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCells:
+    """As `grid_of` for a robot at (x_m, y_m): the floor that it stands on is free. Cells are twice as long, and twice
+    again, until no more than a million cover everything."""
+    rule = CellsRule()
+    here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
+    points = np.array([[x_m, y_m], *(item.position_m for item in objects)])
+    sides_m = np.ptp(points, axis=0) + 2.0 * (rule.margin_m + max([radius_m(item) for item in objects], default=1.0))
+    while float(np.prod(np.ceil(sides_m / rule.resolution_m) + 2.0)) > MAXIMUM_LIVE_CELLS:
+        rule = replace(rule, resolution_m=2.0 * rule.resolution_m)
+    return grid_of(objects, here, rule)
+
+
+def _fill(grid: FloorCells, centre_m: NDArray[np.float64], radius: float, value: int) -> None:
+    """Set the cells whose centre is within a disc, and always the cell of its centre."""
+    res = grid.resolution_m
+    at = (centre_m - [grid.x_m, grid.y_m]) / res
+    c0, r0 = np.floor(at - radius / res).astype(int)
+    c1, r1 = np.ceil(at + radius / res).astype(int)
+    x = np.arange(c0, c1) + 0.5 - at[0]
+    y = np.arange(r0, r1) + 0.5 - at[1]
+    inside = x[None, :] ** 2 + y[:, None] ** 2 <= (radius / res) ** 2
+    grid.cells[r0:r1, c0:c1][inside] = value
+    grid.cells[int(at[1]), int(at[0])] = value
+
+
+def _point_count(path_m: NDArray[np.float64], step_m: float) -> float:
+    """At most how many points `_points` makes, before it makes them."""
+    return len(path_m) + float((np.hypot(*np.diff(path_m, axis=0).T) / step_m).sum()) if len(path_m) else 0.0
+
+
+def _points(trajectory: Trajectory | None, step_m: float) -> list[tuple[float, float]]:
+    """Points along the path, no farther than a step apart."""
+    if trajectory is None:
+        return []
+    points = [(trajectory.poses[0].x_m, trajectory.poses[0].y_m)]
+    for pose in trajectory.poses[1:]:
+        x, y = points[-1]
+        length = math.hypot(pose.x_m - x, pose.y_m - y)
+        if length >= step_m:
+            count = math.ceil(length / step_m)
+            points += [(x + (pose.x_m - x) * k / count, y + (pose.y_m - y) * k / count) for k in range(1, count + 1)]
+    return points

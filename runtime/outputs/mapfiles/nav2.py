@@ -1,0 +1,113 @@
+"""A map for Nav2: an occupancy picture with its YAML for the map_server, and circles for the Vector Object server."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.map_object import MapObject, radius_m
+from edgemap.geometry.objects.edits import Zone
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.outputs.mapfiles.grid import FREE, OCCUPIED, UNKNOWN, FloorCells
+from edgemap.runtime.step.map_file import DEFAULT_MAP_ID, object_uuid
+
+# What map_saver writes: darkness is occupancy, (255 - value) / 255; unknown lies between both thresholds.
+VALUES = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
+FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
+FRAME_ID = "map"
+MAXIMUM_SHAPES = 5000  # yaml writes some thousand lines a second
+
+
+def write_nav2(path: Path, grid: FloorCells) -> tuple[Path, Path]:
+    """Write `path` (YAML) and the picture of the same name beside it; both paths. Raises MapError.
+
+    The picture's first row is its top: the greatest y. Its lower left corner lies at `origin` (x, y, yaw) of the map
+    frame, columns run along x. Source: https://docs.nav2.org/configuration/packages/configuring-map-server.html and
+    nav2_map_server's map_io.cpp (cell (x, height - y - 1) is pixel (x, y)).
+    """
+    picture = path.with_suffix(".pgm")
+    levels = np.zeros(256, np.uint8)
+    for value, level in VALUES.items():
+        levels[np.uint8(value % 256)] = level
+    rows, columns = grid.cells.shape
+    header = f"P5\n# edgemap: {grid.resolution_m:g} m per pixel\n{columns} {rows}\n255\n"
+    write_atomically(picture, header.encode() + levels[grid.cells[::-1].view(np.uint8)].tobytes())
+    lines = [
+        f"image: {picture.name}",
+        "mode: trinary",
+        f"resolution: {grid.resolution_m:.6f}",
+        f"origin: [{grid.x_m:.6f}, {grid.y_m:.6f}, 0.0]",
+        "negate: 0",
+        f"occupied_thresh: {OCCUPIED_THRESH}",
+        f"free_thresh: {FREE_THRESH}",
+    ]
+    write_atomically(path, "\n".join(lines) + "\n")
+    return path, picture
+
+
+def vector_text(
+    objects: Sequence[MapObject],
+    map_id: str = DEFAULT_MAP_ID,
+    resolution_m: float = 0.05,
+    zones: Sequence[Zone] = (),
+    keep_out: Sequence[str] = (),
+) -> str:
+    """A ROS 2 parameter file: `shapes` names them, and under each name are type, uuid, frame_id, value, and a circle's
+    center, radius and fill. Circles, because the way an object faces is not known. Zones are polygons, before the
+    objects, which lie over them: those named in keep_out are filled and occupied, the others outlines of unknown cells.
+
+    Source: https://docs.nav2.org/configuration/packages/map_server/configuring-vector-object-server.html and
+    nav2_map_server's vector_object_shapes.cpp: centre and radius must be floating-point numbers, an integer is refused.
+    Names are lower case with underscores, as that page has them from ROS 2 Lyrical on; older versions take them too.
+    """
+    if len(objects) > MAXIMUM_SHAPES:
+        raise MapError(f"{len(objects)} objects: at most {MAXIMUM_SHAPES} are shapes of a parameter file")
+    shapes: dict[str, dict[str, Any]] = {}
+    tried: Counter[str] = Counter()
+    for zone in zones:
+        closed = zone.name in keep_out or zone.id in keep_out
+        shapes[_unused(_name(zone.id), shapes, tried)] = {
+            "type": "polygon",
+            "uuid": object_uuid(zone.id, map_id),
+            "frame_id": FRAME_ID,
+            "closed": closed,
+            "value": 100 if closed else -1,
+            "points": [round(float(value), 4) for corner in zone.corners_m for value in corner],
+        }
+    for item in objects:
+        shapes[_unused(_name(item.id), shapes, tried)] = {
+            "type": "circle",
+            "uuid": object_uuid(item.id, map_id),
+            "frame_id": FRAME_ID,
+            "fill": True,
+            "value": 100,
+            "center": [round(float(value), 4) for value in item.position_m],
+            "radius": round(radius_m(item), 4),
+        }
+    parameters: dict[str, Any] = {
+        "map_topic": "vo_map", "global_frame_id": FRAME_ID, "resolution": float(resolution_m), "default_value": -1,
+        "overlay_type": 0, "update_frequency": 1.0, "transform_tolerance": 0.1,
+    }  # fmt: skip
+    if shapes:  # an empty list has no type in a parameter file
+        parameters["shapes"] = list(shapes)
+    document = {"vector_object_server": {"ros__parameters": parameters | shapes}}
+    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
+
+
+def _name(identity: str) -> str:
+    name = re.sub(r"[^a-z0-9]+", "_", identity.lower()).strip("_")
+    return name if name[:1].isalpha() else f"object_{name}"
+
+
+def _unused(name: str, taken: dict[str, Any], tried: Counter[str]) -> str:
+    """`potted plant-1` and `potted-plant-1` are two shapes. tried: numbers used up, by name."""
+    unused = name
+    while unused in taken:
+        tried[name] += 1
+        unused = f"{name}_{tried[name] + 1}"
+    return unused

@@ -1,0 +1,119 @@
+"""What a run sends, message by message: recordings and live outputs take these and choose what they want of them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import cv2
+
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import RecordingError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.messages import topics
+from edgemap.runtime.frames.messages.definitions import Message
+from edgemap.runtime.frames.messages.frame_ids import FrameIds
+from edgemap.runtime.frames.messages.stamps import to_ns
+from edgemap.runtime.outputs.messages import build
+from edgemap.runtime.outputs.messages.floor_messages import grid_message, scan_message
+from edgemap.runtime.outputs.messages.map_messages import detections_3d, markers, occupancy_grid
+from edgemap.runtime.step.slam import StepResult
+
+JPEG_QUALITY = 90
+MAP_EVERY = 10  # frames between two maps
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """One message to send. make: builds it, for whoever wants it."""
+
+    topic: str
+    stamp_ns: int
+    make: Callable[[], Message]
+
+    @property
+    def kind(self) -> str:
+        """Its ROS 2 type, `nav_msgs/msg/Odometry`."""
+        return topics.KINDS[self.topic]
+
+
+@dataclass(slots=True)
+class MessageStream:
+    """The messages of a run in the order in which they are sent. lossless: pictures as PNG instead of JPEG.
+
+    static_mount: the mount once on /tf_static, not with every picture on /tf (a recording, which may be played in
+    part). robot_odom: where the robot publishes odom -> base itself, its pose there at a stamp of the stream, s; only
+    map -> odom is sent then, and nothing where it gives None.
+    """
+
+    intrinsics: Intrinsics | None = None
+    mount: Mount | None = None
+    frames: FrameIds = field(default_factory=FrameIds)
+    lossless: bool = False
+    static_mount: bool = False
+    robot_odom: Callable[[float], SE2 | None] | None = None
+    _pictures: int = 0
+    _steps: int = 0
+    _last_stamp_s: float | None = None
+    _grid: OccupancyGrid | None = None  # the newest that was sent
+
+    def picture(self, frame: Frame, stamp_ns: int | None = None) -> Iterator[Outgoing]:
+        """Lens, mount and picture of a frame. stamp_ns: in place of the frame's own."""
+        stamp_ns = to_ns(frame.stamp_s) if stamp_ns is None else stamp_ns
+        ids, lens, mount = self.frames, self.intrinsics, self.mount
+        if lens is not None:
+            yield Outgoing(topics.INFO, stamp_ns, lambda: build.camera_info(stamp_ns, lens, ids))
+        self._pictures += 1
+        if mount is not None and (not self.static_mount or self._pictures == 1):
+            topic = topics.TF_STATIC if self.static_mount else topics.TF
+            yield Outgoing(topic, stamp_ns, lambda: build.tf(build.mount_transform(stamp_ns, mount, ids)))
+        encoding = "png" if self.lossless else "jpeg"
+        yield Outgoing(
+            topics.PICTURES,
+            stamp_ns,
+            lambda: build.compressed_image(stamp_ns, encoded(frame, self.lossless), encoding, ids),
+        )
+
+    def results(self, result: StepResult, objects: list[MapObject], stamp_ns: int | None = None) -> Iterator[Outgoing]:
+        """The messages of one step: poses, tf, boxes, the floor where it is new, and with the first and every
+        `MAP_EVERY`th step the map."""
+        stamp_ns, ids = to_ns(result.frame.stamp_s) if stamp_ns is None else stamp_ns, self.frames
+        before_s, self._last_stamp_s = self._last_stamp_s, result.frame.stamp_s
+        dt_s = 0.0 if before_s is None else result.frame.stamp_s - before_s
+        yield Outgoing(topics.POSE, stamp_ns, lambda: build.pose(stamp_ns, result, ids))
+        yield Outgoing(topics.ODOMETRY, stamp_ns, lambda: build.step_odometry(stamp_ns, result, dt_s, ids))
+        pose_odom_base = self.robot_odom(result.frame.stamp_s) if self.robot_odom else result.pose_odom_base
+        if pose_odom_base is not None:
+            own = self.robot_odom is None
+            transforms = build.pose_transforms(stamp_ns, result.pose_map_base, pose_odom_base, ids)
+            yield Outgoing(topics.TF, stamp_ns, lambda: build.tf(*(transforms if own else transforms[:1])))
+        yield Outgoing(topics.BOXES, stamp_ns, lambda: build.detections_2d(stamp_ns, result, ids))
+        if (scan := result.floor_scan) is not None:
+            yield Outgoing(topics.FLOOR_SCAN, stamp_ns, lambda: scan_message(stamp_ns, scan, ids))
+        if (grid := result.grid) is not None and grid is not self._grid:
+            self._grid = grid
+            yield Outgoing(topics.MAP, stamp_ns, lambda: grid_message(stamp_ns, grid, ids))
+        self._steps += 1
+        if self._steps % MAP_EVERY == 1:
+            yield from self.map(stamp_ns, objects, result.pose_map_base)
+
+    def map(self, stamp_ns: int, objects: list[MapObject], pose_map_base: SE2) -> Iterator[Outgoing]:
+        """The objects on the map, for programs, for eyes, and as obstacles around the robot for planners."""
+        yield Outgoing(topics.OBJECTS, stamp_ns, lambda: detections_3d(stamp_ns, objects, self.frames))
+        yield Outgoing(topics.MARKERS, stamp_ns, lambda: markers(stamp_ns, objects, self.frames))
+        yield Outgoing(topics.GRID, stamp_ns, lambda: occupancy_grid(stamp_ns, objects, pose_map_base, self.frames))
+
+
+@lru_cache(maxsize=2)
+def encoded(frame: Frame, lossless: bool = False) -> bytes:
+    """A frame's picture as JPEG or PNG, encoded once for all that send it. Raises RecordingError where that fails."""
+    suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    if lossless:
+        suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]  # the quickest that still compresses
+    good, data = cv2.imencode(suffix, frame.image, options)
+    if not good:
+        raise RecordingError(f"{frame.name}: OpenCV does not encode it as {suffix}")
+    return data.tobytes()

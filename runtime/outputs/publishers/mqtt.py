@@ -1,0 +1,199 @@
+"""`--mqtt`: the map's state and events to an MQTT broker, with Home Assistant's discovery."""
+
+import json
+import math
+import re
+import threading
+from contextlib import suppress
+from typing import Any
+
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.zone_watch import ZoneWatch
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.frames.extras import need
+from edgemap.runtime.step.map_file import object_record
+from edgemap.runtime.step.slam import StepResult
+
+MOVED_M = 0.25  # an object has moved when it is so far from its last published position
+STATE_EVERY_S = 1.0  # of stream
+CONNECT_LIMIT_S = 2.0  # for which the run's start waits
+RETRY_S = (1, 30)  # shortest and longest pause before the broker is tried again
+QUEUED = 1000  # messages kept for a broker that does not take them
+EVENTS = ("appeared", "moved", "vanished", "entered", "left")
+
+
+class MqttPublisher:
+    """A sink that keeps a broker up to date; all topics start with `edgemap/ROBOT/`, all payloads are JSON but status.
+
+    status: `online` or `offline`, retained; the last will. state: pose, frames, number of objects and the last fault,
+    retained. objects/ID: each object as in map.json, retained, taken away when the object is gone. events: `event_type`
+    appeared, moved or vanished with the object; `into` where it became part of another one; entered and left with the
+    zone. A second broker connection
+    with the same robot's name replaces this one. A thread of its own sends and connects again; after a broker was away
+    it gets all retained messages again and the events of the meantime as one step.
+    Raises MissingExtraError. `write` raises PublishError while there is no connection.
+    """
+
+    def __init__(
+        self, host: str, port: int, robot: str, user: str | None = None, password: str | None = None, version: str = ""
+    ) -> None:
+        need("mqtt", "--mqtt", ("paho",))
+        from paho.mqtt.client import Client
+        from paho.mqtt.enums import CallbackAPIVersion
+
+        self.name, self.root = "MQTT", f"edgemap/{topic_level(robot)}"
+        self._address, self._robot, self._version = f"{host}:{port}", robot, version
+        self._published: dict[str, MapObject] = {}
+        self._zones = ZoneWatch()
+        self._fault, self._faults, self._state_s = "", 0, -math.inf
+        self._connected, self._refused = threading.Event(), "no answer"
+        self._new_connection = False
+        self._objects = threading.Lock()  # of `_published` and the retained objects, which say the same
+        self._client = Client(CallbackAPIVersion.VERSION2, client_id=f"edgemap-{topic_level(robot)}")
+        self._client.max_queued_messages_set(QUEUED)
+        self._client.reconnect_delay_set(*RETRY_S)
+        if user:
+            self._client.username_pw_set(user, password)
+        self._client.will_set(f"{self.root}/status", "offline", qos=1, retain=True)
+        self._client.on_connect, self._client.on_disconnect = self._on_connect, self._on_disconnect
+        self._client.on_message = self._on_message
+        self._client.on_connect_fail = self._on_connect_fail
+        try:
+            self._client.connect_async(host, port, keepalive=15)
+        except ValueError as error:
+            raise PublishError(f"--mqtt {host}:{port}: {error}") from None
+        self._client.loop_start()
+        self._connected.wait(CONNECT_LIMIT_S)
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Tell what has changed."""
+        if not self._connected.is_set():
+            raise PublishError(f"no broker at {self._address} ({self._refused})")
+        if self._new_connection:
+            self._new_connection = False
+            self._begin()
+        known = {item.id: item for item in objects}
+        for identity, item in known.items():
+            before = self._published.get(identity)
+            if before is None:
+                self._event("appeared", item)
+            elif math.dist(before.position_m, item.position_m) > MOVED_M:
+                self._event("moved", item, moved_m=round(math.dist(before.position_m, item.position_m), 3))
+        for identity in self._published.keys() - known.keys():
+            into = result.merged.get(identity)
+            self._event("vanished", self._published[identity], **({"into": into} if into else {}))
+        stamp_s = result.frame.stamp_s
+        for event in self._zones.update(objects, result.annotations.zones, stamp_s):
+            self._publish("events", json.dumps(event.record()))
+        if not 0.0 <= stamp_s - self._state_s < STATE_EVERY_S:
+            self._state_s = stamp_s
+            self._publish_state(result, objects)
+
+    def fault(self, text: str) -> None:
+        """Part of the next state."""
+        self._fault, self._faults = text, self._faults + 1
+
+    def close(self) -> None:
+        """Say that the robot is offline; its state and objects stay as they are. May be called twice."""
+        if self._connected.is_set():
+            with suppress(ValueError, RuntimeError):  # a broker that takes nothing: the queue is full
+                self._publish("status", "offline", retain=True).wait_for_publish(CONNECT_LIMIT_S)
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _begin(self) -> None:
+        """A new connection: all retained messages again. Objects of an earlier run answer to `_on_message`."""
+        for topic, payload in discovery(self._robot, self.root, self._version).items():
+            self._client.publish(topic, payload, qos=1, retain=True)
+        self._publish("status", "online", retain=True)
+        for item in self._published.values():
+            self._publish_object(item)
+        self._client.subscribe(f"{self.root}/objects/+", qos=1)
+        self._state_s = -math.inf
+
+    def _event(self, kind: str, item: MapObject, **more: Any) -> None:
+        with self._objects:
+            if kind == "vanished":
+                del self._published[item.id]
+                self._publish(f"objects/{topic_level(item.id)}", "", retain=True)
+            else:
+                self._published[item.id] = item
+                self._publish_object(item)
+        record = {key: value for key, value in object_record(item).items() if key in ("id", "label", "x_m", "y_m")}
+        self._publish("events", json.dumps({"event_type": kind} | record | more))
+
+    def _publish_object(self, item: MapObject) -> None:
+        self._publish(f"objects/{topic_level(item.id)}", json.dumps(object_record(item)), retain=True)
+
+    def _publish_state(self, result: StepResult, objects: list[MapObject]) -> None:
+        pose = result.pose_map_base
+        state = {
+            "stamp_s": round(result.frame.stamp_s, 3),
+            "frames": result.frame.index + 1,
+            "x_m": round(pose.x_m, 3),
+            "y_m": round(pose.y_m, 3),
+            "yaw_rad": round(pose.yaw_rad, 4),
+            "objects": len(objects),
+            "fault_count": self._faults,
+            "fault": self._fault,
+        }
+        self._publish("state", json.dumps(state), retain=True)
+
+    def _publish(self, topic: str, payload: str, retain: bool = False):
+        return self._client.publish(f"{self.root}/{topic}", payload, qos=1, retain=retain)
+
+    # On the client's thread.
+
+    def _on_connect(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:  # noqa: ARG002
+        if reason.is_failure:
+            self._refused = str(reason)
+            return
+        self._new_connection = True
+        self._connected.set()
+
+    def _on_disconnect(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:  # noqa: ARG002
+        self._refused = str(reason)
+        self._connected.clear()
+
+    def _on_connect_fail(self, client: Any, userdata: Any) -> None:  # noqa: ARG002
+        self._refused = "cannot be reached"
+
+    def _on_message(self, client: Any, userdata: Any, message: Any) -> None:  # noqa: ARG002
+        """An object that is retained at the broker: removed unless this run has published it."""
+        with self._objects:
+            topics = {f"{self.root}/objects/{topic_level(identity)}" for identity in self._published}
+            if message.retain and message.payload and message.topic not in topics:
+                client.publish(message.topic, "", qos=1, retain=True)
+
+
+def topic_level(name: str) -> str:
+    """A name as one level of an MQTT topic: without its separator, wildcards and control characters."""
+    return re.sub(r"[+#/\x00-\x1f$]", "_", name) or "_"
+
+
+def discovery(robot: str, root: str, version: str) -> dict[str, str]:
+    """Topics and payloads that make a robot a device of Home Assistant (2023.8 or newer), one for each entity."""
+    identity = "edgemap-" + re.sub(r"[^A-Za-z0-9_-]", "_", robot)
+    state = {"state_topic": f"{root}/state"}
+    components: dict[str, dict[str, Any]] = {
+        "objects": state | {"name": "Objects", "value_template": "{{ value_json.objects }}"},
+        "x": state | {"name": "X", "value_template": "{{ value_json.x_m }}"},
+        "y": state | {"name": "Y", "value_template": "{{ value_json.y_m }}"},
+        "fault": state | {"name": "Last fault", "value_template": "{{ value_json.fault[:255] }}"},
+        "changes": {"name": "Map", "state_topic": f"{root}/events", "event_types": EVENTS},
+    }
+    components["objects"] |= {"state_class": "measurement", "json_attributes_topic": f"{root}/state"}
+    for axis in ("x", "y"):
+        components[axis] |= {"device_class": "distance", "unit_of_measurement": "m", "state_class": "measurement"}
+    components["fault"] |= {"entity_category": "diagnostic"}
+    shared = {
+        "device": {"identifiers": [identity], "name": robot, "manufacturer": "edgemap", "sw_version": version},
+        "origin": {"name": "edgemap", "sw_version": version},
+        "availability_topic": f"{root}/status",
+    }
+    return {
+        f"homeassistant/{'event' if name == 'changes' else 'sensor'}/{identity}/{name}/config": json.dumps(
+            component | shared | {"unique_id": f"{identity}-{name}"}
+        )
+        for name, component in components.items()
+    }

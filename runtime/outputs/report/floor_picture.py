@@ -1,0 +1,37 @@
+"""The observed floor as part of the report's map: a picture of a pixel a cell, and the walls as lines."""
+
+import numpy as np
+
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from edgemap.geometry.grid.walls import walls_of
+from edgemap.runtime.frames.png import png
+from edgemap.runtime.outputs.report.markup import Markup, data_uri, el, joined
+from edgemap.runtime.outputs.report.sheet import Sheet
+
+# Blue, green, red, opacity: on light and on dark paper.
+FREE_BGRA, OBSTACLE_BGRA = (170, 140, 110, 46), (140, 120, 105, 200)
+
+
+def seen_floor(sheet: Sheet, grid: OccupancyGrid) -> Markup:
+    """Free floor, obstacles and walls; what is unknown stays paper."""
+    rows, columns = grid.cells.shape
+    picture = np.zeros((columns, rows, 4), np.uint8)
+    turned = grid.cells.T[::-1, ::-1]  # x up, y to the left
+    picture[turned == FREE], picture[turned == OCCUPIED] = FREE_BGRA, OBSTACLE_BGRA
+    x, y = sheet.at([grid.x_m + columns * grid.cell_m, grid.y_m + rows * grid.cell_m])
+    scale = grid.cell_m * sheet.px_per_m
+    lines = []
+    for wall in walls_of(grid):
+        (x1, y1), (x2, y2) = sheet.at([wall.from_m, wall.to_m])
+        lines.append(el("line", x1=x1, y1=y1, x2=x2, y2=y2))
+    image = el(
+        "image",
+        href=data_uri(png(picture), "image/png"),
+        x=x,
+        y=y,
+        width=rows * scale,
+        height=columns * scale,
+        preserveAspectRatio="none",
+        class_="seen",
+    )
+    return joined(image, el("g", lines, class_="walls"))

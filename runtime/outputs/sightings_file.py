@@ -1,0 +1,54 @@
+"""The sightings of a run folder: `sightings.jsonl`, and the merged ids of `run.json`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from edgemap.geometry.errors import MapError
+from edgemap.runtime.frames.reading import Coordinate, Name, decode_json, read_bytes
+
+SIGHTINGS_BYTES = 256 << 20
+SIGHTINGS_LIMIT = 1_000_000
+RUN_BYTES = 64 << 20
+
+
+class SeenRecord(msgspec.Struct):
+    """One sighting. object: id of what it became part of, empty where it joined nothing. map_m: x, y."""
+
+    label: Name
+    map_m: tuple[Coordinate, Coordinate]
+    object: str = ""
+
+
+class _Run(msgspec.Struct):
+    merged: dict[str, str] = msgspec.field(default_factory=dict)
+
+
+def read_sightings(folder: Path) -> list[SeenRecord]:
+    """The sightings of a run; ids of objects that merged into others are those that stayed.
+
+    Raises MapError with the line number for a damaged line; the rest of one that a power cut tore does not count.
+    """
+    path = folder / "sightings.jsonl"
+    try:
+        merged = decode_json(read_bytes(folder / "run.json", RUN_BYTES, MapError), _Run, "run.json", MapError).merged
+    except MapError:
+        merged = {}
+    found = []
+    for number, line in enumerate(complete_lines(path), start=1):
+        if number > SIGHTINGS_LIMIT:
+            raise MapError(f"{path}: more than {SIGHTINGS_LIMIT:,} sightings")
+        record = decode_json(line, SeenRecord, f"{path}:{number}: damaged line", MapError)
+        record.object = merged.get(record.object, record.object)
+        found.append(record)
+    return found
+
+
+def complete_lines(path: Path) -> Iterator[bytes]:
+    """A file's complete lines: what a power cut left of the last one does not count. Raises MapError."""
+    data = read_bytes(path, SIGHTINGS_BYTES, MapError)
+    begin = 0
+    while (end := data.find(b"\n", begin)) >= 0:
+        yield data[begin : end + 1]
+        begin = end + 1

@@ -1,0 +1,87 @@
+"""A map that lives on over runs: saved back while the robot drives, with the pose from which the next run starts."""
+
+import fcntl
+import math
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.step.grid_file import grid_name, save_grid
+from edgemap.runtime.step.map_file import map_text
+from edgemap.runtime.step.slam import StepResult
+
+SAVE_EVERY_S = 0.75  # of stream, as the run folder
+
+
+class LivingMap:
+    """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
+
+    searching: whether the robot has yet to be found in the map; nothing is written until it is, so a run that never
+    finds its place leaves the map as it was. The folder is locked while the run lasts.
+    Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
+    """
+
+    def __init__(self, folder: Path, searching: Callable[[], bool]) -> None:
+        self.name = f"map {folder}"
+        self.path = folder / "map.json"
+        self._searching = searching
+        self._state: tuple[list[MapObject], Annotations, SE2, OccupancyGrid | None] | None = None
+        self._saved_grid: OccupancyGrid | None = None
+        self._written = ""
+        self._saved_s = -math.inf
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock: int | None = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RunFolderError(f"{folder}: another run uses this map") from None
+        except OSError as error:
+            raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Save by the stream's time. Raises DiskError."""
+        self._state = (objects, result.annotations, result.pose_map_base, result.grid)
+        stamp_s = result.frame.stamp_s
+        if not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
+            self._saved_s = stamp_s
+            self._save()
+
+    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
+        """The map as a person has just edited it, saved at once; also after the run. A full disk gets it later."""
+        if self._state is not None:
+            self._state = (objects, annotations, *self._state[2:])
+            with suppress(DiskError):
+                self._save()
+
+    def fault(self, text: str) -> None:
+        """Faults stand in run.json."""
+
+    def close(self) -> None:
+        """Save for good; edits of the page that stays are still saved. Raises DiskError."""
+        self._save()
+
+    def release(self) -> None:
+        """Let another run have the folder."""
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            os.close(lock)
+
+    def _save(self) -> None:
+        """Nothing is written where nothing changed: a robot at rest leaves its disk alone."""
+        if self._state is None or self._searching():
+            return
+        objects, annotations, pose, grid = self._state
+        if grid is not None and grid is not self._saved_grid:
+            save_grid(self.path.with_name(grid_name(self.path)), grid)
+            self._saved_grid = grid
+        text = map_text(objects, annotations, grid, last_pose=pose)
+        if text != self._written:
+            write_atomically(self.path, text)
+            self._written = text

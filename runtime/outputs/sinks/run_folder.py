@@ -1,0 +1,275 @@
+"""The run folder: map, trajectory, sightings and the run's own record, on disk from the first second on."""
+
+import fcntl
+import json
+import math
+import os
+from collections import Counter, deque
+from contextlib import suppress
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import cv2
+
+from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
+from edgemap.runtime.frames.disk import LineFile, write_atomically
+from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.frames.timing import percentiles
+from edgemap.runtime.frames.trajectory import tum_line
+from edgemap.runtime.outputs.sinks.rewriting import rewrite
+from edgemap.runtime.outputs.verdict.quality import QualityCounter
+from edgemap.runtime.outputs.verdict.verdict import Verdict, verdict_of
+from edgemap.runtime.step.loop_closing import LoopCorrection
+from edgemap.runtime.step.map_file import save_map
+from edgemap.runtime.step.overlay import draw_floor_grid
+from edgemap.runtime.step.pose_journal import PoseJournal
+from edgemap.runtime.step.slam import StepResult
+
+SAVE_EVERY_S = 0.75  # of stream between two saved maps: with two frames at 10 Hz on top, less than 1 s is lost
+STAGES_EVERY = 20  # saves between two in which run.json's stage times are new: of 10,000 frames they take 7 ms
+MAX_FAULTS = 200  # in run.json; the count goes on
+
+
+class RunFolder:
+    """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a folder of its own.
+
+    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Trajectory
+    and sightings are first written as known at the time; where loop closure or relocalisation moved the past, they are
+    written again at the end, as known then. What the disk does not take is kept and saved once it does. The folder is
+    locked while the run lasts.
+    Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or one writes into it.
+    """
+
+    name = "run folder"
+
+    def __init__(self, folder: Path, camera: FloorCamera, record: dict[str, Any]) -> None:
+        self.folder = folder
+        self._camera, self._record = camera, record
+        self._trajectory, self._sightings = LineFile(folder / "trajectory.tum"), LineFile(folder / "sightings.jsonl")
+        self._objects: list[MapObject] = []
+        self._annotations = NO_ANNOTATIONS
+        self._grid: OccupancyGrid | None = None
+        self._saved_grid: OccupancyGrid | None = None
+        self._merged: dict[str, str] = {}
+        self._stage_times: dict[str, deque[float]] = {}
+        self._stages: dict[str, dict[str, float]] = {}
+        self._saves = 0
+        self._faults: list[str] = []
+        self._fault_kinds: Counter[str] = Counter()
+        self._quality = QualityCounter()
+        self.verdict = Verdict("care")  # of the newest save
+        self._mount_seen: dict[str, float] = {}  # as the drive has shown it so far
+        self._attitudes: Counter[str] = Counter()  # frames by where roll and pitch came from
+        self._journal: PoseJournal | None = None
+        self._rewritten_at = 0  # revision of the journal that the files show
+        self._fault_count = self._frames = 0
+        self._saved_s = -math.inf
+        self._failure: EdgemapError | None = None  # of the newest save
+        self._stamp_s = 0.0
+        self._started = self._saved_at = perf_counter()
+        self._closed = False
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = _lock(folder)
+        except OSError as error:
+            raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
+        if any(
+            (folder / name).is_symlink() or (folder / name).exists()
+            for name in ("run.json", "trajectory.tum", "sightings.jsonl")
+        ):
+            os.close(self._lock)
+            raise RunFolderError(f"{folder} already holds a run; choose another --out")
+        try:
+            self._write_all()
+        except DiskError:
+            os.close(self._lock)
+            raise
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Append pose and sightings; save everything by the stream's time.
+
+        Raises DiskError, or RunFolderError where another run took the folder, from the save that fails until one does
+        not.
+        """
+        if self._frames == 0:
+            picture = draw_floor_grid(result.frame.image, self._camera)
+            with suppress(cv2.error, DiskError):
+                write_atomically(self.folder / "mount.jpg", cv2.imencode(".jpg", picture)[1].tobytes())
+        self._frames += 1
+        self._stamp_s = stamp_s = result.frame.stamp_s
+        self._objects, self._merged, self._annotations = objects, result.merged, result.annotations
+        self._journal, self._grid = result.trajectory, result.grid
+        if result.correction is not None:
+            self._note_correction(result.correction)
+        if result.relocated is not None:
+            start = result.relocated.vector().tolist()
+            self._record = self._record | {"relocated": {"frame": self._frames, "pose_map_start": start}}
+        self._trajectory.append(tum_line(stamp_s, result.pose_map_base))
+        for placed, identity in zip(result.sightings, result.object_ids, strict=True):
+            record = sighting_record(result, placed.sighting.detection, placed, identity)
+            self._sightings.append(json.dumps(record, allow_nan=False) + "\n")
+        for stage, time_ms in result.stages_ms.items():
+            self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
+        self._attitudes[result.observed.attitude_source] += 1
+        self._quality.add(result)
+        if (seen := result.observed.mount_seen) is not None:
+            self._mount_seen |= mount_record(seen)
+        if (height := result.observed.height_seen) is not None:
+            self._mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
+        if self._mount_seen:
+            self._record = self._record | {"mount_seen": dict(self._mount_seen)}
+        for fault in result.observed.faults:
+            self.fault(fault)
+        self._fault_kinds.update(fault.kind.value for fault in result.faults if fault.counted)
+        if result.relocated is not None or not 0.0 <= stamp_s - self._saved_s < SAVE_EVERY_S:
+            self._save(rewrite=result.relocated is not None)
+        if self._failure is not None:
+            raise self._failure
+
+    def fault(self, text: str) -> None:
+        """Note a fault with the frame it came at; while a camera is away nothing but its faults has them saved."""
+        self._fault_count += 1
+        if len(self._faults) < MAX_FAULTS:
+            self._faults.append(f"frame {self._frames}: {text}")
+        if perf_counter() - self._saved_at > SAVE_EVERY_S and not self._closed:
+            self._save(rewrite=False)
+
+    def edited(self, objects: list[MapObject], annotations: Annotations) -> None:
+        """The map as a person has just edited it, saved at once; also after the run. A full disk gets it later."""
+        self._objects, self._annotations = objects, annotations
+        with suppress(DiskError):
+            self._save_map()
+
+    def close(self) -> None:
+        """Save the map and the record for good. Raises DiskError where the disk does not take them."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._write_all(rewrite=True)
+        finally:
+            os.close(self._lock)
+
+    def _save(self, rewrite: bool) -> None:
+        self._saved_s, self._saved_at, self._failure = self._stamp_s, perf_counter(), None
+        try:
+            self._write_all(rewrite)
+        except EdgemapError as error:
+            self._failure = error
+
+    def _write_all(self, rewrite: bool = False) -> None:
+        """The map first: it is what the run is for. Raises DiskError."""
+        if not self.folder.exists():
+            self._make_again()
+        self._save_map()
+        self._trajectory.flush()
+        self._sightings.flush()
+        if rewrite:
+            self._rewrite()
+        self._write_record(finished=self._closed)
+
+    def _save_map(self) -> None:
+        """The map, and its grid where that has changed. Raises DiskError."""
+        grid, path = self._grid, self.folder / "map.json"
+        save_map(path, self._objects, self._annotations, grid, grid_saved=grid is self._saved_grid)
+        self._saved_grid = grid
+
+    def _make_again(self) -> None:
+        """A folder that vanished, where what it lay in is still there."""
+        try:
+            self.folder.mkdir()
+            lock = _lock(self.folder)
+        except OSError as error:
+            raise DiskError(f"{self.folder}: is gone ({error.strerror})") from None
+        os.close(self._lock)
+        self._lock, self._saved_grid = lock, None
+
+    def _note_correction(self, correction: LoopCorrection) -> None:
+        """Count a loop closure in run.json."""
+        before = self._record.get("corrections", {"count": 0, "largest_m": 0.0})
+        self._record = self._record | {
+            "corrections": {
+                "count": before["count"] + 1,
+                "largest_m": max(before["largest_m"], round(correction.moved_m, 4)),
+                "seen_again": correction.links,
+            }
+        }
+
+    def _rewrite(self) -> None:
+        """Rewrite trajectory and sightings with all corrections so far. Raises DiskError."""
+        journal = self._journal
+        if journal is None or journal.revision == self._rewritten_at:
+            return
+        rewrite(self._trajectory.path, self._sightings.path, journal)
+        self._rewritten_at = journal.revision
+
+    def _write_record(self, finished: bool) -> None:
+        seconds = perf_counter() - self._started
+        if finished or self._saves % STAGES_EVERY == 1:
+            self._stages = {name: percentiles(times_ms) for name, times_ms in self._stage_times.items()}
+        self._saves += 1
+        record = self._record | {
+            "finished": finished,
+            "frames": self._frames,
+            "seconds": round(seconds, 3),
+            "stages_ms": self._stages,
+            "attitude_sources": dict(self._attitudes),
+            "quality": self._quality.document(),
+            "merged": self._merged,
+            "fault_count": self._fault_count,
+            "camera_faults": dict(self._fault_kinds),
+            "faults": self._faults,
+            "lines_lost": self._trajectory.dropped + self._sightings.dropped,
+        }
+        self.verdict = verdict_of(record, self._objects)
+        record["verdict"] = self.verdict.document()
+        write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+
+
+def _lock(folder: Path) -> int:
+    """An open handle of the folder that no other run holds. Raises RunFolderError where one does, or OSError."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise RunFolderError(f"{folder}: another run writes into it; choose another --out") from None
+    return handle
+
+
+def mount_record(seen: MountSeen) -> dict[str, float]:
+    """A mount's angles as the drive has shown them so far, degrees."""
+    angles = {
+        "pitch_deg": seen.mount.pitch_rad,
+        "roll_deg": seen.mount.roll_rad,
+        "used_pitch_deg": seen.used.pitch_rad,
+        "used_roll_deg": seen.used.roll_rad,
+        "sigma_pitch_deg": seen.sigma_rad[1],
+        "sigma_roll_deg": seen.sigma_rad[0],
+    }
+    return {name: round(math.degrees(angle), 2) for name, angle in angles.items()}
+
+
+def sighting_record(result: StepResult, detection: int, placed: Any, identity: str) -> dict[str, Any]:
+    """One sighting as a line of sightings.jsonl: its position in the picture, from the robot, and in the map."""
+    sighting = placed.sighting
+    box = result.detections.boxes[detection]
+    return {
+        "frame": sighting.frame,
+        "stamp_s": round(sighting.stamp_s, 6),
+        "label": sighting.label,
+        "score": round(sighting.score, 4),
+        "box_px": [round(float(v), 1) for v in box],
+        "object": identity,
+        "base_m": [round(float(v), 4) for v in sighting.position_base_m],
+        "map_m": [round(float(v), 4) for v in placed.position_map_m],
+        "distance_m": round(sighting.distance_m, 4),
+        "width_m": round(sighting.width_m, 4),
+        "height_m": round(sighting.height_m, 4),
+    }

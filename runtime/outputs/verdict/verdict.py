@@ -1,0 +1,194 @@
+"""How far a map can be trusted, in one word, and why: a pure function of what run.json and map.json hold."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, Literal
+
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.outputs.verdict.causes import CAUSES, Cause, cause_of_fault
+
+Level = Literal["good", "care", "unreliable"]
+LEVELS: tuple[Level, ...] = ("good", "care", "unreliable")
+TITLES: dict[Level, str] = {"good": "good", "care": "use with care", "unreliable": "not reliable"}
+
+# Half a metre is what tells one chair from the next, and what `eval map` counts as the same place; at 3 m, from where
+# most objects are seen, 10 degrees are half a metre. Half of either is the end of "good".
+WRONG_M, WRONG_DEG = 0.5, 10.0
+# A quarter of a drive without a measurement is what no loop closure brings back; a twentieth is a corner or two.
+LOST_SHARE, SOME_SHARE = 0.25, 0.05
+# Detections below are as likely nothing as something.
+DOUBTFUL = 0.5
+OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
+SLOW_HZ = 4.0  # at 0.5 m/s and 60 degrees/s a picture shares three quarters of its view with the one before
+LOW_M = 0.31  # below, half a degree of tilt moves what is 3 m away by a quarter of a metre
+FAR_FLOOR_M = 3.0  # nearest floor in view; nearer objects do not show where they stand
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that lowers the trust in a map. level: care or unreliable. cause: what to do about it. text: what was
+    counted, with numbers."""
+
+    level: Level
+    cause: Cause
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """level: good, care or unreliable. findings: causes before what follows from them; empty where good."""
+
+    level: Level
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def line(self) -> str:
+        """For a terminal or a headline."""
+        reasons = "; ".join(finding.text for finding in self.findings[:3])
+        return f"map: {TITLES[self.level]}" + (f" ({reasons})" if reasons else "")
+
+    def document(self) -> dict[str, Any]:
+        """As run.json holds it."""
+        return {"level": self.level, "reasons": [finding.text for finding in self.findings]}
+
+
+def verdict_of(record: Mapping[str, Any], objects: Sequence[MapObject]) -> Verdict:
+    """What a run.json (with its `quality`) and the map's objects show. A record without `quality` has no verdict but
+    care."""
+    quality = record.get("quality")
+    if not isinstance(quality, Mapping) or not quality.get("frames"):
+        return Verdict("care", (Finding("care", CAUSES["other"], "the run counted no frames"),))
+    found: list[Finding] = []
+    for checks in CHECKS:
+        some = [finding for check in checks for finding in check(record, quality, objects)]
+        found += sorted(some, key=lambda finding: -LEVELS.index(finding.level))
+    levels = [LEVELS.index(finding.level) for finding in found]
+    return Verdict(LEVELS[max(levels, default=0)], tuple(found))
+
+
+Check = Callable[[Mapping[str, Any], Mapping[str, Any], Sequence[MapObject]], Iterator[Finding]]
+
+
+def _pictures(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+    """Pictures without information."""
+    share = quality["blind_frames"] / quality["frames"]
+    if share > SOME_SHARE:
+        kinds = ", ".join(sorted(quality.get("blind", {}), key=lambda kind: -quality["blind"][kind]))
+        yield Finding(_level(share, LOST_SHARE), CAUSES["light"], f"{100 * share:.0f} % of the pictures are {kinds}")
+
+
+def _mount(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+    """The mount as given against the mount as observed, angles and height; and whether it was given at all."""
+    if guess := record.get("camera_guess"):
+        focal, height = (100 * guess[f"{name}_sigma_share"] for name in ("focal", "height"))
+        shares = f"focal length to {focal:.0f} %, height to {height:.0f} %"
+        yield Finding("care", CAUSES["guess"], f"lens and mount are guessed ({shares})")
+    given, seen = record.get("mount", {}), record.get("mount_seen", {})
+    for angle in ("pitch", "roll"):
+        if f"{angle}_deg" not in seen or quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]:
+            continue
+        given_deg, seen_deg = given.get(f"{angle}_deg", 0.0), seen[f"{angle}_deg"]
+        used_deg, doubt_deg = seen.get(f"used_{angle}_deg", given_deg), 2.5 * seen[f"sigma_{angle}_deg"]
+        if abs(seen_deg - given_deg) > max(OFF_MOUNT_DEG, doubt_deg):
+            corrected = abs(used_deg - given_deg) > 0.5 * OFF_MOUNT_DEG
+            text = f"the camera's {angle} is {seen_deg:.1f} deg, not {given_deg:.1f} deg"
+            text += " (corrected on the way)" if corrected else ""
+            yield Finding("care" if corrected else "unreliable", CAUSES["mount"], text)
+    heights = [text for text in record.get("faults", []) if cause_of_fault(text) is CAUSES["scale"]]
+    if heights:
+        yield Finding("unreliable", CAUSES["scale"], _bare(heights[0]))
+
+
+def _floor(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+    """Whether the camera can see where things stand."""
+    lens, mount = record.get("intrinsics", {}), record.get("mount", {})
+    if "fy" in lens and "height_m" in mount:
+        below = math.atan((lens["height"] - 1.0 - lens["cy"]) / lens["fy"]) + math.radians(mount["pitch_deg"])
+        nearest_m = mount["height_m"] / math.tan(below) if below > 0.0 else math.inf
+        if nearest_m > FAR_FLOOR_M and mount["height_m"] < FAR_FLOOR_M:
+            text = f"the nearest floor in view is {nearest_m:.1f} m away" if below > 0.0 else "no floor is in view"
+            yield Finding(_level(nearest_m, 2.0 * FAR_FLOOR_M), CAUSES["floor"], text)
+    if not objects:
+        yield Finding("unreliable", CAUSES["floor"], "nothing was mapped")
+
+
+def _motion(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+    """The uncertainty of the pose, and its causes."""
+    frames, wheels = quality["frames"], quality.get("wheel_frames", 0)
+    cause = CAUSES["drift"] if wheels > 0.5 * frames else CAUSES["wheels"]
+    guessed = quality["guessed_frames"] / frames
+    if guessed > SOME_SHARE:
+        yield Finding(
+            _level(guessed, LOST_SHARE), cause, f"the motion of {100 * guessed:.0f} % of the frames is a guess"
+        )
+    if 0 < wheels < (1.0 - SOME_SHARE) * (frames - quality.get("still_frames", 0) - 1):
+        share = 1.0 - wheels / frames
+        yield Finding("care", CAUSES["wheels"], f"{100 * share:.0f} % of the frames have no wheel odometry")
+    sigma_m, heading = quality["sigma_m"]["end"], quality["heading_sigma_deg"]["end"]
+    if max(sigma_m / WRONG_M, heading / WRONG_DEG) > 0.5:
+        level = _level(max(sigma_m / WRONG_M, heading / WRONG_DEG), 1.0)
+        known = "the heading is unknown" if heading > 90.0 else f"{heading:.0f} deg"
+        yield Finding(level, cause, f"the pose is known to {sigma_m:.2f} m and {known}")
+
+
+def _camera(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+    """A camera unlike those that the network was trained and the map was tested with."""
+    if record.get("envelope"):
+        yield Finding("care", CAUSES["camera"], _bare(str(record["envelope"]).removeprefix("flow odometry: ")))
+    if quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]:
+        yield Finding("care", CAUSES["carried"], "the camera sways as in a hand or on a head")
+    rate = quality.get("rate_hz")
+    if rate is not None and rate < SLOW_HZ:
+        yield Finding("care", CAUSES["rate"], f"{rate:.1f} pictures per second")
+
+
+def _objects(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
+    """How sure the map is of its own objects."""
+    if not objects:
+        return
+    doubtful = sum(is_doubtful(item) for item in objects) / len(objects)
+    if doubtful > LOST_SHARE:
+        text = f"{100 * doubtful:.0f} % of the objects are doubtful"
+        yield Finding(_level(doubtful, 2.0 * LOST_SHARE), CAUSES["other"], text)
+    typical_m, height_m = median(sigma_of(item) for item in objects), record.get("mount", {}).get("height_m", math.inf)
+    if typical_m > 0.5 * WRONG_M:
+        text = f"the objects' positions are known to {typical_m:.2f} m"
+        low = f", with a lens {height_m:.2f} m above the floor" if height_m < LOW_M else ""
+        yield Finding(_level(typical_m, WRONG_M), CAUSES["low" if low else "other"], text + low)
+
+
+def _camera_faults(
+    record: Mapping[str, Any],
+    quality: Mapping[str, Any],  # noqa: ARG001
+    objects: Sequence[MapObject],  # noqa: ARG001
+) -> Iterator[Finding]:
+    """Reasons from a camera that was away for a time."""
+    lost = [text for text in record.get("faults", []) if cause_of_fault(text) is CAUSES["device"]]
+    if lost:
+        yield Finding("care", CAUSES["device"], _bare(lost[0]))
+
+
+# Causes before what follows from them: what the camera shows and how it sits, then the motion, then the map.
+CHECKS: tuple[tuple[Check, ...], ...] = ((_pictures, _mount, _floor, _camera_faults), (_motion, _camera), (_objects,))
+
+
+def is_doubtful(item: MapObject) -> bool:
+    """Whether an object is as likely nothing, or anywhere: a person has not confirmed it, its confidence is below a
+    half, or its position is not known to half a metre."""
+    return not item.confirmed and (item.confidence < DOUBTFUL or sigma_of(item) > WRONG_M)
+
+
+def sigma_of(item: MapObject) -> float:
+    """Standard deviation of an object's position, metres: root mean square over both axes."""
+    return math.sqrt(max(float(item.covariance_m2[0, 0] + item.covariance_m2[1, 1]) / 2.0, 0.0))
+
+
+def _level(value: float, unreliable: float) -> Level:
+    return "unreliable" if value > unreliable else "care"
+
+
+def _bare(fault: str) -> str:
+    """A fault without the frame that it came at."""
+    return fault.partition(": ")[2] if fault.startswith("frame ") else fault

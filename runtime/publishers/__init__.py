@@ -1,1 +1,0 @@
-"""Live outputs to other programs: sinks that publish what `runtime.messages` makes of every step."""

@@ -1,0 +1,1 @@
+"""One frame to pose and map: Pipeline, Mapper, SemanticSlam, configuration, session."""

@@ -1,0 +1,98 @@
+"""The mount from depth pictures: the floor's plane gives height, pitch and roll without any pattern."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.depth_points import FARTHEST_M, NEAREST_M, DepthPoints
+from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.level import pitch_roll
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.robust import median_and_scatter
+from edgemap.runtime.frames.errors import CalibrationError
+
+FEWEST_PICTURES = 3
+WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard deviation of the mean over pictures
+MAXIMUM_SCATTER_M, MAXIMUM_SCATTER_RAD = 0.03, math.radians(1.5)  # from picture to picture, of a camera that is mounted
+
+
+@dataclass(frozen=True, slots=True)
+class FloorDepthFit:
+    """What came out. sigma: one standard deviation of height_m, pitch_rad, roll_rad, from the scatter between
+    pictures. rms_m: of depth points about the floor. share: of all points, on the floor. pictures, looked_at: with a
+    floor in them, and all."""
+
+    mount: Mount
+    sigma: tuple[float, float, float]
+    rms_m: float
+    share: float
+    pictures: int
+    examined: int
+
+    def record(self) -> dict[str, Any]:
+        """For camera.yaml's `calibration`."""
+        return {
+            "method": "floor in depth pictures",
+            "pictures": self.pictures,
+            "rms_m": round(self.rms_m, 5),
+            "floor_share": round(self.share, 3),
+            "sigma_height_m": round(self.sigma[0], 5),
+            "sigma_pitch_deg": round(math.degrees(self.sigma[1]), 4),
+            "sigma_roll_deg": round(math.degrees(self.sigma[2]), 4),
+        }
+
+
+def fit_floor_depth(
+    pictures_m: Iterable[NDArray[np.float32]], lens: Intrinsics, up: Array | None = None, seed: int = 0
+) -> FloorDepthFit:
+    """The mount whose floor the depth pictures, (H, W) metres along the optical axis, show; NaN or 0 where unknown.
+
+    lens: of these pictures. up: (3,) in the optical frame by gravity, where there is an IMU. Medians over the pictures.
+    Raises CalibrationError with the numbers for too few pictures with a floor and for pictures that do not agree.
+    """
+    rng, examined = np.random.default_rng(seed), 0
+    planes: list[FloorPlane] = []
+    cloud = DepthPoints(lens)
+    for depth in pictures_m:
+        examined += 1
+        plane = find_floor(_points(depth, lens, cloud), rng, up)
+        if plane is not None:
+            planes.append(plane)
+    if len(planes) < FEWEST_PICTURES:
+        raise CalibrationError(
+            f"{len(planes)} of {examined} depth pictures show a floor, need {FEWEST_PICTURES} or more: let the camera "
+            f"see two square metres of free floor, {NEAREST_M:g} to {FARTHEST_M:g} m away"
+        )
+    values = np.array([(plane.height_m, *pitch_roll(plane.up)) for plane in planes])
+    middle, scatter = median_and_scatter(values)
+    if scatter[0] > MAXIMUM_SCATTER_M or scatter[1:].max() > MAXIMUM_SCATTER_RAD:
+        raise CalibrationError(
+            f"the floor lies {100 * scatter[0]:.1f} cm and {math.degrees(scatter[1:].max()):.1f} deg apart from "
+            f"picture to picture, at most {100 * MAXIMUM_SCATTER_M:g} cm and "
+            f"{math.degrees(MAXIMUM_SCATTER_RAD):g} deg: the camera must be mounted on the robot, and no table may "
+            "hide the floor"
+        )
+    sigma = scatter / math.sqrt(len(planes))
+    if sigma[0] > WORST_HEIGHT_SHARE * middle[0] or sigma[1:].max() > WORST_TILT_RAD:
+        raise CalibrationError(
+            f"mount known to {100 * sigma[0]:.1f} cm and {math.degrees(sigma[1:].max()):.2f} deg only: more pictures"
+        )
+    rms_m = float(np.median([plane.rms_m for plane in planes]))
+    share = float(np.median([plane.share for plane in planes]))
+    mount = Mount(*(float(value) for value in middle))
+    height_m, pitch_rad, roll_rad = sigma.tolist()
+    return FloorDepthFit(mount, (height_m, pitch_rad, roll_rad), rms_m, share, len(planes), examined)
+
+
+def _points(depth: NDArray[np.float32], lens: Intrinsics, cloud: DepthPoints) -> Array:
+    if depth.shape != (lens.height, lens.width):
+        raise CalibrationError(
+            f"depth picture of {depth.shape[1]}x{depth.shape[0]} px, the lens is for {lens.width}x{lens.height} px"
+        )
+    return cloud.of(depth)

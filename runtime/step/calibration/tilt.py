@@ -1,0 +1,115 @@
+"""Pitch and roll without a pattern: rooms are built of verticals and of two level directions at right angles."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.inertial import small_rotation
+from edgemap.geometry.camera.level import pitch_roll
+from edgemap.geometry.camera.room_edges import NEAR_RAD, level_axes, most_upright, room_axes, room_heading
+from edgemap.runtime.frames.errors import CalibrationError
+from edgemap.runtime.motion.attitude.segments import Segments
+
+STEEPEST_RAD, REACH_RAD = math.radians(50.0), math.radians(12.0)  # of the search for up: at first, and about that
+ROUNDS, GROUPS = 4, 10  # of the refinement; of pictures, one of which is left out at a time
+FEWEST_VERTICAL, FEWEST_LEVEL, FEWEST_PICTURES = 20, 20, 3
+MINIMUM_SHARE = 0.35  # of all edges' length that the three directions explain
+MAXIMUM_NODDING_RAD = math.radians(1.0)
+WORST_TILT_RAD = math.radians(1.0)  # one standard deviation
+
+
+@dataclass(frozen=True, slots=True)
+class TiltFit:
+    """What came out. sigma: one standard deviation of pitch_rad and roll_rad, by leaving out pictures (jackknife)."""
+
+    pitch_rad: float
+    roll_rad: float
+    sigma: tuple[float, float]
+    rms_deg: float
+    vertical: int
+    level: int
+    share: float
+    pictures: int
+
+    def record(self) -> dict[str, Any]:
+        """For camera.yaml's `calibration`."""
+        return {
+            "method": "vanishing points",
+            "pictures": self.pictures,
+            "vertical_edges": self.vertical,
+            "level_edges": self.level,
+            "explained_share": round(self.share, 3),
+            "rms_deg": round(self.rms_deg, 4),
+            "sigma_pitch_deg": round(math.degrees(self.sigma[0]), 4),
+            "sigma_roll_deg": round(math.degrees(self.sigma[1]), 4),
+        }
+
+
+def fit_tilt(pictures: list[Segments]) -> TiltFit:
+    """Pitch and roll of a camera that keeps them over all pictures (it is mounted on a robot on a flat floor).
+
+    `room_axes` of the edges of all pictures together, each turned about up to one heading in the room. Raises
+    CalibrationError with the numbers where edges are too few, do not agree, or leave the tilt open.
+    """
+    used = [edges for edges in pictures if len(edges)]
+    if len(used) < FEWEST_PICTURES:
+        raise CalibrationError(f"{len(used)} pictures with straight edges, need {FEWEST_PICTURES} or more")
+    lengths = np.concatenate([edges.lengths for edges in used])
+    normals = np.concatenate([edges.normals for edges in used])
+    up = most_upright(normals, lengths, np.array([0.0, -1.0, 0.0]), STEEPEST_RAD)
+    for _ in range(ROUNDS):  # by what is near to upright alone
+        upright = (normals * lengths[:, None])[near := np.abs(normals @ up) < math.sin(NEAR_RAD)]
+        found = np.linalg.eigh(upright.T @ normals[near])[1][:, 0]
+        up = found * np.sign(found @ up)
+    up = _refined(used, up, ROUNDS)
+    right, away = level_axes(up)
+    misses = np.abs(np.arcsin(np.clip(_aligned(used, up) @ np.stack([up, right, away]).T, -1.0, 1.0)))
+    kind, miss = misses.argmin(axis=1), misses.min(axis=1)
+    near = miss < NEAR_RAD
+    vertical, level = int((near & (kind == 0)).sum()), int((near & (kind > 0)).sum())
+    share = float(lengths[near].sum() / lengths.sum())
+    if vertical < FEWEST_VERTICAL or level < FEWEST_LEVEL or share < MINIMUM_SHARE:
+        raise CalibrationError(
+            f"{vertical} vertical and {level} level edges in {len(used)} pictures, {100 * share:.0f} % of all, "
+            f"need {FEWEST_VERTICAL}, {FEWEST_LEVEL} and {100 * MINIMUM_SHARE:.0f} %: show walls, doors, shelves"
+        )
+    own = [room_axes(edges.normals, edges.lengths, up, REACH_RAD) for edges in used]
+    nodding_rad = float(np.median([math.acos(min(1.0, float(room.up @ up))) for room in own if room] or [0.0]))
+    if nodding_rad > MAXIMUM_NODDING_RAD:
+        raise CalibrationError(
+            f"the camera's tilt changes by {math.degrees(nodding_rad):.1f} deg (median) from picture to picture, at "
+            f"most {math.degrees(MAXIMUM_NODDING_RAD):g} allowed: pictures must come from the robot on a flat floor"
+        )
+    groups = min(len(used), GROUPS)
+    left_out = [[edges for at, edges in enumerate(used) if at % groups != group] for group in range(groups)]
+    found = [pitch_roll(_refined(rest, up, 1)) for rest in left_out]  # edges of one picture err together
+    pitch_sigma, roll_sigma = np.sqrt((groups - 1) * np.var(np.array(found), axis=0)).tolist()
+    if not max(pitch_sigma, roll_sigma) <= WORST_TILT_RAD:
+        raise CalibrationError(
+            f"pitch known to {math.degrees(pitch_sigma):.1f} deg and roll to {math.degrees(roll_sigma):.1f} deg only, "
+            f"expected {math.degrees(WORST_TILT_RAD):g}: more pictures, turned to other walls"
+        )
+    rms_deg = math.degrees(math.sqrt(float(np.average(miss[near] ** 2, weights=lengths[near]))))
+    return TiltFit(*pitch_roll(up), (pitch_sigma, roll_sigma), rms_deg, vertical, level, share, len(used))
+
+
+def _refined(pictures: list[Segments], up: Array, rounds: int) -> Array:
+    """Up, (3,), from a first guess; that where the edges of all pictures show no room."""
+    lengths = np.concatenate([edges.lengths for edges in pictures])
+    for _ in range(rounds):
+        room = room_axes(_aligned(pictures, up), lengths, up, REACH_RAD)
+        up = up if room is None else room.up
+    return up
+
+
+def _aligned(pictures: list[Segments], up: Array) -> Array:
+    """Normals of all edges, (N, 3), each turned about up, by half a right angle at most, so that the room lies
+    along `level_axes`: a wrong up then stays wrong by the same."""
+    turned = []
+    for edges in pictures:
+        heading = (room_heading(edges.normals, edges.lengths, up) + math.pi / 4.0) % (math.pi / 2.0) - math.pi / 4.0
+        turned.append(edges.normals @ small_rotation(*(heading * up)))
+    return np.concatenate(turned)

@@ -1,0 +1,161 @@
+"""Edits on their way into a run: asked for by any thread, taken between two steps, recorded as inputs."""
+
+import json
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import msgspec
+from msgspec import Meta
+
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Annotations, Edit, EditError, EditKind
+from edgemap.runtime.frames.disk import LineFile
+from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Size, Strict, decode_json, error_line, read_text
+from edgemap.runtime.step.map_file import Yaw
+from edgemap.runtime.step.mapper import Mapper
+
+MAXIMUM_WAITING = 100
+SAVE_EVERY_S = 0.5
+FILE_BYTES = 16 << 20
+KINDS = get_args(EditKind)
+Text = Annotated[str, Meta(max_length=200, pattern=rf"\A[^{HIDDEN}]*\Z")]
+Edited = Callable[[list[MapObject], Annotations], None]
+
+
+class _Line(Strict):
+    """A line of edits.jsonl. frames: steps done before the edit."""
+
+    frames: Annotated[int, Meta(ge=0, le=1 << 40)]
+    do: str
+    id: Text = ""
+    name: Text = ""
+    on: bool = True
+    into: Text = ""
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=MAXIMUM_CORNERS)] = msgspec.field(
+        default_factory=list
+    )
+    label: Text = ""
+    place_m: tuple[Coordinate, Coordinate] | None = None
+    size_m: tuple[Size, Size, Size] | None = None
+    yaw_rad: Yaw | None = None
+    pose: tuple[Coordinate, Coordinate, Yaw] | None = None
+    sigmas: tuple[Size, Size, Yaw] | None = None
+
+
+class Edits:
+    """A run's edits. path: edits.jsonl, to which each one is written as it is taken. recorded: (steps done, edit) of
+    an earlier run, taken at the same steps again. recorders: called with each line of edits.jsonl. listeners: called
+    whenever the map was edited. savers: called at most every `SAVE_EVERY_S`, the first edit after a pause at once: a
+    file that waits for the disk is not written for every one of many edits."""
+
+    def __init__(self, path: Path | None = None, recorded: Sequence[tuple[int, Edit]] = ()) -> None:
+        self.listeners: list[Edited] = []
+        self.savers: list[Edited] = []
+        self._unsaved, self._saved_s = False, -math.inf
+        self.recorders: list[Callable[[str], None]] = []
+        self._log = LineFile(path) if path else None
+        self._recorded = deque(recorded)
+        self._waiting: deque[tuple[Edit, Future[str]]] = deque()
+
+    def submit(self, edit: Edit) -> Future[str]:
+        """Ask for an edit, from any thread; the id of its object or zone once it is done. The future raises EditError
+        where the map does not allow it."""
+        future: Future[str] = Future()
+        if len(self._waiting) >= MAXIMUM_WAITING:
+            future.set_exception(EditError(f"{MAXIMUM_WAITING} edits are waiting already"))
+        else:
+            self._waiting.append((edit, future))
+        return future
+
+    def apply(self, mapper: Mapper, frames: int) -> list[str]:
+        """Take what is due, on the run's thread and between two steps. frames: steps done so far. Returns what recorded
+        edits and listeners failed at, in a line each."""
+        failed: list[str] = []
+        answers: list[tuple[Future[str], str]] = []
+        changed = False
+        while self._recorded and self._recorded[0][0] <= frames:
+            edit = self._recorded.popleft()[1]
+            try:
+                mapper.edit(edit)
+            except EditError as error:
+                failed.append(f"recorded edit {edit.do} {edit.id!r}: {error}")
+                continue
+            self._note(edit, frames)
+            changed = True
+        while self._waiting:
+            edit, future = self._waiting.popleft()
+            if not future.set_running_or_notify_cancel():  # nobody waits for it any more
+                continue
+            try:
+                answers.append((future, mapper.edit(edit)))
+            except EditError as error:
+                future.set_exception(error)
+                continue
+            self._note(edit, frames)
+        if changed or answers:
+            failed += _call(self.listeners, mapper)
+            self._unsaved = True
+        if time.monotonic() - self._saved_s >= SAVE_EVERY_S:
+            failed += self.settle(mapper)
+        for future, answer in answers:  # last, so that whoever waited finds the edited map
+            future.set_result(answer)
+        return failed
+
+    def settle(self, mapper: Mapper) -> list[str]:
+        """Have saved what was edited since the last time. Returns what savers failed at."""
+        if not self._unsaved:
+            return []
+        self._unsaved, self._saved_s = False, time.monotonic()
+        return _call(self.savers, mapper)
+
+    def _note(self, edit: Edit, frames: int) -> None:
+        """Record it; a full disk gets it with the next one, and the run folder reports it."""
+        line = json.dumps({"frames": frames} | _changed_fields(edit))
+        for record in self.recorders:
+            record(line)
+        if self._log is not None:
+            self._log.append(line + "\n")
+            with suppress(DiskError):
+                self._log.flush()
+
+
+def _call(listeners: Sequence[Edited], mapper: Mapper) -> list[str]:
+    failed = []
+    for listener in listeners:
+        try:
+            listener(mapper.objects(), mapper.annotations())
+        except Exception as error:  # as with sinks: whoever listens, the run goes on
+            failed.append(f"edited map: {error_line(error)}")
+    return failed
+
+
+def load_edits(path: Path) -> list[tuple[int, Edit]]:
+    """An edits.jsonl: (steps done, edit), in order. Raises EditError in one line."""
+    return read_edits(read_text(path, FILE_BYTES, EditError).splitlines(), str(path))
+
+
+def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
+    """As `load_edits`, of its lines. source: for messages."""
+    found = []
+    for number, line in enumerate(lines, 1):
+        record = decode_json(line, _Line, f"{source}:{number}", EditError)
+        if record.do not in KINDS:
+            raise EditError(f"{source}:{number}: no edit is called {record.do!r} (known: {', '.join(KINDS)})")
+        values: dict[str, Any] = {item.name: getattr(record, item.name) for item in fields(Edit)}
+        values["corners_m"] = tuple(record.corners_m)
+        found.append((record.frames, Edit(**values)))
+    return found
+
+
+def _changed_fields(edit: Edit) -> dict[str, Any]:
+    """An edit's fields, without those at their defaults."""
+    values = {item.name: getattr(edit, item.name) for item in fields(Edit)}
+    return {"do": edit.do} | {name: value for name, value in values.items() if value != getattr(Edit(edit.do), name)}

@@ -1,0 +1,73 @@
+"""The front end's result of one frame: the only input of the back end."""
+
+from dataclasses import dataclass, field
+
+from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import HeightSeen, Mount
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.observations.sighting import Sighting
+from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.runtime.motion.health import PictureHealth
+from edgemap.runtime.motion.odometry.protocol import Motion
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameObservations:
+    """Boxes, objects on the floor and the robot's own motion of one frame, without its picture.
+
+    motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
+    a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
+    frame, None for the level robot's. searched: whether objects were detected in it, so that what is missing is gone.
+    at_rest: the robot stands still and nothing changed, so the boxes are those of the last picture that was searched.
+    mount_fault: one line where sizes, wheels or depth show that the mount's height is wrong, once. height_seen: the
+    lens's height as the drive shows it so far; None where nothing does. floor: where the floor is in this picture; None
+    where it was not searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there
+    is one and it was searched.
+    """
+
+    index: int
+    stamp_s: float
+    detections: Detections
+    sightings: list[Sighting]
+    motion: Motion
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    health: PictureHealth = field(default_factory=PictureHealth)
+    camera: FloorCamera | None = None
+    searched: bool = True
+    at_rest: bool = False
+    mount_fault: str = ""
+    height_seen: HeightSeen | None = None
+    floor: FloorMask | None = None
+    depth: SparseDepth | None = None
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with the picture, the mount or the motion, where it is news."""
+        return tuple(
+            dict.fromkeys(filter(None, (self.health.fault, self._attitude_fault, self.mount_fault, self.motion.fault)))
+        )
+
+    @property
+    def _attitude_fault(self) -> str:
+        attitude = self.camera and self.camera.attitude
+        return attitude.fault if attitude else ""
+
+    @property
+    def attitude_source(self) -> str:
+        """Where roll and pitch come from."""
+        attitude = self.camera and self.camera.attitude
+        return attitude.source if attitude else "mount"
+
+    @property
+    def placed_by(self) -> Mount | None:
+        """The mount by whose angles this frame's objects were placed; None where each frame has its own."""
+        own = self.camera is None or self.attitude_source in ("depth", "truth")
+        return None if own or self.camera is None else self.camera.mount
+
+    @property
+    def mount_seen(self) -> MountSeen | None:
+        """What the drive has shown of the mount so far."""
+        attitude = self.camera and self.camera.attitude
+        return attitude.mount if attitude else None

@@ -1,0 +1,105 @@
+"""`grid.npz`: the occupancy grid beside map.json, written atomically and read with every size checked first."""
+
+import io
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.lib import format as npy
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.canvas import LONGEST
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.reading import MESSAGE_LENGTH, Name, decode_json, one_line, print_message, read_bytes
+
+GRID_BYTES = 8 << 20  # of the file
+MEMBERS = {"log_odds": "|i1", "origin_m": "<f8", "resolution_m": "<f8", "thresholds": "<f8"}
+SMALL_BYTES = 4096  # of every member but the cells
+HEADER_BYTES = 1024
+MAP_BYTES = 32 << 20
+DAMAGE = (  # what zipfile and numpy raise at damaged bytes
+    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, RuntimeError, NotImplementedError,
+)  # fmt: skip
+
+
+class _Named(msgspec.Struct):
+    grid: Name | None = None
+
+
+def grid_name(map_path: Path) -> str:
+    """The grid's file beside a map: grid.npz, or NAME.grid.npz of a map that is not called map.json."""
+    return "grid.npz" if map_path.name == "map.json" else f"{map_path.stem}.grid.npz"
+
+
+def save_grid(path: Path, grid: OccupancyGrid) -> None:
+    """Write the grid atomically. Raises DiskError."""
+    data = io.BytesIO()
+    np.savez_compressed(
+        data,
+        log_odds=grid.log_odds,
+        origin_m=np.array([grid.x_m, grid.y_m]),
+        resolution_m=np.array(grid.cell_m),
+        thresholds=np.array([grid.free_below, grid.occupied_above]),
+    )
+    write_atomically(path, data.getvalue())
+
+
+def load_grid(path: Path) -> OccupancyGrid | None:
+    """The grid that a map.json, or the one of a run folder, names beside it; None where it names none, and with a
+    message where that file is not there: a map.json may be copied alone.
+
+    Raises MapError in one line where the file is no grid, or larger than 8192 x 8192 cells.
+    """
+    path = path / "map.json" if path.is_dir() else path
+    name = decode_json(read_bytes(path, MAP_BYTES, MapError), _Named, f"{path}: damaged map", MapError).grid
+    if name is None:
+        return None
+    if name != Path(name).name or name in (".", "..") or "\\" in name:
+        raise MapError(f"{path}: damaged map: grid {one_line(name, 60)!r} is no file beside it")
+    if not path.with_name(name).exists():
+        print_message(f"({path}: {name} is not beside it, so the map loads without its floor)")
+        return None
+    return read_grid(read_bytes(path.with_name(name), GRID_BYTES, MapError), str(path.with_name(name)))
+
+
+def read_grid(data: bytes, source: str) -> OccupancyGrid:
+    """As `load_grid`, of the file itself. source: for messages."""
+    where = f"{source}: no grid"
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            values = {name: _member(archive, name, kind, where) for name, kind in MEMBERS.items()}
+    except DAMAGE as why:
+        raise MapError(f"{where} ({one_line(why, MESSAGE_LENGTH // 2)})") from None
+    cells, origin, resolution, thresholds = values.values()
+    shapes = cells.ndim, origin.shape, resolution.shape, thresholds.shape
+    if shapes != (2, (2,), (), (2,)) or not cells.size:
+        raise MapError(f"{where}: arrays of shapes {[list(array.shape) for array in values.values()]}")
+    cell_m, (low, high) = float(resolution), thresholds.tolist()
+    if not (0.005 <= cell_m <= 10.0 and np.abs(origin).max() <= 1e6 and -20.0 < low < 0.0 < high < 20.0):
+        raise MapError(f"{where}: cells of {cell_m:g} m from {origin.tolist()} m, thresholds {low:g} and {high:g}")
+    return OccupancyGrid(cells, float(origin[0]), float(origin[1]), cell_m, low, high)
+
+
+def _member(archive: zipfile.ZipFile, name: str, kind: str, where: str) -> np.ndarray[Any, Any]:
+    """One array, after its stored size, its own header and what it unpacks to have been compared."""
+    info = archive.getinfo(f"{name}.npy")
+    most = LONGEST * LONGEST + HEADER_BYTES if name == "log_odds" else SMALL_BYTES
+    if info.file_size > most or info.flag_bits & 1:
+        raise MapError(f"{where}: {name} of {info.file_size:,} bytes, at most {most:,} are read")
+    with archive.open(info) as stream:
+        head = io.BytesIO(stream.read(HEADER_BYTES))
+        if npy.read_magic(head) != (1, 0):
+            raise MapError(f"{where}: {name} is no array of version 1.0")
+        shape, fortran, dtype = npy.read_array_header_1_0(head, max_header_size=HEADER_BYTES)
+        size = int(np.prod(shape, dtype=object)) if shape else 1
+        if dtype.str != kind or fortran or any(side > LONGEST for side in shape):
+            raise MapError(f"{where}: {name} is {dtype.str} {list(shape)[:4]}")
+        needed = size * dtype.itemsize
+        data = head.read() + stream.read(max(needed - HEADER_BYTES, 0) + HEADER_BYTES)
+    if len(data) != needed:
+        raise MapError(f"{where}: {name} holds {len(data)} bytes, {list(shape)} needs {needed}")
+    return np.frombuffer(data, dtype).reshape(shape)

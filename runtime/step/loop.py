@@ -1,0 +1,105 @@
+"""The loop of a run: frames from a camera through front end and back end into sinks, until the end or a stop."""
+
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.fault import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.inputs.cameras.protocol import Camera
+from edgemap.runtime.step.edits import Edits
+from edgemap.runtime.step.sinks import Sink, SinkGroup
+from edgemap.runtime.step.slam import SemanticSlam, StepResult
+
+
+def steps(
+    camera: Camera,
+    slam: SemanticSlam,
+    sinks: Sequence[Sink] = (),
+    frames: int | None = None,
+    stop: threading.Event | None = None,
+    strict: bool = False,
+    beat: Callable[[str], None] = lambda _: None,
+    edits: Edits | None = None,
+) -> Generator[StepResult, None, None]:
+    """Drive until the camera ends, `frames` are done, `stop` is set or the iterator is closed; one result a frame.
+
+    Camera faults are reported to the sinks and driving goes on; strict: the first one ends the run. While a live camera
+    is away the pose is carried on by sources that need no picture. beat: called with one line at every step, and every
+    half second without a frame. edits: applied between two steps. A sink that fails is reported as a fault
+    (`SinkGroup`). Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure is reported
+    to the sinks before it is raised again.
+    """
+    done = 0
+    faults: list[CameraFault] = []
+    group, edits = SinkGroup(sinks), edits or Edits()
+
+    def take_edits() -> None:
+        for text in edits.apply(slam.mapper, done):
+            group.fault(text)
+
+    try:
+        while (frames is None or done < frames) and not (stop and stop.is_set()):
+            take_edits()
+            try:
+                frame = camera.read()
+            except FrameTimeout as timeout:
+                if done and timeout.stamp_s is not None and timeout.state is not CameraState.RUNNING:
+                    slam.step_blind(timeout.stamp_s, str(timeout))
+                beat(f"camera {timeout.state}, {done} frames")
+                continue
+            except CameraFault as fault:
+                if strict and fault.counted:
+                    raise
+                faults.append(fault)
+                group.fault(str(fault))
+                continue
+            if frame is None:
+                break
+            result = slam.step(frame, faults)
+            faults.clear()
+            objects = slam.objects()
+            group.write(result, objects)
+            done += 1
+            beat(f"camera {CameraState.RUNNING}, {done} frames, {len(objects)} objects")
+            yield result
+        take_edits()
+    except EdgemapError as error:
+        group.ending(error)
+        raise
+    finally:
+        group.close()
+
+
+def run(
+    camera: Camera,
+    slam: SemanticSlam,
+    sinks: Sequence[Sink],
+    frames: int | None = None,
+    stop: threading.Event | None = None,
+    strict: bool = False,
+    beat: Callable[[str], None] = lambda _: None,
+    edits: Edits | None = None,
+) -> int:
+    """All `steps`, for their sinks; the number of frames done."""
+    return sum(1 for _ in steps(camera, slam, sinks, frames, stop, strict, beat, edits))
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or SIGTERM sets; a second Ctrl-C interrupts at once. For the main thread only."""
+    stop = threading.Event()
+
+    def ask(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

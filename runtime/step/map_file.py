@@ -1,0 +1,272 @@
+"""`map.json`: the map on disk, written atomically and read with every value checked."""
+
+import json
+import uuid
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.grid.walls import walls_of
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.edits import (
+    LONGEST_NAME,
+    MAXIMUM_CORNERS,
+    MAXIMUM_ZONES,
+    NO_ANNOTATIONS,
+    Annotations,
+    Zone,
+)
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.disk import write_atomically
+from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Stamp, decode_json, read_bytes
+from edgemap.runtime.step.grid_file import grid_name, save_grid
+
+FORMAT = "edgemap.map/1"
+MAP_BYTES = 32 << 20
+MAXIMUM_OBJECTS = 100_000
+ROUNDING_M2 = 1e-9  # of the file's covariances
+GivenName = Annotated[str, Meta(max_length=LONGEST_NAME, pattern=rf"\A[^{HIDDEN}]*\Z")]  # by a person
+Yaw = Annotated[float, Meta(ge=-7.0, le=7.0)]  # radians
+Variance = Annotated[float, Meta(ge=-1e6, le=1e6)]  # square metres
+DEFAULT_MAP_ID = "map"
+
+
+def map_document(
+    objects: list[MapObject],
+    annotations: Annotations = NO_ANNOTATIONS,
+    grid: OccupancyGrid | None = None,
+    grid_file: str = "grid.npz",
+    last_pose: SE2 | None = None,
+) -> dict:
+    """The map as the JSON document that `map.json` holds. grid_file: name of the grid's file beside it.
+
+    Where there are any: `seen_from_m`, id to places it was seen from; `zones`; `deleted`, objects that a person has
+    taken out; `grid` and `walls`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`,
+    `confirmed`, `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
+    """
+    seen = [item for item in objects if item.seen_from_m]
+    views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}
+    document = {"format": FORMAT, "frame": "map", "objects": [object_record(item) for item in objects]}
+    document |= {"seen_from_m": views} if views else {}
+    if grid is not None:
+        document |= {"grid": grid_file, "walls": wall_records(grid)}
+    document |= {"zones": [zone_record(zone) for zone in annotations.zones]} if annotations.zones else {}
+    document |= {"deleted": [object_record(item) for item in annotations.deleted]} if annotations.deleted else {}
+    poses = {"dock": annotations.dock, "last_pose": last_pose}
+    return document | {name: pose_record(pose) for name, pose in poses.items() if pose is not None}
+
+
+def pose_record(pose: SE2) -> dict[str, float]:
+    """A pose of the base in the map frame as `map.json` holds it."""
+    return {"x_m": round(pose.x_m, 4), "y_m": round(pose.y_m, 4), "yaw_rad": round(pose.yaw_rad, 5)}
+
+
+def object_record(item: MapObject) -> dict:
+    """One object of the map as `map.json` holds it."""
+    said: dict[str, object] = {"name": item.name} if item.name else {}
+    said |= {"confirmed": True} if item.confirmed else {}
+    said |= {"corrected": list(item.corrected)} if item.corrected else {}
+    said |= {"yaw_rad": round(item.yaw_rad, 5)} if item.yaw_rad is not None else {}
+    said |= {"depth_m": round(item.depth_m, 4)} if item.depth_m is not None else {}
+    return said | {
+        "id": item.id,
+        "label": item.label,
+        "x_m": round(float(item.position_m[0]), 6),
+        "y_m": round(float(item.position_m[1]), 6),
+        "covariance_m2": [[round(float(v), 9) for v in row] for row in item.covariance_m2],
+        "width_m": round(item.width_m, 4),
+        "height_m": round(item.height_m, 4),
+        "count": item.count,
+        "confidence": round(item.confidence, 6),
+        "first_seen_s": round(item.first_seen_s, 6),
+        "last_seen_s": round(item.last_seen_s, 6),
+        "labels": {label: round(share, 6) for label, share in item.labels.items()},
+    }
+
+
+def wall_records(grid: OccupancyGrid) -> list[dict]:
+    """The walls of a grid as `map.json` holds them."""
+    return [
+        {"from_m": [round(x, 3) for x in wall.from_m], "to_m": [round(x, 3) for x in wall.to_m]}
+        for wall in walls_of(grid)
+    ]
+
+
+def zone_record(zone: Zone) -> dict:
+    """One zone as `map.json` holds it."""
+    return {
+        "id": zone.id,
+        "name": zone.name,
+        "corners_m": [[round(float(x), 4), round(float(y), 4)] for x, y in zone.corners_m],
+    }
+
+
+def map_text(
+    objects: list[MapObject],
+    annotations: Annotations = NO_ANNOTATIONS,
+    grid: OccupancyGrid | None = None,
+    grid_file: str = "grid.npz",
+    last_pose: SE2 | None = None,
+) -> str:
+    """The map as the text of `map.json`."""
+    return json.dumps(map_document(objects, annotations, grid, grid_file, last_pose), indent=1) + "\n"
+
+
+def save_map(
+    path: Path,
+    objects: list[MapObject],
+    annotations: Annotations = NO_ANNOTATIONS,
+    grid: OccupancyGrid | None = None,
+    grid_saved: bool = False,
+) -> None:
+    """Write `map.json` and the grid beside it, each atomically. grid_saved: the grid's file is up to date."""
+    if grid is not None and not grid_saved:
+        save_grid(path.with_name(grid_name(path)), grid)
+    write_atomically(path, map_text(objects, annotations, grid, grid_name(path)))
+
+
+class _Head(msgspec.Struct):
+    format: str = ""
+
+
+class _Last(msgspec.Struct):
+    last_pose: "_Pose | None" = None
+
+
+class _ObjectRecord(msgspec.Struct, kw_only=True):
+    id: Name
+    label: Name
+    x_m: Coordinate
+    y_m: Coordinate
+    covariance_m2: tuple[tuple[Variance, Variance], tuple[Variance, Variance]]
+    width_m: Size
+    height_m: Size
+    count: Annotated[int, Meta(ge=1, le=1 << 40)]
+    confidence: Share
+    first_seen_s: Stamp
+    last_seen_s: Stamp
+    labels: Annotated[dict[Name, Share], Meta(max_length=1000)] = msgspec.field(default_factory=dict)
+    name: GivenName = ""
+    confirmed: bool = False
+    corrected: Annotated[list[Literal["label", "position", "size", "yaw"]], Meta(max_length=4)] = msgspec.field(
+        default_factory=list
+    )
+    yaw_rad: Yaw | None = None
+    depth_m: Size | None = None
+
+
+class _Pose(msgspec.Struct):
+    x_m: Coordinate
+    y_m: Coordinate
+    yaw_rad: Yaw
+
+    @property
+    def pose(self) -> SE2:
+        return SE2(self.x_m, self.y_m, self.yaw_rad)
+
+
+class _Zone(msgspec.Struct, kw_only=True):
+    id: Name
+    name: GivenName
+    corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
+
+
+class _Wall(msgspec.Struct, kw_only=True):
+    from_m: tuple[Coordinate, Coordinate]
+    to_m: tuple[Coordinate, Coordinate]
+
+
+class _Map(msgspec.Struct, kw_only=True):
+    objects: Annotated[list[_ObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)]
+    zones: Annotated[list[_Zone], Meta(max_length=MAXIMUM_ZONES)] = msgspec.field(default_factory=list)
+    grid: Name | None = None
+    walls: Annotated[list[_Wall], Meta(max_length=100_000)] = msgspec.field(default_factory=list)
+    deleted: Annotated[list[_ObjectRecord], Meta(max_length=MAXIMUM_OBJECTS)] = msgspec.field(default_factory=list)
+    seen_from_m: dict[Name, Annotated[list[tuple[Coordinate, Coordinate]], Meta(max_length=10_000)]] = msgspec.field(
+        default_factory=dict
+    )
+    dock: _Pose | None = None
+    last_pose: _Pose | None = None
+
+
+def load_map(path: Path) -> list[MapObject]:
+    """The objects of a map.json, or of the one of a run folder. Raises as `load_annotated_map`."""
+    return load_annotated_map(path)[0]
+
+
+def load_annotated_map(path: Path) -> tuple[list[MapObject], Annotations]:
+    """Read a map.json, or the one of a run folder: objects, and what people have added; unknown fields are left out.
+
+    Raises MapError in one line for anything that is no map: numbers out of range, covariances that are not symmetric
+    and positive, ids given twice.
+    """
+    path = map_path(path)
+    return read_map(read_bytes(path, MAP_BYTES, MapError), str(path))
+
+
+def map_path(path: Path) -> Path:
+    """The map.json that a MAP means: itself, or the one of a folder."""
+    return path / "map.json" if path.is_dir() else path
+
+
+def load_last_pose(path: Path) -> SE2 | None:
+    """The robot's pose when the map of a map.json or folder was saved, None where it is missing. Raises MapError."""
+    path = map_path(path)
+    found = decode_json(read_bytes(path, MAP_BYTES, MapError), _Last, f"{path}: damaged map", MapError).last_pose
+    return found and found.pose
+
+
+def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[list[MapObject], Annotations]:
+    """As `load_annotated_map`, of the document itself. source: for messages. most: of objects, counted first."""
+    if data.count(b'"covariance_m2"') > most:  # one in every object
+        raise MapError(f"{source}: more than {most} objects")
+    other = f"{source}: not an {FORMAT} document"
+    if decode_json(data, _Head, other, MapError).format != FORMAT:
+        raise MapError(other)
+    where = f"{source}: damaged map"
+    document = decode_json(data, _Map, where, MapError)
+    if len(document.objects) + len(document.deleted) > most:  # a name may be written in another way
+        raise MapError(f"{source}: more than {most} objects")
+    for what, records in (("objects", (*document.objects, *document.deleted)), ("zones", document.zones)):
+        seen: set[str] = set()  # objects and zones are two namespaces
+        for record in records:
+            if record.id in seen:
+                raise MapError(f"{where}: two {what} have the id {record.id!r}")
+            seen.add(record.id)
+    objects, deleted = (
+        [_object_of(record, document.seen_from_m.get(record.id, []), where) for record in records]
+        for records in (document.objects, document.deleted)
+    )
+    zones = tuple(Zone(zone.id, zone.name, tuple(zone.corners_m)) for zone in document.zones)
+    return objects, Annotations(zones, tuple(deleted), document.dock and document.dock.pose)
+
+
+def _object_of(record: _ObjectRecord, views: list[tuple[float, float]], where: str) -> MapObject:
+    covariance = np.array(record.covariance_m2)
+    (xx, xy), (yx, yy) = covariance.tolist()
+    if abs(xy - yx) > ROUNDING_M2 or min(xx, yy, *np.linalg.eigvalsh(covariance)) < -ROUNDING_M2:
+        raise MapError(f"{where}: object {record.id!r}: covariance {covariance.tolist()} m2 is no covariance")
+    if record.last_seen_s < record.first_seen_s:
+        raise MapError(
+            f"{where}: object {record.id!r}: last seen at {record.last_seen_s} s, first at {record.first_seen_s} s"
+        )
+    covariance[0, 1] = covariance[1, 0] = (xy + yx) / 2.0
+    covariance += np.eye(2) * max(0.0, 2.0 * ROUNDING_M2 - float(np.linalg.eigvalsh(covariance)[0]))
+    return MapObject(
+        record.id, record.label, np.array([record.x_m, record.y_m]), covariance, record.width_m, record.height_m,
+        record.count, record.confidence, record.first_seen_s, record.last_seen_s, tuple(views),
+        record.labels, record.name, record.confirmed, tuple(record.corrected), record.yaw_rad, record.depth_m,
+    )  # fmt: skip
+
+
+def object_uuid(object_id: str, map_id: str = DEFAULT_MAP_ID) -> str:
+    """Name-based UUID (RFC 9562, version 5) of an object of a map, as text.
+
+    It depends on both ids only: a map that grows keeps the UUIDs of its objects, on every machine.
+    """
+    return str(uuid.uuid5(uuid.uuid5(uuid.NAMESPACE_URL, f"{FORMAT}:{map_id}"), object_id))

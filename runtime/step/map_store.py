@@ -1,0 +1,45 @@
+"""Maps by name: where they lie on this machine, and what a MAP on the command line means."""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+
+from edgemap.runtime.frames.reading import user_path
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+@dataclass(frozen=True, slots=True)
+class MapPlace:
+    """What a MAP means. path: a map.json or a folder that holds one. lives: whether a run saves back into it; a run
+    folder and a map.json are only read."""
+
+    path: Path
+    lives: bool
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a map yet."""
+        return self.path.is_file() or (self.path / "map.json").is_file()
+
+
+def maps_folder() -> Path:
+    """`$EDGEMAP_DATA/maps`, or in the user's data folder for edgemap."""
+    return Path(os.environ.get("EDGEMAP_DATA") or platformdirs.user_data_path("edgemap")) / "maps"
+
+
+def find_map(text: str | Path) -> MapPlace:
+    """The map that a text means: a map.json or run folder, which are read; a name or another folder, which live.
+
+    A name is one without a slash, of which there is no map in this folder.
+    """
+    path = user_path(str(text))
+    is_file = path.is_file() or path.suffix == ".json"
+    if is_file or (path / "run.json").is_file() or (path / "robots").is_dir():  # the last is a fleet's place
+        return MapPlace(path, lives=False)
+    if NAME.fullmatch(str(text)) and not (path / "map.json").is_file():
+        return MapPlace(maps_folder() / str(text), lives=True)
+    return MapPlace(path, lives=True)

@@ -1,0 +1,391 @@
+"""The back end: observations and motions in, pose and map out. It never sees a picture."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.grid.floor_scan import FloorScan
+from edgemap.geometry.grid.fusion import GridFusion
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
+from edgemap.geometry.map_object import MapObject, ObjectMap
+from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations, Edit, EditError, MapEdits, Zone
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.objects.forgetting import Forgetter, NoForgetting
+from edgemap.geometry.objects.merge import merge_maps
+from edgemap.geometry.observations.movers import mover_boxes
+from edgemap.geometry.observations.sighting import PlacedSighting, Sighting
+from edgemap.geometry.paper.paper_map import PaperMap
+from edgemap.geometry.registration.alignment import Alignment
+from edgemap.geometry.se2 import SE2, compose_covariance
+from edgemap.runtime.frames.timing import Stopwatch
+from edgemap.runtime.motion.odometry.protocol import FARTHEST_M, Motion, is_covariance
+from edgemap.runtime.step.config import Config
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.loop_closing import LoopCloser, LoopCorrection, NoLoopClosure
+from edgemap.runtime.step.pose_journal import PoseJournal
+from edgemap.runtime.step.relocalisation import NoRelocalisation, Relocaliser
+
+MIN_VARIANCE_M2 = 1e-10  # of an observation: no box is that exact, and its inverse stays finite
+GRID_EVERY_S = 1.0  # of stream between two grids that a step shows: planners and people need no more
+PICTURE_S = 0.1  # that evidence is counted in: thresholds were chosen at 10 Hz
+LONGEST_S = 0.3  # that one picture stands for at most: what was in view before it is not known
+START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person knows where the robot stands
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapUpdate:
+    """What one frame changed in the back end.
+
+    sightings: the boxes that stand on the floor, in the map. object_ids: one per sighting. merged: ids of the complete
+    run that are no more, to the id that they became part of. pose_covariance: (3, 3) of x, y, yaw: m, m, rad.
+    trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
+    this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of the
+    frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,
+    continuous whatever loop closure and relocalisation move (REP-105). annotations: zones and deleted objects. grid: at
+    most one stream second old; None before any floor is known. floor_scan: of this frame's picture, where the grid took
+    it in.
+    """
+
+    sightings: list[PlacedSighting]
+    object_ids: list[str]
+    merged: dict[str, str]
+    pose_map_base: SE2
+    pose_covariance: Array
+    trajectory: PoseJournal
+    travelled_m: float
+    stages_ms: dict[str, float]
+    pose_odom_base: SE2
+    odom_covariance: Array
+    correction: LoopCorrection | None = None
+    relocated: SE2 | None = None
+    annotations: Annotations = NO_ANNOTATIONS
+    grid: OccupancyGrid | None = None
+    floor_scan: FloorScan | None = None
+
+
+class Mapper:
+    """Data association, landmarks, loop closure, relocalisation and forgetting behind one method.
+
+    Depends on what it is given and on nothing else: the same observations make the same map.
+    """
+
+    def __init__(
+        self,
+        object_map: ObjectMap | None = None,
+        *,
+        config: Config | None = None,
+        loop_closer: LoopCloser | NoLoopClosure | None = None,
+        forgetter: Forgetter | NoForgetting | None = None,
+    ) -> None:
+        self.config = config or Config()
+        self.map: ObjectMap = object_map or FloorMap(self.config.association, self.config.loop_closure)
+        self.loop_closer = loop_closer if loop_closer and self.map.movable else NoLoopClosure()
+        self.forgetter = forgetter if forgetter and self.map.movable else NoForgetting()
+        self.relocaliser: Relocaliser | NoRelocalisation = NoRelocalisation()
+        self.grid = GridFusion(self.config.grid)
+        self._shown_grid: OccupancyGrid | None = None
+        self._shown_s = -math.inf  # stamp of it
+        self._saved_grid: OccupancyGrid | None = None  # of a map in which the robot has yet to find itself
+        self.edits = MapEdits()
+        self._saved_zones: tuple[Zone, ...] = ()  # of a map in which the robot has yet to find itself
+        self.trajectory = PoseJournal()
+        self.pose_map_base, self.pose_covariance = SE2(), np.zeros((3, 3))
+        self.pose_odom_base, self.odom_covariance = SE2(), np.zeros((3, 3))
+        self.travelled_m = 0.0
+        self._placed_by: Mount | None = None  # the mount that what is mapped was placed by
+        self._relocated: SE2 | None = None  # by a person's pose, since the last step
+        self._searched_s = -math.inf  # stamp of the last picture that was searched
+        self._started = False
+        self._due = False  # loops to be searched
+        self._blind: Motion | None = None  # since the last step
+        self._watch = Stopwatch()
+
+    def start_in(
+        self,
+        saved: Sequence[MapObject],
+        start: SE2,
+        sigmas: Sequence[float] = START_SIGMAS,
+        annotations: Annotations = NO_ANNOTATIONS,
+        grid: OccupancyGrid | None = None,
+    ) -> None:
+        """Go on with a saved map from a known pose. sigmas: of the start pose, m, m, rad. grid: the saved map's."""
+        if grid is not None:
+            self.grid.continue_from(grid)
+        self.edits = MapEdits.of(saved, annotations)
+        saved = annotations.measured(saved)
+        self.map = FloorMap.continued(saved, self.config.association, self.config.loop_closure)
+        self.pose_map_base, self.pose_covariance = start, np.diag(np.square(sigmas))
+
+    def relocalise_in(
+        self,
+        saved: Sequence[MapObject],
+        annotations: Annotations = NO_ANNOTATIONS,
+        grid: OccupancyGrid | None = None,
+        guesses: Sequence[SE2] = (),
+    ) -> None:
+        """Make a map of its own until its objects show where in the saved map the robot is, then go on with that one.
+        guesses: poses in the saved map at which the run may start; fewer objects prove one of these.
+
+        New objects are numbered after the saved ones, so an id means one thing throughout; `merged` tells which of
+        them turned out to be saved ones. grid: the saved map's.
+        """
+        self._saved_grid = grid
+        self.edits = MapEdits.of(saved, annotations)
+        self._saved_zones = self.edits.take_zones()
+        saved = annotations.measured(saved)
+        config = self.config
+        self.relocaliser = Relocaliser(saved, config.association, config.registration, guesses, config.loop_closure)
+        self.map = self.relocaliser.own
+
+    def step(self, observed: FrameObservations) -> MapUpdate:
+        """Take in one frame's observations: advance, close loops, associate, forget, relocalise."""
+        self._watch.start()
+        stage = self._watch.stage
+        observed, self._blind = self._timed(_after(self._blind, _sound(observed))), None
+        self._advance(observed.motion)
+        self._retilt(observed.mount_seen)
+        correction = self._close_loops(observed)
+        stage("closure")
+        sightings = [
+            sighting.placed(self.pose_map_base, self.pose_covariance, observed.placed_by)
+            for sighting in observed.sightings
+        ]
+        object_ids = self.map.update(sightings)
+        if observed.searched:
+            self.forgetter.observe(
+                self.map,
+                observed.detections,
+                self.pose_map_base,
+                object_ids,
+                observed.camera,
+                self.edits.kept(self.map),
+            )
+        stage("map")
+        self._fuse_floor(observed)
+        stage("grid")
+        update = MapUpdate(
+            sightings, object_ids, self.map.merged, self.pose_map_base, self.pose_covariance, self.trajectory,
+            self.travelled_m, {}, self.pose_odom_base, self.odom_covariance, correction,
+            grid=self._shown_grid, floor_scan=self.grid.scan,
+        )  # fmt: skip
+        alignment = self.relocaliser.align()
+        if alignment is not None:
+            update = self._enter_saved_map(update, alignment)
+        elif self._relocated is not None:
+            update, self._relocated = replace(update, relocated=self._relocated), None
+        self.trajectory.append(observed.stamp_s, self.pose_map_base)
+        stage("relocalisation")
+        return replace(self._as_edited(update), stages_ms=self._watch.stages_ms)
+
+    def step_blind(self, motion: Motion) -> tuple[SE2, Array]:
+        """A motion without observations: pose and its covariance (3, 3) after it. The next step takes it in."""
+        motion = motion.checked("this")
+        self._blind = motion if self._blind is None else _composed(self._blind, motion)
+        covariance = compose_covariance(
+            self.pose_map_base, self.pose_covariance, self._blind.motion, self._blind.covariance
+        )
+        return self.pose_map_base @ self._blind.motion, covariance
+
+    def edit(self, edit: Edit) -> str:
+        """Take in what a person says of the map, between two steps; the id of its object or zone. Raises EditError.
+
+        Edits are inputs as frames are: the same ones after the same frames make the same map. Pose, trajectory and
+        measured objects do not depend on them, but on `pose`; a confirmed object is not forgotten.
+        """
+        if edit.do == "pose":
+            return self._set_pose(edit)
+        return self.edits.take(edit, self.map, self.trajectory.stamps_near)
+
+    def objects(self) -> list[MapObject]:
+        """The map as it stands, edits laid over it."""
+        return self.edits.shown(self.map)
+
+    def annotations(self) -> Annotations:
+        """Zones and deleted objects as they stand."""
+        return self.edits.annotations(self.map)
+
+    def _fuse_floor(self, observed: FrameObservations) -> None:
+        """The picture's floor becomes part of the grid; what is shown of it is renewed now and then."""
+        if observed.camera is None:
+            return
+        movers = mover_boxes(observed.detections)
+        camera, floor, depth = observed.camera, observed.floor, observed.depth
+        self.grid.observe(self.pose_map_base, observed.stamp_s, camera, floor, movers, depth)
+        if not 0.0 <= observed.stamp_s - self._shown_s < GRID_EVERY_S:
+            self._shown_grid, self._shown_s = self.grid.grid(), observed.stamp_s
+
+    def _set_pose(self, edit: Edit) -> str:
+        """The robot is where a person says, in a map that stays as it is; a search for it is over. Raises EditError."""
+        if edit.pose is None or not np.isfinite(edit.pose).all():
+            raise EditError("a pose is x, y and yaw: three finite numbers")
+        if not self.map.movable:
+            raise EditError("the paper's clustering keeps every sighting where it is: no pose can be set")
+        sigmas = edit.sigmas or START_SIGMAS
+        if not (np.isfinite(sigmas).all() and min(sigmas) > 0.0 and max(sigmas) < FARTHEST_M):
+            raise EditError(f"standard deviations of a pose are above 0 and below {FARTHEST_M:g}")
+        pose, covariance = SE2(*edit.pose), np.diag(np.square(sigmas))
+        if self.relocaliser.searching:
+            back = self.pose_map_base.inverse()
+            place = Alignment.exact(pose @ back)
+            self._join_saved_map(
+                replace(place, covariance=compose_covariance(pose, covariance, back, np.zeros((3, 3))))
+            )
+            self.relocaliser.alignment, self._relocated = place, place.pose_a_b
+        elif isinstance(self.map, FloorMap):
+            measured = self.map.objects()
+            self.map = FloorMap.continued(measured, self.config.association, self.config.loop_closure, before=self.map)
+            self.grid.transform(SE2())  # what it is fusing belongs to the pose before
+        self.pose_map_base, self.pose_covariance = pose, covariance
+        return "pose"
+
+    def _as_edited(self, update: MapUpdate) -> MapUpdate:
+        """Ids as people have merged them, and what they have added."""
+        merges = self.edits.merges(self.map)
+        if merges:
+            ids = [merges.get(self.map.shown_as(identity), identity) for identity in update.object_ids]
+            update = replace(update, object_ids=ids, merged=update.merged | merges)
+        return replace(update, annotations=self.annotations())
+
+    def _timed(self, observed: FrameObservations) -> FrameObservations:
+        """Each sighting stands for the time since the last picture that was searched: at any rate the same evidence."""
+        if not observed.searched:
+            return observed
+        since_s, self._searched_s = observed.stamp_s - self._searched_s, observed.stamp_s
+        pictures = round(min(max(since_s, 0.0), LONGEST_S) / PICTURE_S, 2) if math.isfinite(since_s) else 1.0
+        if pictures == 1.0:
+            return observed
+        return replace(observed, sightings=[replace(seen, pictures=pictures) for seen in observed.sightings])
+
+    def _advance(self, motion: Motion) -> None:
+        """Carry the pose on; the first frame's pose is the map's origin, known exactly."""
+        if self._started:
+            self.pose_covariance = compose_covariance(
+                self.pose_map_base, self.pose_covariance, motion.motion, motion.covariance
+            )
+            self.pose_map_base = self.pose_map_base @ motion.motion
+            self.odom_covariance = compose_covariance(
+                self.pose_odom_base, self.odom_covariance, motion.motion, motion.covariance
+            )
+            self.pose_odom_base = self.pose_odom_base @ motion.motion
+            self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
+        self._started = True
+
+    def _retilt(self, seen: MountSeen | None) -> None:
+        """What was placed by the mount follows its angles as they become better known."""
+        if seen is None or not self.map.movable:
+            return
+        before, self._placed_by = self._placed_by or seen.given, seen.used
+        tilt_rad = np.array([seen.used.roll_rad - before.roll_rad, seen.used.pitch_rad - before.pitch_rad])
+        if tilt_rad.any():
+            self.map.retilt(tilt_rad)
+
+    def _close_loops(self, observed: FrameObservations) -> LoopCorrection | None:
+        """Where landmarks observed again tell how far the pose has drifted, pose, trajectory and map move."""
+        if not isinstance(self.map, FloorMap):
+            return None
+        graph = self.map.graph
+        if not graph.trajectory.poses:
+            graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
+            return None
+        self._due |= graph.advance(observed.motion.motion, observed.motion.covariance, observed.stamp_s)
+        if self._due and not self.loop_closer.busy:
+            self._due = False
+            self.map.bound()
+            self.loop_closer.begin(graph)
+        correction = self.loop_closer.step(graph, observed.stamp_s)
+        if correction is not None:
+            self.pose_map_base, self.pose_covariance = correction.pose_map_base, correction.pose_covariance
+            self.trajectory.correct(correction.past)
+            self.map.moved()
+            self.grid.moved(correction.past)
+            self.edits.moved(correction.past)
+        return correction
+
+    def _enter_saved_map(self, update: MapUpdate, alignment: Alignment) -> MapUpdate:
+        """Both maps become one, and the robot and this frame's sightings move into the saved one's frame."""
+        became = self._join_saved_map(alignment)
+        pose, covariance = self.pose_map_base, self.pose_covariance
+        return replace(
+            update,
+            sightings=[placed.sighting.placed(pose, covariance) for placed in update.sightings],
+            object_ids=[became.get(identity, identity) for identity in update.object_ids],
+            merged=self.map.merged,
+            pose_map_base=pose,
+            pose_covariance=covariance,
+            relocated=alignment.pose_a_b,
+        )
+
+    def _join_saved_map(self, alignment: Alignment) -> dict[str, str]:
+        """The saved map and the run's own become one, in the saved one's frame; what the own ids became."""
+        merged, became = merge_maps(
+            self.relocaliser.saved, self.map.objects(), alignment, self.config.loop_closure.landmarks
+        )
+        self.map = FloorMap.continued(
+            merged, self.config.association, self.config.loop_closure, self.relocaliser.own, became
+        )
+        self.pose_covariance = compose_covariance(
+            alignment.pose_a_b, alignment.covariance, self.pose_map_base, self.pose_covariance
+        )
+        self.pose_map_base = alignment.pose_a_b @ self.pose_map_base
+        self.trajectory.transform(alignment.pose_a_b)
+        self.grid.transform(alignment.pose_a_b)
+        if self._saved_grid is not None:
+            self.grid.continue_from(self._saved_grid)
+        self.edits.enter(self._saved_zones, alignment)
+        return became
+
+
+def new_mapper(
+    config: Config,
+    clustering: str = "default",
+    odometry: str = "hybrid",
+    loop_closure: bool = True,
+    forgets: FloorCamera | None = None,
+) -> Mapper:
+    """An empty back end; where poses are given it closes no loops. clustering: default or paper. forgets: the camera by
+    whose view objects that are gone leave the map."""
+    given = odometry == "truth" or odometry.endswith(".tum")
+    return Mapper(
+        PaperMap() if clustering == "paper" else None,
+        config=config,
+        loop_closer=LoopCloser() if loop_closure and not given else None,
+        forgetter=Forgetter(forgets, config.forgetting) if forgets else None,
+    )
+
+
+def _composed(first: Motion, second: Motion) -> Motion:
+    """Two motions, one after the other, as one."""
+    covariance = compose_covariance(first.motion, first.covariance, second.motion, second.covariance)
+    fault = "; ".join(dict.fromkeys(filter(None, (first.fault, second.fault))))
+    return Motion(first.motion @ second.motion, covariance, fault, first.state if first.blind else second.state)
+
+
+def _sound(observed: FrameObservations) -> FrameObservations:
+    """The observations that can be: no NaN, no infinity and no covariance that is none ever reaches pose or map."""
+    sightings = [sighting for sighting in observed.sightings if _is_sound(sighting)]
+    return replace(observed, sightings=sightings, motion=observed.motion.checked("this"))
+
+
+def _is_sound(sighting: Sighting) -> bool:
+    own_m2, shared_m2, place_m = sighting.covariance_m2, sighting.shared_m2, sighting.position_base_m.tolist()
+    sizes = sighting.score, sighting.width_m, sighting.height_m, sighting.stamp_s
+    if not all(map(math.isfinite, (*sizes, *place_m, *own_m2.ravel().tolist(), *shared_m2.ravel().tolist()))):
+        return False
+    ((xx, xy), (_, yy)), ((shared_xx, _), (_, shared_yy)) = own_m2.tolist(), shared_m2.tolist()
+    return (
+        is_covariance(own_m2)
+        and is_covariance(shared_m2)
+        and xx * yy - xy * xy > MIN_VARIANCE_M2 * (xx + yy)  # so the smaller eigenvalue is above it
+        and xx + yy + shared_xx + shared_yy < FARTHEST_M**2
+        and math.hypot(*place_m) < FARTHEST_M
+    )
+
+
+def _after(blind: Motion | None, observed: FrameObservations) -> FrameObservations:
+    return observed if blind is None else replace(observed, motion=_composed(blind, observed.motion))

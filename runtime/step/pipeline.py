@@ -1,0 +1,166 @@
+"""The front end in one method: `Pipeline.step` takes a frame and returns its observations and the robot's motion."""
+
+import math
+from dataclasses import replace
+
+from edgemap.geometry.camera.attitude import Attitude
+from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
+from edgemap.geometry.observations.movers import mover_boxes
+from edgemap.geometry.observations.sighting import FloorRule, sightings_of
+from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.timing import Stopwatch
+from edgemap.runtime.motion.attitude.protocol import AttitudeSource, Moved
+from edgemap.runtime.motion.attitude.sources import MountAttitude
+from edgemap.runtime.motion.health import HealthMonitor, HealthRule, PictureHealth
+from edgemap.runtime.motion.height_check import HeightCheck, HeightRule
+from edgemap.runtime.motion.odometry.protocol import FramePrior, Motion, Odometry, StartsAhead
+from edgemap.runtime.motion.rest import RestMonitor, RestRule
+from edgemap.runtime.network.bundle import Bundle
+from edgemap.runtime.network.decode import Decoder
+from edgemap.runtime.network.floor_mask import floor_mask
+from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.preprocess import Preprocessor
+from edgemap.runtime.step.frame_observations import FrameObservations
+
+# A repeated picture is still searched while the robot has moved by less since it was new.
+SAME_VIEW_M, SAME_VIEW_RAD = 0.02, math.radians(0.5)
+
+
+class Pipeline:
+    """Health, prediction, backbone, decoding, motion, observations: one camera's frames, in order.
+
+    It depends on the frames and their stamps only, never on wall time. rule: its mapped classes are the bundle's where
+    it names none; the score of full weight is the bundle's, or confidence.
+    """
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        camera: FloorCamera,
+        odometry: Odometry,
+        *,
+        rule: FloorRule | None = None,
+        attitude: AttitudeSource | None = None,
+        confidence: float | None = None,
+        health: HealthRule | None = None,
+        rest: RestRule | None = None,
+        height: HeightRule | None = None,
+    ) -> None:
+        self.camera, self.odometry = camera, odometry
+        self._begin_odometry = odometry.begin if isinstance(odometry, StartsAhead) else lambda *_: None
+        self.attitude = attitude or MountAttitude(camera.mount)
+        rule = rule or FloorRule()
+        self.rule = replace(
+            rule,
+            mapped=bundle.mapped if rule.mapped is None else rule.mapped,
+            full_weight_score=bundle.full_weight_score(confidence),
+        )
+        fitted = bundle.for_pictures(camera.intrinsics.width, camera.intrinsics.height, odometry.needs_features)
+        self._backbone = fitted.backbone
+        self._input_name, self._floor_output = fitted.detector.input.name, fitted.detector.floor
+        self._preprocess = Preprocessor(fitted.detector.input)
+        min_score = bundle.manifest.confidence if confidence is None else confidence
+        self._decode = Decoder(fitted.detector, min_score, one_name=True)
+        self._names = bundle.names
+        self._detections = Detections.none(bundle.names)  # of the last picture that was searched
+        self._floor: FloorMask | None = None  # of that picture
+        self._health, self._rest = HealthMonitor(health), RestMonitor(rest, health)
+        self._height = HeightCheck(camera.mount, height)
+        self._since_view = SE2()  # motion since the last picture with information
+        self._moved: Moved | None = None  # in the step before
+        self._watch = Stopwatch()
+
+    def step(self, frame: Frame) -> FrameObservations:
+        """One frame in: boxes, positions on the floor, own motion. Raises CameraError for a frame of another size."""
+        self._check_size(frame)
+        self._watch.start()
+        stage = self._watch.stage
+        health = self._health.judge(frame)
+        stage("health")
+        attitude = self.attitude.predict(frame, self._moved)
+        stage("attitude")
+        still = self.odometry.still(frame.stamp_s, attitude)
+        at_rest, health = self._rest.judge(frame, health, still, self._moved, attitude.rotation)
+        stage("rest")
+        motion = self._motion_without_picture(frame.stamp_s, health, attitude, at_rest)
+        prior, outputs = FramePrior(attitude, health.covered), {}
+        searched = not at_rest and self._searches(frame, health)
+        if searched:
+            tensor, placement = self._preprocess(frame.image)
+            stage("preprocess")
+            outputs = self._backbone.run({self._input_name: tensor})
+            stage("backbone")
+            if motion is None:
+                self._begin_odometry(frame, outputs, prior)  # its network runs while this thread decodes
+            self._detections = self._decode(outputs, placement)
+            stage("decode")
+            self._floor = floor_mask(outputs, placement, self._floor_output)
+            stage("floor_mask")
+        motion = motion or self._motion_by_picture(frame, outputs, prior)
+        camera = self._camera_after(attitude, motion)
+        stage("attitude")
+        if not searched:
+            boxes = self._detections if at_rest else Detections.none(self._names)
+            return FrameObservations(
+                frame.index, frame.stamp_s, boxes, [], motion, self._watch.stages_ms, health, camera, searched=False,
+                at_rest=at_rest,
+            )  # fmt: skip
+        boxes = self._detections
+        sightings = sightings_of(boxes, camera, self.rule, frame.index, frame.stamp_s, frame.depth)
+        stage("floor")
+        fault = self._height.judge(frame.stamp_s, camera, attitude, boxes, motion)
+        stage("height")
+        return FrameObservations(
+            frame.index, frame.stamp_s, boxes, sightings, motion, self._watch.stages_ms, health, camera,
+            mount_fault=fault, height_seen=self._height.seen, floor=self._floor, depth=SparseDepth.of(frame.depth),
+        )  # fmt: skip
+
+    def _motion_without_picture(
+        self, stamp_s: float, health: PictureHealth, attitude: Attitude, at_rest: bool
+    ) -> Motion | None:
+        """The motion of a robot at rest, or up to a blind picture; None where this picture measures it."""
+        if at_rest:
+            motion = self.odometry.rest(stamp_s)
+        elif health.blind:
+            motion = self.odometry.step_blind(stamp_s, health.reason, attitude).checked(self.odometry.name)
+            self._since_view = self._since_view @ motion.motion
+        else:
+            return None
+        self._moved = motion.moved()
+        self._watch.stage("odometry")
+        return motion
+
+    def _motion_by_picture(self, frame: Frame, outputs: Tensors, prior: FramePrior) -> Motion:
+        """The odometry's step. outputs: the backbone's, empty where it did not run."""
+        prior = replace(prior, movers=mover_boxes(self._detections), floor=self._floor)
+        motion = self.odometry.step(frame, outputs, prior).checked(self.odometry.name)
+        self._since_view, self._moved = SE2(), motion.moved()
+        self._watch.stage("odometry")
+        return motion
+
+    def _camera_after(self, attitude: Attitude, motion: Motion) -> FloorCamera:
+        """The camera of this frame; where its attitude was only predicted, it is updated by the odometry's rotation."""
+        updated = self.attitude.update(motion.rotation)
+        return self.camera.at(replace(updated, fault=attitude.fault) if attitude.predicted else attitude)
+
+    def _searches(self, frame: Frame, health: PictureHealth) -> bool:
+        """Whether the backbone runs: not on a blind picture, but for a repeated one of the same view, and not where the
+        budget forbids it and the odometry can do without."""
+        since = self._since_view
+        same_view = math.hypot(since.x_m, since.y_m) < SAME_VIEW_M and abs(since.yaw_rad) < SAME_VIEW_RAD
+        informative = not health.blind or (health.stale and same_view)
+        return informative and (frame.search or self.odometry.needs_features)
+
+    def _check_size(self, frame: Frame) -> None:
+        height, width = frame.image.shape[:2]
+        expected = self.camera.intrinsics
+        if (width, height) != (expected.width, expected.height):
+            raise CameraError(
+                f"frame {frame.index} {frame.name} is {width}x{height} px, "
+                f"the intrinsics are for {expected.width}x{expected.height}"
+            )

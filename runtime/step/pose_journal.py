@@ -1,0 +1,105 @@
+"""All poses of a drive, with every correction by loop closure and relocalisation applied when they are read."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection, composed
+
+SETTLE_AT = 4096  # stamps of corrections that wait to be applied
+MAXIMUM = 65_536  # poses kept, 2 MB: all of 1.8 hours of motion at 10 Hz
+SAME_S = 1e-6  # files round stamps to this
+
+
+class PoseJournal:
+    """Poses of the base in the map frame by stamp; a pose equal to the one before takes no room, and of more than
+    `MAXIMUM` half of the older half stays, evenly in time.
+
+    revision: how often the past has moved. Corrections are composed and applied when somebody reads.
+    """
+
+    def __init__(self) -> None:
+        self.revision = 0
+        self._rows = np.zeros((min(1024, MAXIMUM), 4))  # stamp_s, x_m, y_m, yaw_rad
+        self._count = 0
+        self._pending: TrajectoryCorrection | None = None
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def stamps_s(self) -> Array:
+        """Stamps (N,) of the poses that are kept, in order."""
+        return self._rows[: self._count, 0].copy()
+
+    def append(self, stamp_s: float, pose_map_base: SE2) -> None:
+        """The pose of the newest step; stamps must not run backwards."""
+        row = np.array([stamp_s, *pose_map_base.vector()])
+        if self._count and self._pending is None and (row[1:] == self._rows[self._count - 1, 1:]).all():
+            return
+        if self._count == len(self._rows) < MAXIMUM:
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        elif self._count == len(self._rows):
+            self._settle()
+            half, stamps = self._count // 2, self._rows[:, 0]
+            even = np.searchsorted(stamps[:half], np.linspace(stamps[0], stamps[half - 1], half // 2))
+            kept = np.concatenate([self._rows[np.unique(even)], self._rows[half:]])
+            self._rows[: len(kept)], self._count = kept, len(kept)
+        self._rows[self._count] = row
+        self._count += 1
+
+    def correct(self, correction: TrajectoryCorrection) -> None:
+        """A loop closure moved the past."""
+        self._pending = correction if self._pending is None else self._pending.compose(correction)
+        self.revision += 1
+        if len(self._pending.stamps_s) > SETTLE_AT:
+            self._settle()
+
+    def transform(self, pose_map_start: SE2) -> None:
+        """Everything so far is in another frame, whose view of the old one is `pose_map_start`."""
+        self._settle()
+        rows = self._rows[: self._count]
+        rows[:, 1:] = composed(pose_map_start.vector()[None], rows[:, 1:])
+        self.revision += 1
+
+    def at(self, stamps_s: ArrayLike) -> Array:
+        """Poses (N, 3), x, y, yaw, of these stamps (N,): each the newest kept not after it, the first before all."""
+        self._settle()
+        return self._rows[self._kept(stamps_s), 1:]
+
+    def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
+        """Poses (N, 3) of these stamps (N,), in order, as they were known at one time, where they are now: those that
+        are not kept follow the newest kept one before them, whatever correction fell between the two."""
+        self._settle()
+        poses = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
+        if not self._count or not len(poses):
+            return poses
+        kept, first, group = np.unique(self._kept(stamps_s), return_index=True, return_inverse=True)
+        poses_now = [
+            SE2(*now) @ SE2(*before).inverse() for now, before in zip(self._rows[kept, 1:], poses[first], strict=True)
+        ]
+        return composed(np.array([move.vector() for move in poses_now])[group], poses)
+
+    def stamps_near(self, points_m: ArrayLike) -> Array:
+        """Stamps (N,) of the poses nearest to points (N, 2) of the map; 0 before the first pose."""
+        self._settle()
+        points, rows = np.asarray(points_m, dtype=np.float64).reshape(-1, 2), self._rows[: self._count]
+        if not len(rows):
+            return np.zeros(len(points))
+        return np.array([rows[np.argmin(np.square(rows[:, 1:3] - point).sum(axis=1)), 0] for point in points])
+
+    def points(self, stamps_s: ArrayLike, points_base_m: ArrayLike) -> Array:
+        """Points (N, 2) of the base frame at those stamps (N,), in the map frame, all corrections applied."""
+        points = np.asarray(points_base_m, dtype=np.float64).reshape(-1, 2)
+        return composed(self.at(stamps_s), np.column_stack([points, np.zeros(len(points))]))[:, :2]
+
+    def _kept(self, stamps_s: ArrayLike) -> NDArray[np.intp]:
+        stamps = np.asarray(stamps_s, dtype=np.float64) + SAME_S
+        return np.maximum(np.searchsorted(self._rows[: self._count, 0], stamps, side="right") - 1, 0)
+
+    def _settle(self) -> None:
+        pending, self._pending = self._pending, None
+        if pending is not None and self._count:
+            rows = self._rows[: self._count]
+            rows[:, 1:] = pending.moved_poses(rows[:, 0], rows[:, 1:])

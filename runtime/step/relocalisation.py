@@ -1,0 +1,105 @@
+"""Finding the robot in a saved map by its objects."""
+
+from collections.abc import Generator, Sequence
+
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.association import AssociationRule
+from edgemap.geometry.objects.floor_map import FloorMap
+from edgemap.geometry.registration.alignment import (
+    Alignment,
+    AlignmentError,
+    AlignmentRule,
+    aligned_near,
+    aligning,
+    realigned,
+)
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.slam.pose_graph import GraphRule
+
+RETRY_AFTER = 50  # frames after which the same number of objects is worth another try
+
+
+class NoRelocalisation:
+    """The map's frame is the run's own, or a saved map's that was entered at a known pose."""
+
+    own: FloorMap | None = None
+    saved: Sequence[MapObject] = ()
+    alignment: Alignment | None = None
+    reason = "no saved map"
+
+    @property
+    def searching(self) -> bool:
+        """Whether the robot has yet to be relocalised in a saved map."""
+        return bool(self.saved) and self.alignment is None
+
+    def align(self) -> Alignment | None:
+        """Never finds another frame."""
+        return None
+
+
+class Relocaliser(NoRelocalisation):
+    """Tries to align the run's own map with a saved one whenever it has grown, a bounded unit of work in each frame.
+
+    own: the map to build until then; its ids go on after the saved ones. alignment: None until then. reason: why not.
+    guesses: poses in the saved map from which the run may have started (last pose, dock); tried first, and proved by
+    fewer objects.
+    """
+
+    def __init__(
+        self,
+        saved: Sequence[MapObject],
+        association: AssociationRule,
+        registration: AlignmentRule,
+        guesses: Sequence[SE2] = (),
+        graph: GraphRule | None = None,
+    ) -> None:
+        self.saved = list(saved)
+        self.own: FloorMap = FloorMap.after(saved, association, graph)
+        self._registration, self._guesses = registration, tuple(guesses)
+        self.alignment: Alignment | None = None
+        self.reason = "no object seen yet"
+        self._count = self._frames = 0
+        self._work: Generator[None, None, Alignment] | None = None
+
+    def align(self) -> Alignment | None:
+        """The alignment, in the one call that finds it; None before and after."""
+        if self.alignment is not None or not self._is_due():
+            return None
+        if self._work is None:
+            if self._guesses and (found := self._guessed()):
+                return found
+            self._work = aligning(self.saved, self.own.objects(), self._registration)
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work = None
+            self.alignment = self._as_it_is_now(end.value)
+        except AlignmentError as error:
+            self._work, self.reason = None, str(error)
+        return self.alignment
+
+    def _guessed(self) -> Alignment | None:
+        try:
+            self.alignment = aligned_near(self._guesses, self.saved, self.own.objects(), self._registration)
+        except AlignmentError as error:
+            self.reason = str(error)
+        return self.alignment
+
+    def _as_it_is_now(self, found: Alignment) -> Alignment | None:
+        """The own map has grown and moved since the work began."""
+        try:
+            return realigned(found, self.saved, self.own.objects(), self._registration)
+        except AlignmentError as error:
+            self.reason = str(error)
+            return None
+
+    def _is_due(self) -> bool:
+        """While a search is unfinished, and when there are more or better objects than at the last attempt."""
+        self._frames += 1
+        count = len(self.own.objects())
+        if self._work is not None:
+            return True
+        if count <= self._count and self._frames < RETRY_AFTER:
+            return False
+        self._count, self._frames = count, 0
+        return count > 0

@@ -1,0 +1,115 @@
+"""Sinks of a run's results. A sink that fails is reported, and the run continues."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.frames.reading import error_line, printable
+from edgemap.runtime.step.slam import StepResult
+
+_log = logging.getLogger(__name__)
+
+
+class Sink(Protocol):
+    """Takes results while a run lasts: a file, a page, a publisher. All calls come from the run's own thread.
+
+    To write one: give it a `name` and the three methods; raise whatever goes wrong. `SinkGroup` holds the rule for
+    every sink: one that raises never ends the run. Its failure is reported to all sinks once, as a fault with its name;
+    later results are offered all the same, and the first one that it takes again is reported too. So a sink
+    - never waits: what may block (a network, a slow disk) goes to a thread or a bounded queue of its own;
+    - raises an EdgemapError of one line with what, where and the numbers (an unknown error keeps its traceback in the
+      log), in every `write` that finds it still failing, and does not report the fault itself;
+    - recovers inside `write` (connects again, opens the file again), at its own pace;
+    - keeps references and never changes what it is given.
+
+    name: what messages call it, as "run folder" or "recording drive.mcap". A sink with a true attribute `for_caller`
+    writes for whoever started the run, and is not given the failure that ends it: the caller reports that one.
+    """
+
+    name: str
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Take in one step's result; `objects` is the map after the step. May raise anything."""
+
+    def fault(self, text: str) -> None:
+        """Take note of something that went wrong, in one line. What it raises is ignored."""
+
+    def close(self) -> None:
+        """Finish; whatever was gathered is safe afterwards. May be called twice.
+
+        Raises where something that was to be kept is lost; that ends the command with the error's exit code, after
+        every other sink is closed. A publisher that only loses its listener raises nothing.
+        """
+
+
+@dataclass(slots=True)
+class _Outage:
+    since_s: float
+    steps: int = 1
+
+
+class SinkGroup:
+    """All sinks of a run as one that never fails before `close`. See `Sink` for what a sink may rely on."""
+
+    name = "sinks"
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        self._sinks = sinks
+        self._outages: dict[int, _Outage] = {}  # by the sink's place
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """Offer a step's result to every sink."""
+        stamp_s = result.frame.stamp_s
+        for place, sink in enumerate(self._sinks):
+            outage = self._outages.get(place)
+            try:
+                sink.write(result, objects)
+            except Exception as error:  # sinks raise what they like; mapping goes on
+                if outage is not None:
+                    outage.steps += 1
+                    continue
+                self._outages[place] = _Outage(stamp_s)
+                self.fault(f"{sink.name}: {_line(error)}; the run goes on")
+                continue
+            if outage is not None:
+                del self._outages[place]
+                away_s = stamp_s - outage.since_s
+                self.fault(f"{sink.name}: works again after {away_s:.1f} s of stream ({outage.steps} steps failed)")
+
+    def fault(self, text: str) -> None:
+        """Report it to every sink, in one line without characters that a sink might not write."""
+        text = printable(text)
+        for sink in self._sinks:
+            try:
+                sink.fault(text)
+            except Exception as error:  # a sink that cannot take note of a fault keeps no other from it
+                _log.debug("%s: %s", sink.name, error)
+
+    def ending(self, error: EdgemapError) -> None:
+        """Report the failure that ends the run to every sink, but for those whose reader gets it from the caller."""
+        for sink in self._sinks:
+            if not getattr(sink, "for_caller", False):
+                SinkGroup([sink]).fault(str(error))
+
+    def close(self) -> None:
+        """Close every sink, in order, each failure reported to all; then raise the first one."""
+        failure: Exception | None = None
+        for sink in self._sinks:
+            try:
+                sink.close()
+            except Exception as error:  # raised again below
+                self.fault(f"{sink.name}: {_line(error)}")
+                failure = failure or error
+        if failure is not None:
+            raise failure
+
+
+def _line(error: Exception) -> str:
+    """The text of its fault; the traceback of an unknown failure goes to the log."""
+    if isinstance(error, EdgemapError):
+        return " ".join(str(error).split())
+    _log.error("a sink failed", exc_info=error)
+    return error_line(error)

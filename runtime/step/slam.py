@@ -1,0 +1,115 @@
+"""One frame through front end and back end: the result that every sink reads."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.fault import CameraFault
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.health import PictureHealth
+from edgemap.runtime.motion.odometry.protocol import Motion
+from edgemap.runtime.step.frame_observations import FrameObservations
+from edgemap.runtime.step.mapper import Mapper, MapUpdate
+from edgemap.runtime.step.pipeline import Pipeline
+
+T = TypeVar("T")
+
+
+class _OfUpdate(Generic[T]):
+    """A value of a result's `MapUpdate`, under the same name in the result."""
+
+    def __init__(self, get: Callable[[MapUpdate], T]) -> None:
+        self._get = get
+
+    def __get__(self, result: "StepResult", _owner: type) -> T:
+        return self._get(result.update)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepResult:
+    """One step: the frame, what the front end observed in it, and what that changed in the back end.
+
+    faults: of delivery, since the result before. All that `update` holds is an attribute of the result as well.
+    """
+
+    frame: Frame
+    observed: FrameObservations
+    update: MapUpdate
+    faults: tuple[CameraFault, ...] = ()
+
+    sightings = _OfUpdate(lambda update: update.sightings)
+    object_ids = _OfUpdate(lambda update: update.object_ids)
+    merged = _OfUpdate(lambda update: update.merged)
+    pose_map_base = _OfUpdate(lambda update: update.pose_map_base)
+    pose_covariance = _OfUpdate(lambda update: update.pose_covariance)
+    trajectory = _OfUpdate(lambda update: update.trajectory)
+    travelled_m = _OfUpdate(lambda update: update.travelled_m)
+    pose_odom_base = _OfUpdate(lambda update: update.pose_odom_base)
+    odom_covariance = _OfUpdate(lambda update: update.odom_covariance)
+    correction = _OfUpdate(lambda update: update.correction)
+    relocated = _OfUpdate(lambda update: update.relocated)
+    annotations = _OfUpdate(lambda update: update.annotations)
+    grid = _OfUpdate(lambda update: update.grid)
+    floor_scan = _OfUpdate(lambda update: update.floor_scan)
+
+    @property
+    def stages_ms(self) -> dict[str, float]:
+        """Time of every stage of the step, in order."""
+        return self.observed.stages_ms | self.update.stages_ms
+
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the picture with all boxes, those on the floor with their distance."""
+        from edgemap.runtime.frames.png import png
+        from edgemap.runtime.step.overlay import draw_detections
+
+        sightings = [placed.sighting for placed in self.sightings]
+        return png(draw_detections(self.frame.image, self.detections, sightings))
+
+    @property
+    def detections(self) -> Detections:
+        """All boxes of the frame."""
+        return self.observed.detections
+
+    @property
+    def motion(self) -> Motion:
+        """Of the base since the frame before."""
+        return self.observed.motion
+
+    @property
+    def health(self) -> PictureHealth:
+        """Of the picture; a blind one gives no observations."""
+        return self.observed.health
+
+    @property
+    def object_of_box(self) -> dict[int, str]:
+        """The object of each box on the floor, by the box's row in `detections`."""
+        return {
+            placed.sighting.detection: identity
+            for placed, identity in zip(self.sightings, self.object_ids, strict=True)
+        }
+
+
+class SemanticSlam:
+    """Front end and back end behind one method."""
+
+    def __init__(self, pipeline: Pipeline, mapper: Mapper) -> None:
+        self.pipeline, self.mapper = pipeline, mapper
+
+    def step(self, frame: Frame, faults: Sequence[CameraFault] = ()) -> StepResult:
+        """One frame in: its observations, the robot's motion, and the update of the map."""
+        observed = self.pipeline.step(frame)
+        return StepResult(frame, observed, self.mapper.step(observed), tuple(faults))
+
+    def step_blind(self, stamp_s: float, reason: str) -> tuple[SE2, NDArray[np.float64]]:
+        """No frame: pose and covariance by what needs no picture. The map stays."""
+        return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
+
+    def objects(self) -> list[MapObject]:
+        """The objects of the map."""
+        return self.mapper.objects()

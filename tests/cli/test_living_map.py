@@ -1,0 +1,117 @@
+"""`run --map NAME`: one map over several starts of the real command line, as a service makes them."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.rooms import mapped
+
+from edgemap.geometry.objects.edits import Annotations
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.frames.errors import RunFolderError
+from edgemap.runtime.outputs.sinks.living_map import LivingMap
+from edgemap.runtime.step.map_file import load_annotated_map, load_last_pose, save_map
+from edgemap.runtime.step.map_store import find_map
+
+MAIN = "import sys; from edgemap.cli import main; sys.exit(main())"
+
+
+@pytest.fixture
+def boot(tmp_path, painted_bundle, pictures):
+    """boot(NAME, *arguments) -> one start of the service, as systemd makes it: the user's data folder, a new run."""
+    data = tmp_path / "data"
+
+    def start(name, *arguments):
+        out = tmp_path / "runs" / str(len(list(tmp_path.glob("runs/*"))))
+        command = ["run", "--camera", pictures, "--bundle", painted_bundle, "--map", name, "--out", out, *arguments]
+        environment = {**os.environ, "XDG_DATA_HOME": str(data), "OMP_NUM_THREADS": "1"}
+        environment.pop("EDGEMAP_DATA", None)
+        done = subprocess.run(
+            [sys.executable, "-c", MAIN, *map(str, command)], capture_output=True, text=True, env=environment
+        )
+        return done, data / "edgemap" / "maps" / name, out
+
+    return start
+
+
+def test_two_boots_keep_one_map(boot):
+    first, home, _ = boot("home")
+    assert first.returncode == 0, first.stderr
+    assert f"new map: {home}/" in first.stdout
+    (chair,), _ = load_annotated_map(home)
+    assert load_last_pose(home) == SE2()
+    second, _, out = boot("home", "--start", "last")
+    assert second.returncode == 0, second.stderr
+    (again,), _ = load_annotated_map(home)
+    assert (again.id, again.count) == (chair.id, 2 * chair.count)  # the very same chair, seen in both runs
+    assert (home / "map.json").read_text().startswith((out / "map.json").read_text().rstrip()[:-2])  # and its last pose
+
+
+def test_a_boot_that_does_not_find_its_place_leaves_the_map_alone(boot, tmp_path):
+    home = tmp_path / "data" / "edgemap" / "maps" / "home"
+    home.mkdir(parents=True)
+    save_map(home / "map.json", mapped([("couch", 1.0, 0.0), ("bed", 0.0, 4.0)]))
+    before = (home / "map.json").read_bytes()
+    done, _, out = boot("home")
+    assert done.returncode == 0, done.stderr
+    assert "not found in home" in done.stdout
+    assert (home / "map.json").read_bytes() == before
+    assert [item.label for item in load_annotated_map(out)[0]] == ["chair"]
+
+
+def test_the_dock_is_a_start(boot, tmp_path):
+    home = tmp_path / "data" / "edgemap" / "maps" / "home"
+    home.mkdir(parents=True)
+    done, _, _ = boot("home", "--start", "dock")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "is a new map, whose first pose is its origin" in done.stderr
+    save_map(home / "map.json", mapped([("chair", 7.2, 0.0)]))
+    done, _, _ = boot("home", "--start", "dock")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "the map has no dock" in done.stderr
+    save_map(home / "map.json", mapped([("chair", 7.2, 0.0)]), Annotations(dock=SE2(2.0, 0.0, 0.0)))
+    done, _, _ = boot("home", "--start", "dock")
+    assert done.returncode == 0, done.stderr
+    (chair,), annotations = load_annotated_map(home)
+    assert chair.id == "chair-1"  # 2 m + 5 m + half a chair: the saved one
+    assert load_last_pose(home) == annotations.dock == SE2(2.0, 0.0, 0.0)
+
+
+def test_a_run_folder_and_a_file_are_only_read(tmp_path, monkeypatch):
+    monkeypatch.setenv("EDGEMAP_DATA", str(tmp_path / "data"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.json").write_text("{}")
+    assert not find_map("run").lives
+    assert not find_map("nowhere.json").lives
+    assert find_map("home").path == tmp_path / "data" / "maps" / "home"
+    assert find_map(tmp_path / "flat").path == tmp_path / "flat"
+    assert find_map("home").lives
+    assert find_map(tmp_path / "flat").lives
+
+
+def test_one_run_at_a_time(tmp_path):
+    first = LivingMap(tmp_path / "home", bool)
+    with pytest.raises(RunFolderError, match="another run uses this map"):
+        LivingMap(tmp_path / "home", bool)
+    first.release()
+    LivingMap(tmp_path / "home", bool).release()
+
+
+def test_dock_and_last_pose_survive_the_file(tmp_path):
+    (chair,) = mapped([("chair", 1.0, 2.0)])
+    chair = replace(chair, corrected=("position", "size"), depth_m=0.4, yaw_rad=1.0)
+    save_map(tmp_path / "map.json", [chair], Annotations(dock=SE2(1.0, -2.0, 0.5)))
+    (again,), annotations = load_annotated_map(tmp_path / "map.json")
+    assert annotations.dock == SE2(1.0, -2.0, 0.5)
+    assert (again.corrected, again.depth_m, again.yaw_rad) == (("position", "size"), 0.4, 1.0)
+    assert load_last_pose(tmp_path / "map.json") is None
+    document = json.loads((tmp_path / "map.json").read_text())
+    document["dock"]["yaw_rad"] = 99.0
+    (tmp_path / "map.json").write_text(json.dumps(document))
+    with pytest.raises(Exception, match="damaged map"):
+        load_annotated_map(Path(tmp_path / "map.json"))

@@ -1,0 +1,117 @@
+"""File names that are not UTF-8, or not of the locale: the real command ends with a map or one line, never a signal."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from edgemap.runtime.inputs.open import DEMO
+
+ODD = os.fsdecode(b"\xff1")
+LENS = ["--mount", "0.6,11", "--intrinsics", "587,587,319,239"]
+PLAIN_C = {"LC_ALL": "C", "PYTHONUTF8": "0"}
+
+
+def edgemap(*arguments, cwd, **environment):
+    command = [sys.executable, "-m", "edgemap.cli", *map(str, arguments)]
+    done = subprocess.run(command, cwd=cwd, env=os.environ | environment, capture_output=True, timeout=120)
+    text = (done.stdout + done.stderr).decode("utf-8", "replace")
+    assert "Traceback" not in text
+    assert "No module" not in text
+    assert done.returncode in (0, 1, 2), text
+    return done.returncode, text
+
+
+@pytest.fixture
+def drive(tmp_path):
+    """The demo's drive in a folder whose name is no UTF-8."""
+    folder = tmp_path / f"d{ODD}"
+    folder.mkdir()
+    for path in DEMO.iterdir():
+        if path.suffix in (".mp4", ".yaml", ".tum", ".json", ".csv"):
+            shutil.copy(path, folder)
+    return folder
+
+
+def test_a_video_of_such_a_name_is_one_line(tmp_path, drive):
+    video = next(drive.glob("*.mp4")).rename(tmp_path / f"v{ODD}.mp4")
+    code, text = edgemap("run", "--camera", video, *LENS, "--frames", 2, "--out", "o", cwd=tmp_path)
+    assert (code, text.count("not UTF-8")) == (1, 1), text
+
+
+@pytest.mark.parametrize("command", [["run", "--frames", "2"], ["eval", "map", "--frames", "2"]])
+def test_a_drive_in_such_a_folder_is_one_line(tmp_path, drive, command):
+    where = "--data" if command[0] == "eval" else "--camera"
+    code, text = edgemap(*command, where, f"drive:{drive}", cwd=tmp_path)
+    assert (code, text.count("not UTF-8")) == (1, 1), text
+
+
+def test_a_run_folder_of_such_a_name_holds_all_that_a_run_writes(tmp_path):
+    assert edgemap("run", "--frames", 3, "--out", f"o{ODD}", cwd=tmp_path)[0] == 0
+    written = {path.name for path in (tmp_path / f"o{ODD}").iterdir()}
+    assert {"map.json", "trajectory.tum", "run.json", "mount.jpg", "report.html"} <= written
+    assert "data:image/jpeg" in (tmp_path / f"o{ODD}" / "report.html").read_text(encoding="utf-8")
+    for kind in ("svg", "csv", "nav2"):
+        assert edgemap("map", "export", f"o{ODD}", "--format", kind, cwd=tmp_path)[0] == 0
+
+
+def test_pictures_in_such_a_folder_are_a_camera(tmp_path):
+    import cv2
+    import numpy as np
+
+    folder = tmp_path / f"p{ODD}"
+    folder.mkdir()
+    good, jpeg = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (96, 128, 3), np.uint8))
+    assert good
+    for number in range(2):
+        (folder / f"{number}.jpg").write_bytes(jpeg.tobytes())
+    given = ["--mount", "0.6,11", "--intrinsics", "120,120,64,48", "--bundle", "edgemap-nano"]
+    assert edgemap("run", "--camera", folder, *given, "--out", "o", cwd=tmp_path)[0] == 0
+    assert (tmp_path / "o" / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["detect", f"{ODD}.jpg"],
+        ["run", "--camera", f"rtsp://127.0.0.1:9/{ODD}"],
+        ["run", "--camera", f"realsense:{ODD}.db3"],
+        ["run", "--bundle", f"b{ODD}", "--frames", "2"],
+        ["run", "--mqtt", f"h{ODD}", "--frames", "2", "--out", "o"],
+        ["run", "--fleet", f"127.0.0.1:9/{ODD}", "--frames", "2", "--out", "o"],
+        ["map", "show", f"{ODD}"],
+        ["eval", "odometry", "--data", f"kitti:{ODD}"],
+        [f"{ODD}"],
+    ],
+    ids=lambda words: words[0] if len(words) == 1 else f"{words[0]} {words[1]}",
+)
+def test_everything_that_takes_a_name_takes_this_one(tmp_path, arguments):
+    edgemap(*arguments, cwd=tmp_path)
+
+
+def test_names_beyond_the_locale(tmp_path):
+    (tmp_path / "café").mkdir()
+    for path in DEMO.iterdir():
+        if path.suffix in (".mp4", ".yaml", ".tum", ".csv"):
+            shutil.copy(path, tmp_path / "café")
+    code, text = edgemap("run", "--camera", "drive:café", "--frames", 2, "--out", "ö", cwd=tmp_path, **PLAIN_C)
+    assert (code, (tmp_path / "ö" / "report.html").is_file()) == (0, True), text
+    assert edgemap("map", "show", "ö", "--out", "ä.svg", cwd=tmp_path, **PLAIN_C)[0] == 0
+
+
+def test_paths_reach_libraries_through_one_door():
+    """No module but `library_names` gives OpenCV, PyAV, librealsense or an engine the text of a path."""
+    root = Path(__file__).parents[2]
+    doors = ("VideoCapture(", "imread(", "imwrite(", "av.open(", "device_from_file(", "load_device(", "read_model(")
+    rooms = ("geometry", "runtime", "evaluation", "simulation", "export", "plots", "view", "cli")
+    lines = [
+        (path.name, line)
+        for room in rooms
+        for path in (root / room).rglob("*.py")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if any(door in line for door in doors) and "library_path(" not in line
+    ]
+    assert lines == []

@@ -1,0 +1,79 @@
+"""From pictures with floor labels to a bundle's figures, as a user types it; mistakes are one line."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+
+@pytest.fixture(scope="module")
+def carpets(tmp_path_factory):
+    """Sixteen pictures of a speckled carpet below a plain wall, at many heights."""
+    folder = tmp_path_factory.mktemp("carpets")
+    (folder / "images").mkdir()
+    (folder / "floor").mkdir()
+    generator = np.random.default_rng(0)
+    for number in range(16):
+        row = int(generator.integers(60, 160))
+        picture = np.full((240, 320, 3), generator.integers(150, 220, 3), np.uint8)
+        picture[row:] = cv2.resize(generator.integers(0, 120, (60, 80, 3), np.uint8), (320, 240))[: 240 - row]
+        labels = np.full((240, 320), 2, np.uint8)
+        labels[row:] = 1
+        cv2.imwrite(str(folder / f"images/{number}.png"), picture)
+        cv2.imwrite(str(folder / f"floor/{number}.png"), labels)
+    return folder
+
+
+@pytest.mark.slow
+def test_train_export_and_eval(edgemap, carpets, tmp_path):
+    data = f"floor:{carpets}"
+    options = ("--data", data, "--validation", data, "--backbone", "edgemap-nano", "--epochs", "12", "--rate", "0.01")
+    made = edgemap("train", "floor", *options, "--source", "labels by hand", "-o", tmp_path / "out")
+    assert made.returncode == 0, made.stderr
+    head = tmp_path / "out" / "best.pt"
+    assert edgemap("export", head, "-o", tmp_path / "bundle").returncode == 0
+    manifest = json.loads((tmp_path / "bundle" / "bundle.json").read_text())
+    assert manifest["detector"]["floor"]["labels"] == ["floor", "wall"]
+    assert "labels by hand" in manifest["sources"]
+    result = edgemap("eval", "floor", "--data", data, "--bundle", tmp_path / "bundle", "--json")
+    figures = json.loads(result.stdout)
+    assert figures["pictures"] == 16
+    assert figures["iou"] > 0.8
+    assert figures["contact_m"] is None
+    picture = carpets / "images" / "0.png"
+    detected = edgemap("detect", picture, "--bundle", tmp_path / "bundle", "--plot", tmp_path / "p")
+    assert detected.returncode == 0
+    drawn, plain = (cv2.imread(str(path)) for path in (tmp_path / "p" / "0.png", picture))
+    assert drawn is not None
+    assert plain is not None
+    tint = drawn.astype(int) - plain
+    assert tint[-40:, :, 1].mean() > 10  # the floor is green
+    assert tint[:40, :, 0].mean() > tint[:40, :, 1].mean()  # the wall blue
+
+
+def test_mistakes_are_one_line(edgemap, carpets, tmp_path):
+    def refusal(*arguments):
+        result = edgemap(*arguments)
+        assert result.returncode != 0
+        return [line for line in result.stderr.splitlines() if line.strip()][-1]
+
+    here = ("--data", f"floor:{carpets}", "--validation", f"floor:{carpets}", "-o", tmp_path / "out")
+    assert "need a --teacher" in refusal("train", "floor", "--data", carpets / "images", *here[2:])
+    assert "--mix 0.5 0.5: expected 1 shares" in refusal("train", "floor", *here, "--mix", "0.5", "0.5")
+    (tmp_path / "no.tflite").write_bytes(b"nothing")
+    teacher = refusal("train", "floor", "--data", carpets / "images", *here[2:], "--teacher", tmp_path / "no.tflite")
+    assert "not a TensorFlow Lite file" in teacher or "pip install" in teacher
+    assert "expected floor:DIR or drive:DIR" in refusal("eval", "floor", "--data", f"kitti:{carpets}")
+    empty = tmp_path / "none"
+    (empty / "images").mkdir(parents=True)
+    cv2.imwrite(str(empty / "images" / "a.png"), np.zeros((8, 8, 3), np.uint8))
+    assert "no floor labels NAME.png for 1 pictures" in refusal("eval", "floor", "--data", f"floor:{empty}")
+    (empty / "floor").mkdir()
+    cv2.imwrite(str(empty / "floor" / "a.png"), np.zeros((4, 8), np.uint8))
+    assert "8x4 px, its picture has 8x8" in refusal("eval", "floor", "--data", f"floor:{empty}")
+    cv2.imwrite(str(empty / "floor" / "a.png"), np.full((8, 8), 7, np.uint8))
+    assert "holds 7, expected 1 floor" in refusal("eval", "floor", "--data", f"floor:{empty}")
+    assert "has no floor head" in refusal("eval", "floor", "--data", f"floor:{carpets}", "--bundle", "yolox-nano")

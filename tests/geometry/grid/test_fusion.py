@@ -1,0 +1,266 @@
+"""The occupancy grid from floor masks of a room of boxes: places by hand, and properties that any drive has."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.boxed_room import CAMERA, depth_picture, floor_mask, walls
+
+from edgemap.geometry.grid.fusion import GridFusion
+from edgemap.geometry.grid.merge import merged_grid
+from edgemap.geometry.grid.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from edgemap.geometry.grid.patch import after
+from edgemap.geometry.grid.rule import GridRule
+from edgemap.geometry.observations.sparse_depth import SparseDepth
+from edgemap.geometry.se2 import SE2
+from edgemap.geometry.trajectory_correction import TrajectoryCorrection
+from edgemap.runtime.step.grid_file import save_grid
+
+NOBODY = np.zeros((0, 4))
+ROOM = walls(-1.0, -2.0, 4.0, 2.0)
+CHAIR = (2.0, -0.25, 2.5, 0.25, 0.8)
+
+
+def drive(fusion, boxes, poses, start_s=0.0, movers=NOBODY, rate_hz=10.0):
+    """Observe these boxes from poses, one after the other; the next stamp."""
+    masks = {pose: floor_mask(boxes, pose) for pose in dict.fromkeys(poses)}
+    for index, pose in enumerate(poses):
+        fusion.observe(pose, start_s + index / rate_hz, CAMERA, masks[pose], movers)
+    return start_s + len(poses) / rate_hz
+
+
+def turn(x_m=0.0, y_m=0.0, steps=60):
+    """Once round on the spot."""
+    return [SE2(x_m, y_m, math.tau * k / steps) for k in range(steps)]
+
+
+def ahead(steps=25, step_m=0.04):
+    """Straight on."""
+    return [SE2(k * step_m, 0.0, 0.0) for k in range(steps)]
+
+
+def settled(fusion, stamp_s, pose):
+    """Its grid once a correction is drawn."""
+    for _ in range(50):
+        fusion.observe(pose, stamp_s, CAMERA, None, NOBODY)
+    return shown(fusion)
+
+
+def shown(fusion):
+    """Its grid; there is one."""
+    grid = fusion.grid()
+    assert grid is not None
+    return grid
+
+
+def occupied_m(grid):
+    """Middles of occupied cells."""
+    return grid.centres_m(grid.cells == OCCUPIED)
+
+
+def test_floor_is_free_walls_and_a_chair_are_occupied_and_what_is_behind_them_is_unknown():
+    fusion = GridFusion()
+    drive(fusion, [*ROOM, CHAIR], turn())
+    grid = shown(fusion)
+    assert (grid.at([(1.0, 0.0), (1.5, 1.0), (1.5, -1.0), (0.0, 0.0), (-0.6, 0.5)]) == FREE).all()
+    assert (grid.at([(3.2, 0.0), (2.9, 0.1), (5.0, 0.0), (0.0, 2.6), (2.3, 0.0)]) == UNKNOWN).all()
+    assert np.abs(occupied_m(grid) - [2.0, 0.0]).sum(axis=1).min() < 0.06  # the chair's front
+    for point, normal in (((0.0, 2.0), 1), ((0.0, -2.0), 1), ((-1.0, 0.0), 0)):
+        near = occupied_m(grid)[np.abs(occupied_m(grid)[:, 1 - normal] - point[1 - normal]) < 0.5]
+        assert np.abs(near[:, normal] - point[normal]).min() < 0.06, point
+
+
+def test_a_chair_that_is_taken_away_leaves_no_ghost_within_seconds_even_of_a_robot_at_rest():
+    fusion = GridFusion()
+    stamp_s = drive(fusion, [*ROOM, CHAIR], [SE2(0.3, 0.0, 0.0)] * 600)  # a minute: as sure as it gets
+    front = occupied_m(shown(fusion))
+    front = front[(np.abs(front[:, 1]) < 0.3) & (front[:, 0] < 2.6)]
+    assert len(front) >= 8
+    stamp_s = drive(fusion, ROOM, [SE2(0.3, 0.0, 0.0)] * 80, stamp_s)
+    assert (shown(fusion).at(front) == FREE).all()
+    drive(fusion, [*ROOM, CHAIR], [SE2(0.3, 0.0, 0.0)] * 30, stamp_s)
+    assert (shown(fusion).at(front) == OCCUPIED).mean() > 0.8  # and it may come back
+
+
+def test_people_make_no_obstacle_and_the_same_shape_without_their_box_does():
+    where = SE2(0.5, 0.0, 0.0)
+    blob = (1.8, -0.2, 2.1, 0.2, 1.7)
+    pixels = CAMERA.project(np.array([[1.3, 0.25, 0.0], [1.3, -0.25, 0.0], [1.6, 0.0, 1.7]]))
+    box = np.array([[*pixels.min(axis=0), *pixels.max(axis=0)]])
+    for movers, obstacle in ((box, False), (NOBODY, True)):
+        fusion = GridFusion()
+        drive(fusion, [*ROOM, blob], [where] * 40, movers=movers)
+        near = np.abs(occupied_m(shown(fusion)) - [1.8, 0.0]).max(axis=1) < 0.25
+        assert near.any() == obstacle
+
+
+def test_depth_alone_fills_the_grid_and_knows_what_stands_on_floor_that_looks_the_same():
+    """A shoe, 12 cm high, that the mask takes for floor, is an obstacle by its depth; a mat is not."""
+    shoe, mat = (1.5, 0.0, 1.8, 0.2, 0.12), (1.0, -0.35, 1.3, -0.05, 0.02)
+    where = [SE2(0.1 * k, 0.0, 0.0) for k in range(6)] * 4
+    with_depth, by_mask = GridFusion(), GridFusion()
+    for index, pose in enumerate(where):
+        depth = SparseDepth.of(depth_picture([*ROOM, shoe, mat], pose))
+        with_depth.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY, depth)
+        by_mask.observe(pose, index / 2, CAMERA, floor_mask(ROOM, pose), NOBODY)
+    assert shown(by_mask).at([(1.65, 0.1)])[0] == FREE
+    at_shoe = shown(with_depth).at([(1.525, 0.1), (1.575, 0.1), (1.625, 0.1)])
+    assert (at_shoe == OCCUPIED).any()
+    assert (shown(with_depth).at([(1.15, -0.2), (1.5, -0.3)]) == FREE).all()  # a mat of 2 cm is floor
+    alone = GridFusion()
+    for index, pose in enumerate(where):
+        alone.observe(pose, index / 2, CAMERA, None, NOBODY, SparseDepth.of(depth_picture([*ROOM, shoe], pose)))
+    assert shown(alone).area_m2(FREE) > 2.0
+
+
+def test_the_driven_path_is_free_without_any_mask():
+    fusion = GridFusion()
+    for index, pose in enumerate(ahead(50)):
+        fusion.observe(pose, index / 10, CAMERA, None, NOBODY)
+    assert (shown(fusion).at([(x, y) for x in (0.0, 1.0, 1.9) for y in (0.0, 0.1, -0.1)]) == FREE).all()
+    assert (shown(fusion).at([(1.0, 0.3), (1.0, -0.3)]) == UNKNOWN).all()
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 30.0])
+def test_evidence_counts_places_and_time_not_pictures(rate_hz):
+    """One metre at 0.4 m/s and five seconds at rest: the same floor, and the same chair, are known at any rate."""
+    areas, fronts = [], []
+    for rate in (10.0, rate_hz):
+        fusion = GridFusion()
+        poses = [SE2(0.4 * k / rate, 0.0, 0.0) for k in range(int(2.5 * rate))]
+        drive(fusion, [*ROOM, CHAIR], [*poses, *[poses[-1]] * int(5 * rate)], rate_hz=rate)
+        areas.append(shown(fusion).area_m2(FREE))
+        fronts.append(int((np.abs(occupied_m(shown(fusion)) - [2.0, 0.0]).max(axis=1) < 0.3).sum()))
+    assert areas[1] == pytest.approx(areas[0], rel=0.1)
+    assert min(fronts) >= 8
+    assert fronts[1] == pytest.approx(fronts[0], rel=0.35)
+
+
+def test_a_correction_moves_what_was_seen_with_the_poses_it_was_seen_from():
+    """Seen from poses 0.3 m too far left, then put right: the grid is that of a drive with the right poses."""
+    wrong, right = GridFusion(), GridFusion()
+    poses, off = ahead(40), SE2(0.0, 0.3, 0.0)
+    for index, pose in enumerate(poses):
+        mask = floor_mask([*ROOM, CHAIR], pose)
+        right.observe(pose, index / 10, CAMERA, mask, NOBODY)
+        wrong.observe(off @ pose, index / 10, CAMERA, mask, NOBODY)
+    stamps = np.arange(0, 40, 5) / 10
+    moves = np.tile([0.0, -0.3, 0.0], (len(stamps), 1))
+    wrong.moved(TrajectoryCorrection(stamps, moves, np.zeros((8, 3)), np.zeros((8, 3, 3))))
+    after_it = settled(wrong, 4.0, poses[-1])
+    true = settled(right, 4.0, poses[-1])
+    points = np.concatenate([true.centres_m(true.cells == FREE), occupied_m(true)])
+    assert (after_it.at(points) == true.at(points)).mean() > 0.97
+    assert after_it.area_m2(OCCUPIED) == pytest.approx(true.area_m2(OCCUPIED), rel=0.15)
+
+
+def test_a_correction_that_is_being_drawn_loses_nothing_seen_meanwhile():
+    fusion = GridFusion(GridRule(redraw_patches=1))
+    poses = turn()
+    stamp_s = drive(fusion, ROOM, poses)
+    correction = TrajectoryCorrection(np.zeros(1), np.array([[0.2, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3, 3)))
+    fusion.moved(correction)
+    drive(fusion, [*ROOM, CHAIR], [SE2(0.2, 0.0, 0.0)] * 30, stamp_s)
+    grid = settled(fusion, stamp_s + 3.0, SE2(0.2, 0.0, 0.0))
+    assert np.abs(occupied_m(grid) - [2.0, 0.0]).max(axis=1).min() < 0.06
+    left = occupied_m(grid)[occupied_m(grid)[:, 0] < 0.0]
+    assert left[:, 0].min() == pytest.approx(-0.8, abs=0.11)  # the wall behind, seen before, is where it was moved to
+
+
+def test_a_run_goes_on_in_a_saved_grid_and_sees_its_changes():
+    first, second = GridFusion(), GridFusion()
+    drive(first, [*ROOM, CHAIR], turn())
+    second.continue_from(shown(first))
+    start = settled(second, 0.0, SE2(-0.5, -1.5, 2.0))
+    assert (start.at([(1.0, 0.0), (1.5, 1.0)]) == FREE).all()
+    assert np.abs(occupied_m(start) - [2.0, 0.0]).max(axis=1).min() < 0.06
+    drive(second, ROOM, [SE2(0.3, 0.0, 0.0)] * 120, 1.0)
+    assert (shown(second).at([(2.0, 0.0), (2.05, 0.1)]) == FREE).all()
+
+
+def test_a_run_that_finds_itself_lays_its_floor_into_the_saved_one():
+    saved, own = GridFusion(), GridFusion()
+    drive(saved, [*ROOM, CHAIR], turn())
+    pose_map_start = SE2(0.5, 1.0, -0.7)  # where in the saved map this run began
+    for index, pose in enumerate(turn(0.5, 1.0)):
+        mask = floor_mask([*ROOM, CHAIR], pose)
+        own.observe(pose_map_start.inverse() @ pose, index / 10, CAMERA, mask, NOBODY)
+    own.transform(pose_map_start)
+    own.continue_from(shown(saved))
+    grid = settled(own, 6.0, SE2(0.5, 1.0, 0.0))
+    outside = (np.abs(occupied_m(grid) - [1.5, 0.0]) > [2.71, 2.21]).any(axis=1)
+    assert not outside.any()
+    assert grid.area_m2(FREE) > shown(saved).area_m2(FREE)
+
+
+def test_two_saved_grids_become_one_by_their_alignment():
+    first, second = GridFusion(), GridFusion()
+    drive(first, ROOM, [SE2(0.0, 0.0, 0.05 * k) for k in range(-16, 17) for _ in range(4)])
+    pose_a_b = SE2(1.0, 0.5, 2.5)
+    for index, pose in enumerate(SE2(1.0, 0.0, math.pi + 0.05 * k) for k in range(-16, 17) for _ in range(4)):
+        second.observe(pose_a_b.inverse() @ pose, index / 10, CAMERA, floor_mask(ROOM, pose), NOBODY)
+    merged = merged_grid(shown(first), shown(second), pose_a_b)
+    alone = merged_grid(shown(first), None, pose_a_b)
+    assert merged is not None
+    assert alone is not None
+    assert (merged.at([(2.0, 0.0), (-0.2, 0.0)]) == FREE).all()
+    assert shown(first).at([(-0.5, 0.0)])[0] == UNKNOWN
+    assert not (np.abs(occupied_m(merged) - [1.5, 0.0]) > [2.66, 2.16]).any()
+    assert merged_grid(None, None, pose_a_b) is None
+    assert (alone.cells == shown(first).cells).all()
+
+
+def test_a_long_drive_in_one_room_takes_no_more_room_than_a_short_one():
+    rule = GridRule(patches=24, patch_cells=40_000)
+    fusion, sizes, stamp_s = GridFusion(rule), [], 0.0
+    lap = [SE2(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0.0, math.tau, 40)]
+    masks = [floor_mask([*ROOM, CHAIR], pose) for pose in lap]
+    for _ in range(12):
+        for pose, mask in zip(lap, masks, strict=True):
+            fusion.observe(pose, stamp_s, CAMERA, mask, NOBODY)
+            stamp_s += 0.1
+        sizes.append(fusion.size_bytes)
+    assert max(sizes[6:]) < 1.1 * sizes[5]
+
+
+def test_an_office_of_500_square_metres_takes_less_than_20_mb(tmp_path):
+    """Up and down a hall of 25 x 20 m, all of its floor seen, corrections as they come."""
+    hall, fusion, stamp_s = walls(0.0, 0.0, 25.0, 20.0), GridFusion(), 0.0
+    for lane in range(8):
+        y_m, heading = 1.3 + 2.5 * lane, math.pi * (lane % 2)
+        for k in range(60):
+            x_m = 0.5 + 0.4 * k if lane % 2 == 0 else 24.5 - 0.4 * k
+            pose = SE2(x_m, y_m, heading)
+            mask = floor_mask(hall, pose)
+            for _ in range(2):
+                fusion.observe(pose, stamp_s, CAMERA, mask, NOBODY)
+                stamp_s += 0.5
+        move = np.array([[0.04, 0.0, 0.0]])
+        fusion.moved(TrajectoryCorrection(np.zeros(1), move, np.zeros((1, 3)), np.zeros((1, 3, 3))))
+        assert fusion.size_bytes < 20e6
+    grid = settled(fusion, stamp_s, SE2(0.5, 18.8, math.pi))
+    assert grid.area_m2(FREE) > 300.0
+    save_grid(tmp_path / "grid.npz", grid)
+    assert (tmp_path / "grid.npz").stat().st_size < 1e6
+
+
+steps = st.integers(-900, 900)
+
+
+@given(st.lists(steps, max_size=8), st.lists(steps, max_size=8), st.integers(-500, 400))
+def test_evidence_that_is_joined_does_what_its_parts_do_in_turn(first, second, start):
+    low, high = -500, 400
+
+    def function(added):
+        values = [np.array([value], np.int16) for value in (0, low, high)]
+        for step in added:
+            values = after(values, [np.array([value], np.int16) for value in (step, low, high)])
+        return values
+
+    shift, least, most = after(function(first), function(second))
+    x = start
+    for step in (*first, *second):
+        x = min(max(x + step, low), high)
+    assert int(np.clip(start + int(shift[0]), least[0], most[0])) == x

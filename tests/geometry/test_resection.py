@@ -1,0 +1,74 @@
+"""Poses among points of known depth, against points that are projected by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from edgemap.geometry.camera.level import up_optical
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.odometry.resection import DepthLandmarks, LensPose, planar_step, resect
+
+SIGMA = 0.001
+
+
+def turned(yaw_rad, pitch_rad=0.0):
+    """Optical axes after a turn to the right and then downwards."""
+    cy, sy, cp, sp = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
+    return np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+
+
+def scene(seed, true, depth_noise=0.0):
+    """Landmarks seen from the origin, with errors of their depth, and where a lens at `true` sees them."""
+    rng = np.random.default_rng(seed)
+    rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(-0.35, 0.35, 200), np.ones(200)])
+    depth_m = rng.uniform(1.0, 5.0, 200)
+    local = (rays * depth_m[:, None] - true.position_m) @ true.rotation
+    seen = local[:, :2] / local[:, 2:] + rng.normal(0.0, SIGMA, (200, 2))
+    sigma_m = np.full(200, max(depth_noise, 1e-6))
+    measured_m = depth_m + rng.normal(0.0, 1.0, 200) * sigma_m
+    return DepthLandmarks.seen(LensPose.origin(), rays, measured_m, sigma_m), seen
+
+
+def test_a_pose_is_found_among_a_third_of_wrong_matches():
+    true = LensPose(turned(0.1, 0.05), np.array([0.1, -0.02, 0.15]))
+    landmarks, seen = scene(0, true)
+    seen[::3] += np.random.default_rng(1).uniform(-0.3, 0.3, seen[::3].shape)
+    found = resect(landmarks, seen, LensPose(turned(0.098, 0.051), np.array([0.09, -0.02, 0.14])), SIGMA)
+    np.testing.assert_allclose(found.pose.position_m, true.position_m, atol=2e-3)
+    np.testing.assert_allclose(found.pose.rotation, true.rotation, atol=5e-4)
+    assert found.weights[::3].mean() < 0.05
+    assert found.weights[1::3].mean() > 0.6
+
+
+def test_the_covariance_is_that_of_the_errors():
+    """Depths that err too: six on average where errors and covariance agree."""
+    true, scaled = LensPose(turned(0.08), np.array([0.1, 0.0, 0.2])), []
+    for seed in range(60):
+        found = resect(*scene(seed, true, depth_noise=0.03), true, SIGMA)
+        off = found.pose.inverse() @ true
+        turn = np.array([off.rotation[2, 1], off.rotation[0, 2], off.rotation[1, 0]])
+        error = np.concatenate([off.position_m, turn])
+        scaled.append(error @ np.linalg.solve(found.covariance, error))
+    assert 4.5 < np.mean(scaled) < 7.5
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 30.0])
+def test_a_tilted_lens_on_an_arm_tells_how_the_base_moved(pitch_deg):
+    """A robot that turns on the spot by 0.2 rad to the left: the lens, 0.3 m ahead of the axle, moves on a circle."""
+    mount = Mount.from_degrees(1.0, pitch_deg, 0.0, 0.3)
+    base_optical = mount.rotation_base_optical()
+    spin = np.array([[math.cos(0.2), -math.sin(0.2), 0], [math.sin(0.2), math.cos(0.2), 0], [0, 0, 1]])
+    arm = np.array([0.3, 0.0, 0.0])
+    moved = LensPose(base_optical.T @ spin @ base_optical, base_optical.T @ (spin @ arm - arm))
+    step, covariance = planar_step(moved, np.eye(6) * 1e-6, up_optical(mount.pitch_rad, 0.0), mount)
+    assert step.vector() == pytest.approx([0.0, 0.0, 0.2], abs=1e-9)
+    assert covariance[2, 2] == pytest.approx(1e-6)
+    assert covariance[1, 1] == pytest.approx(1e-6 * (1.0 + 0.3**2))
+
+
+def test_poses_compose_and_invert():
+    a, b = LensPose(turned(0.3, -0.1), np.array([1.0, 2.0, 3.0])), LensPose(turned(-0.2), np.array([0.1, 0.0, 0.4]))
+    point = np.array([0.5, -0.3, 2.0])
+    np.testing.assert_allclose((a @ b).apply(point), a.apply(b.apply(point)))
+    np.testing.assert_allclose((a @ a.inverse()).apply(point), point, atol=1e-12)

@@ -1,0 +1,202 @@
+"""Runs of the demo with ten random camera faults each, through the real camera classes on an injected clock."""
+
+from __future__ import annotations
+
+import json
+import math
+import traceback
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edgemap.evaluation.objects import score_map
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.map_object import MapObject
+from edgemap.runtime.inputs.cameras.live import LiveCamera
+from edgemap.runtime.step.loop import run as drive
+from edgemap.runtime.step.slam import StepResult
+from reliability.demo_slam import DemoDrive
+from reliability.faulty_camera import (
+    CaptureDriver,
+    FaultyDriver,
+    FaultyWorld,
+    PlannedFault,
+    PlaybackDriver,
+    plan,
+)
+from reliability.parts import PartReport
+
+RUNS, FAULTS, REALSENSE_EVERY = 100, 10, 10
+CONTROLS = 10
+MAX_F1_LOSS = 0.02
+SAME_M = 0.5
+GAP_S = 0.15  # between two frames at 10 Hz: one is missing
+LOST_S = 2.0
+
+
+class _Watch:
+    """A sink that notes when frames came, what faults were told, and objects that a fault or a missing frame cost.
+
+    An object is lost where it was on the map before, and for `LOST_S` after it neither it, nor what it became part of,
+    nor one like it is: overlap suppression takes doubtful objects off the map for single steps without any fault.
+    """
+
+    name = "watch"
+
+    def __init__(self, world: FaultyWorld) -> None:
+        self._world = world
+        self.frames_s: list[float] = []
+        self.told: Counter[str] = Counter()
+        self.lost: list[str] = []
+        self.unsound = 0
+        self._before: list[MapObject] = []
+        self._missed: list[tuple[float, MapObject]] = []  # since when
+        self._stamp_s = math.inf
+
+    def write(self, result: StepResult, objects: list[MapObject]) -> None:
+        """One frame."""
+        self.told.update(fault.kind.value for fault in result.faults)
+        stamp_s = result.frame.stamp_s
+        if result.faults or stamp_s - self._stamp_s > GAP_S:
+            self._missed += [(stamp_s, item) for item in self._before]
+        now = {item.id for item in objects}
+        away = [(since_s, item) for since_s, item in self._missed if result.merged.get(item.id) not in now]
+        away = [(since_s, item) for since_s, item in away if not any(_like(item, other) for other in objects)]
+        self.lost += [item.id for since_s, item in away if stamp_s - since_s > LOST_S]
+        self._missed = [(since_s, item) for since_s, item in away if stamp_s - since_s <= LOST_S]
+        self._stamp_s = stamp_s
+        self.unsound += not np.isfinite(result.pose_map_base.vector()).all()
+        self.unsound += not (np.linalg.eigvalsh(result.pose_covariance) > -1e-12).all()
+        self._before = objects
+        self.frames_s.append(self._world.now_s)
+
+    def fault(self, text: str) -> None:
+        """Faults come with results."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def _like(item: MapObject, other: MapObject) -> bool:
+    """The same object, or one of its label where it stood."""
+    near = float(np.linalg.norm(item.position_m - other.position_m)) < SAME_M
+    return item.id == other.id or (item.label == other.label and near)
+
+
+def run(seed: int, share: float, out: Path) -> PartReport:
+    """Every `REALSENSE_EVERY`-th run is librealsense's playback of the demo, the others are webcams.
+
+    out: `runs.jsonl` there has the runs that an earlier start of the same seed finished; they are not made again.
+    """
+    demo = DemoDrive()
+    recording = _record(demo, out)
+    baseline = _one(demo, None, [])
+    controls = [_one(demo, None, [], _but_a_few(demo, seed, number)) for number in range(CONTROLS)]
+    runs = max(1, round(RUNS * share))
+    done = out / "runs.jsonl"
+    known = map(json.loads, done.read_text().splitlines() if done.is_file() else ())
+    rows: list[dict[str, Any]] = [row for row in known if row["seed"] == seed and row["run"] < runs]
+    for number in sorted(set(range(runs)) - {row["run"] for row in rows}):
+        random = np.random.default_rng((seed, number))
+        faults = plan(random, FAULTS, demo.stamps_s[0] + 2.0, demo.stamps_s[-1] - 5.0)
+        realsense = recording if number % REALSENSE_EVERY == 0 else None
+        rows.append(_one(demo, realsense, faults) | {"seed": seed, "run": number, "realsense": realsense is not None})
+        with done.open("a") as lines:
+            lines.write(json.dumps(rows[-1]) + "\n")
+        print(f"cameras: run {number}: F1 {rows[-1]['f1']:.3f} {rows[-1]['failure']}", flush=True)
+    recording.unlink(missing_ok=True)
+    return _report(baseline, controls, rows)
+
+
+def _but_a_few(demo: DemoDrive, seed: int, number: int) -> list[int]:
+    """The drive without `FAULTS` single frames, which is no fault: by how much F1 varies between runs like this one."""
+    missing = np.random.default_rng((seed, number, 1)).choice(len(demo.images), FAULTS, replace=False)
+    return sorted(set(range(len(demo.images))) - set(missing.tolist()))
+
+
+def _record(demo: DemoDrive, out: Path) -> Path:
+    from reliability.record_realsense import record_whole
+
+    path = out / "demo.db3"
+    import pyrealsense2
+
+    rs: Any = pyrealsense2
+    lens = demo.floor.intrinsics
+    numbers = (lens.fx, lens.fy, lens.cx, lens.cy)
+    return record_whole(path, demo.images, demo.stamps_s, stream_format=rs.format.bgr8, lens=numbers)
+
+
+def _one(
+    demo: DemoDrive, recording: Path | None, faults: list[PlannedFault], frames: list[int] | None = None
+) -> dict[str, Any]:
+    chosen = range(len(demo.images)) if frames is None else frames
+    images, stamps_s = [demo.images[i] for i in chosen], [demo.stamps_s[i] for i in chosen]
+    world = FaultyWorld(images, stamps_s, faults, demo.stamps_s[0])
+    inner = CaptureDriver(world) if recording is None else PlaybackDriver(world, recording)
+    slam, watch, failure = demo.slam(), _Watch(world), ""
+    try:
+        driver = FaultyDriver(world, inner, resets=recording is not None)
+        with LiveCamera(driver, demo.floor.intrinsics, demo.floor.mount, None, world.clock_s, world.wait) as camera:
+            drive(camera, slam, [watch], None, world.stop)
+    except EdgemapError as error:
+        failure = f"ended: {error}"
+    except Exception:
+        failure = f"traceback: {traceback.format_exc()}"
+    recovered = [(fault.kind, _recovery_s(fault, watch.frames_s)) for fault in faults if fault.begun]
+    return {
+        "f1": score_map(slam.objects(), demo.truth)["f1"] or 0.0,
+        "failure": failure,
+        "frames": len(watch.frames_s),
+        "told": dict(watch.told),
+        "recover_s": recovered,
+        "lost": watch.lost,
+        "unsound": watch.unsound,
+    }
+
+
+def _recovery_s(fault: PlannedFault, frames_s: list[float]) -> float | None:
+    """From the end of the cause, or the beginning where only the supervisor ends it, to the next frame."""
+    after = [stamp_s for stamp_s in frames_s if stamp_s >= fault.over_s] if fault.over else []
+    return after[0] - fault.since_s if after else None
+
+
+def _report(baseline: dict[str, Any], controls: list[dict[str, Any]], rows: list[dict[str, Any]]) -> PartReport:
+    told = Counter[str]()
+    for row in rows:
+        told.update(row["told"])
+    recover = [(kind, seconds) for row in rows for kind, seconds in row["recover_s"]]
+    unrecovered = [kind for kind, seconds in recover if seconds is None]
+    f1, control = (float(np.mean([row["f1"] for row in some])) for some in (rows, controls))
+    tracebacks = [row["failure"] for row in rows if row["failure"].startswith("traceback")]
+    ended = [row["failure"] for row in rows if row["failure"].startswith("ended")]
+    lost = [identity for row in rows for identity in row["lost"]]
+    lost_too = sum(len(row["lost"]) for row in controls)
+    unsound = sum(row["unsound"] for row in rows)
+    failures = [f"{len(tracebacks)} tracebacks: {tracebacks[0]}"] if tracebacks else []
+    failures += [f"{len(ended)} runs ended: {ended[0]}"] if ended else []
+    failures += [f"not recovered: {Counter(unrecovered)}"] if unrecovered else []
+    failures += [f"objects lost over a fault: {lost}"] if lost else []
+    failures += [f"{unsound} poses or covariances that are none"] if unsound else []
+    if baseline["f1"] - f1 > MAX_F1_LOSS:
+        failures.append(f"mean F1 {f1:.3f}, without faults {baseline['f1']:.3f}")
+    scores = f"{baseline['f1']:.3f} / {control:.3f} / {f1:.3f}"
+    table = [
+        "| runs | tracebacks | ended | F1 without faults / less single frames / with faults | lost (controls) |",
+        "| --- | --- | --- | --- | --- |",
+        f"| {len(rows)} | {len(tracebacks)} | {len(ended)} | {scores} | {len(lost)} ({lost_too}) |",
+        "",
+        f"Controls: {len(controls)} runs of which {FAULTS} single frames are missing.",
+        "",
+        "| fault | faults | recovered | time to recover p50 / p99 |",
+        "| --- | --- | --- | --- |",
+    ]
+    kinds = sorted({kind for kind, _ in recover})
+    for name, among in [*((kind, {kind}) for kind in kinds), ("all", set(kinds))]:
+        seconds = [value for kind, value in recover if kind in among]
+        known = [value for value in seconds if value is not None]
+        p50_s, p99_s = np.percentile(known or [np.nan], [50, 99])
+        table.append(f"| {name} | {len(seconds)} | {len(known)} | {p50_s:.2f} s / {p99_s:.2f} s |")
+    figures = {"baseline": baseline, "controls": controls, "runs": rows, "told": dict(told), "f1": f1}
+    return PartReport(tuple(failures), tuple(table), figures)

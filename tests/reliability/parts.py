@@ -1,0 +1,38 @@
+"""What a part of `make reliability` is: a module with `run`, callable alone, bounded and seeded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+# Module name to one line. Each module has a function `run`, a `ReliabilityPart`.
+PARTS: dict[str, str] = {
+    "cameras": "random camera faults in runs of the demo",
+    "kills": "kill -9 in the middle of a run",
+    "day": "a day of driving, compressed",
+    "hour": "an hour of driving through a rendered home",
+    "liars": "wheels, gyro and accelerometer that lie",
+    "readers": "hostile files: every reader on mutated documents",
+    "names": "hostile names: files, labels, ids and zones in all that is written",
+    "fleet": "hostile robots: messages to a keeper, one liar in every merge",
+    "clock": "hostile clocks: stamps that jump, stand, go back or are none",
+    "generated": "hostile files and requests drawn from the formats' grammars",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PartReport:
+    """What a part found. failures: one line for each target that is missed. table: lines of Markdown. figures: JSON."""
+
+    failures: tuple[str, ...]
+    table: tuple[str, ...]
+    figures: dict[str, Any] = field(default_factory=dict)
+
+
+class ReliabilityPart(Protocol):
+    """One part. share: of its full size, 1 for the issue's numbers, less for a quick look. out: its own folder."""
+
+    def __call__(self, seed: int, share: float, out: Path) -> PartReport:
+        """Run the part; a missed target is in the report, never an exception."""
+        ...

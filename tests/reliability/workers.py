@@ -1,0 +1,249 @@
+"""Readers on hostile inputs, in workers of bounded memory and time; what both fuzzers share.
+
+A reader accepts, or refuses with an EdgemapError of one line. Anything else is a failure: another exception, a message
+of several lines, more than MEMORY_BYTES above the libraries, more than ALARM_S, the end of the process.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import multiprocessing
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from edgemap.geometry.errors import EdgemapError
+from reliability.parts import PartReport
+
+INPUTS = 20_000  # of each reader, at full size
+MEMORY_BYTES = 1 << 30
+ALARM_S = 5.0  # of processor time, so that a busy machine is no failure
+HUNG_S = 300.0  # without a word from a worker, which reports every 100 inputs
+COUNTED = ("accepted", "refused", "failed", "lines")
+KEPT = 20  # failing inputs of each reader
+FINISHED = "finished.jsonl"
+FIRST_PARSE = (
+    "not JSON", "not YAML", "cannot be read", "not a picture", "picture is cut short", "not an MCAP", "not a torch",
+    "not a complete ONNX", "not a whole ONNX", "too short", "no closing bracket", "is neither [section]",
+    "damaged recording", "not a Darknet", "does not start with [net]", "first line must be",
+)  # fmt: skip
+MODULES = (
+    "export.adopt", "export.darknet", "export.darknet_cfg", "export.darknet_layers", "export.darknet_weights",
+    "export.detector.checkpoint", "export.odometry.checkpoint", "export.torch_files", "runtime.frames.number_rows",
+    "runtime.frames.plain_yaml", "runtime.frames.reading", "runtime.frames.trajectory",
+    "runtime.inputs.cameras.video", "runtime.inputs.drives.c2w",
+    "runtime.inputs.drives.camera_yaml", "runtime.inputs.drives.euroc", "runtime.inputs.drives.open",
+    "runtime.inputs.drives.own", "runtime.inputs.drives.pictures", "runtime.inputs.drives.pose_files",
+    "runtime.inputs.drives.sensor_csv", "runtime.inputs.drives.truth_json", "runtime.inputs.drives.tum",
+    "runtime.inputs.drives.yolo", "runtime.inputs.recordings.chunks", "runtime.inputs.recordings.facts",
+    "runtime.inputs.recordings.foreign", "runtime.inputs.recordings.pictures", "runtime.inputs.recordings.reader",
+    "runtime.inputs.recordings.sensors", "runtime.network.bundle", "runtime.network.download",
+    "runtime.network.manifest", "runtime.network.store", "runtime.outputs.sightings_file", "runtime.step.config",
+    "runtime.step.edits", "runtime.step.map_file",
+)  # fmt: skip
+
+
+class _TooSlow(BaseException):
+    """The alarm; no reader catches it."""
+
+
+@dataclass(frozen=True)
+class ReaderCase:
+    """make: a hostile input. read: writes it into a folder (on a memory disk) where need be, and reads it."""
+
+    name: str
+    make: Callable[[Random], Any]
+    read: Callable[[Path, Any], object]
+
+
+def examine(cases: Callable[[Path], Iterable[ReaderCase]], seed: int, count: int, out: Path) -> PartReport:
+    """So many inputs for every reader. cases: given a scratch folder. out: failing inputs are kept here, and what is
+    finished: a run of the same seed and size goes on from there."""
+    scratch = Path(tempfile.mkdtemp(prefix="edgemap-readers-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+    known, done = raises(), _finished(out, seed, count)
+    try:
+        results = [done.get(case.name) or of_reader(case, seed, count, scratch, out) for case in cases(scratch)]
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    hit = {tuple(line) for result in results for line in result["lines"]}
+    raised = {
+        place for place, (file, first, last) in known.items() if any((file, n) in hit for n in range(first, last + 1))
+    }
+    failures = [
+        f"{result['reader']}: {number} x {what}" for result in results for what, number in result["failed"].items()
+    ]
+    failures += [f"{result['reader']}: only {result['past']:.0%} past the first parse" for result in results
+                 if result["past"] < 1 / 3]  # fmt: skip
+    for result in results:
+        del result["lines"]
+    figures = {"readers": results, "raises": len(known), "raises_hit": len(raised)}
+    return PartReport(tuple(failures), tuple(_table(results, len(raised), len(known))),
+                      figures | {"raises_missed": sorted(set(known) - raised)})  # fmt: skip
+
+
+def _finished(out: Path, seed: int, count: int) -> dict[str, dict[str, Any]]:
+    """Results of readers that an earlier run into this folder finished, by name."""
+    path = out / FINISHED
+    lines = map(json.loads, path.read_text().splitlines() if path.is_file() else ())
+    return {line["reader"]: line for line in lines if (line["seed"], line["inputs"]) == (seed, count)}
+
+
+def of_reader(case: ReaderCase, seed: int, count: int, scratch: Path, out: Path) -> dict[str, Any]:
+    """Counts of one reader; its worker is started again where an input ends it."""
+    context = multiprocessing.get_context("fork")
+    begun, began_s = context.Value("q", 0), time.monotonic()
+    totals = {name: Counter() for name in COUNTED}
+    while begun.value < count:
+        receiver, sender = context.Pipe(duplex=False)
+        worker = context.Process(target=_work, args=(case, seed, count, begun, scratch, out, sender), daemon=True)
+        worker.start()
+        sender.close()
+        try:
+            while receiver.poll(HUNG_S):
+                for name, counter in receiver.recv().items():
+                    totals[name].update(counter)
+            worker.kill()
+        except EOFError:
+            pass
+        worker.join()
+        if worker.exitcode:
+            totals["failed"][f"process ended ({worker.exitcode}) at input {begun.value - 1}"] += 1
+    refused, accepted = totals["refused"], sum(totals["accepted"].values())
+    early = sum(number for check, number in refused.items() if any(word in check for word in FIRST_PARSE))
+    result: dict[str, Any] = {
+        "reader": case.name, "seed": seed, "inputs": count, "accepted": accepted,
+        "refused": dict(refused.most_common()), "past": 1.0 - early / count, "failed": dict(totals["failed"]),
+        "seconds": time.monotonic() - began_s,
+        "lines": list(totals["lines"]),
+    }  # fmt: skip
+    with (out / FINISHED).open("a") as file:
+        file.write(json.dumps(result) + "\n")
+    print(
+        f"{case.name}: {count:,} inputs, {accepted:,} accepted, {dict(totals['failed']) or 'no failure'}",
+        file=sys.stderr,
+    )
+    return result
+
+
+def _work(case: ReaderCase, seed: int, count: int, begun: Any, scratch: Path, out: Path, sender: Any) -> None:
+    folder = Path(tempfile.mkdtemp(dir=scratch))
+    _read_once(case, folder, seed)  # libraries take their memory now
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY_BYTES, size + MEMORY_BYTES))
+    signal.signal(signal.SIGPROF, _ring)
+    os.dup2(os.open(out / "worker.log", os.O_CREAT | os.O_WRONLY | os.O_APPEND), 2)  # libraries tell what they refuse
+    while begun.value < count:
+        found: dict[str, Counter] = {
+            "accepted": Counter(),
+            "refused": Counter(),
+            "failed": Counter(),
+            "lines": Counter(),
+        }
+        for number in range(begun.value, min(begun.value + 100, count)):
+            begun.value = number + 1
+            data = _made(case, f"{seed}/{case.name}/{number}")
+            signal.setitimer(signal.ITIMER_PROF, ALARM_S)
+            try:
+                case.read(folder, data)
+                found["accepted"]["accepted"] += 1
+            except EdgemapError as error:
+                text = str(error)
+                found["refused" if text.splitlines() == [text] and text.isprintable() else "failed"][_check(text)] += 1
+                found["lines"].update(_raised_at(error))
+            except (Exception, _TooSlow) as error:
+                last = traceback.extract_tb(error.__traceback__)[-1]
+                found["failed"][f"{type(error).__name__} at {Path(last.filename).name}:{last.lineno}"] += 1
+                if len(list(out.glob(f"{_file_name(case)}-*"))) < KEPT:
+                    (out / f"{_file_name(case)}-{number}.bin").write_bytes(
+                        data if isinstance(data, bytes) else repr(data).encode()
+                    )
+            finally:
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
+        sender.send(found)
+    sender.close()
+
+
+def _made(case: ReaderCase, seed: str) -> Any:
+    """The input of a seed; where the fuzzer itself fails at it (a document that holds itself), that of the next one."""
+    while True:
+        try:
+            return case.make(Random(seed))
+        except (RecursionError, ValueError, MemoryError):
+            seed += "+"
+
+
+def _read_once(case: ReaderCase, folder: Path, seed: int) -> None:
+    for number in range(20):
+        try:
+            case.read(folder, _made(case, f"{seed}/{case.name}/warm/{number}"))
+        except Exception:
+            continue
+
+
+def _ring(*_: object) -> None:
+    raise _TooSlow(f"more than {ALARM_S} s")
+
+
+def _file_name(case: ReaderCase) -> str:
+    return "".join(letter if letter.isalnum() else "-" for letter in case.name)
+
+
+def _check(text: str) -> str:
+    """Which check a message is of: its words without paths, quotations and numbers."""
+    import re
+
+    text = re.sub(r"\S*/\S*:?", "", text)
+    text = re.sub(r"'[^']*'|`\$[^`]*`|\"[^\"]*\"|\[[\d., e+-]*\]", "…", text)
+    text = re.sub(r", found .*", "", text)
+    return " ".join(re.sub(r"[-+]?\d[\d.,e+-]*", "N", text).split())[:80]
+
+
+def _raised_at(error: BaseException) -> set[tuple[str, int]]:
+    lines, seen = set(), error
+    while seen is not None:
+        trace = seen.__traceback__
+        while trace is not None:
+            lines.add((trace.tb_frame.f_code.co_filename, trace.tb_lineno))
+            trace = trace.tb_next
+        seen = seen.__context__
+    return lines
+
+
+def raises() -> dict[str, tuple[str, int, int]]:
+    """Every `raise` of the readers: module and line to file, first and last line."""
+    found = {}
+    for name in MODULES:
+        file = str(import_module(f"edgemap.{name}").__file__)
+        for node in ast.walk(ast.parse(Path(file).read_text())):
+            if isinstance(node, ast.Raise) and node.exc is not None:
+                found[f"{name}:{node.lineno}"] = (file, node.lineno, node.end_lineno or node.lineno)
+    return found
+
+
+def _table(results: list[dict[str, Any]], hit: int, raises: int) -> list[str]:
+    lines = [
+        "| reader | inputs | accepted | refused | past the first parse | failures | refused most by |",
+        "|" + " --- |" * 7,
+    ]
+    for result in results:
+        refused, failed = result["refused"], sum(result["failed"].values())
+        most = "; ".join(f"{check} ({number:,})" for check, number in list(refused.items())[:3]).replace("|", "/")
+        lines.append(
+            f"| {result['reader']} | {result['inputs']:,} | {result['accepted']:,} | {sum(refused.values()):,} | "
+            f"{result['past']:.0%} | {failed} | {most} |"
+        )
+    total = sum(result["inputs"] for result in results)
+    return [*lines, "", f"{total:,} inputs; {hit} of the readers' {raises} `raise` statements reached."]

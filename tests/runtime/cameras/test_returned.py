@@ -1,0 +1,242 @@
+"""Whatever a plugin's camera or driver returns is a frame or a fault; the run goes on."""
+
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
+import math
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.live_camera import drain, picture, scripted
+
+import edgemap
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.intrinsics import Intrinsics
+from edgemap.geometry.camera.mount import Mount
+from edgemap.runtime.frames.errors import CameraError
+from edgemap.runtime.frames.fault import CameraFault, CameraState, FrameTimeout
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.inputs.cameras import plugins
+from edgemap.runtime.inputs.cameras.base import CameraBase
+from edgemap.runtime.inputs.cameras.checked import FAILURES, CheckedCamera
+from edgemap.runtime.inputs.cameras.protocol import Picture
+from edgemap.runtime.inputs.open import open_camera
+
+GREY = picture(50)
+NO_PICTURES = [
+    "text", 7, (), (1.0,), (1.0, None), (1.0, "text"), (1.0, [[1], [1, 2]]), (1.0, [1, 2, 3]), (1.0, GREY[0, 0]),
+    (1.0, GREY.astype(np.float64)), (1.0, GREY, None, None), {"stamp": 1}, (1.0, np.zeros((0, 0, 3), np.uint8)),
+    (1.0, np.array(["a"], dtype=object)), b"\xff\xd8",
+]  # fmt: skip
+NO_STAMPS = [None, 1e18, "text", [1.0], np.zeros(3), math.nan, math.inf, 10**400, {}, True, np.datetime64("2026-11-23")]
+NO_DEPTHS = [[[1.0]], "text", 7, np.zeros((3, 3), np.float32), np.array([["a"]]), {}]
+BACKWARDS = ImuSamples(np.array([2.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 3)))
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5) | st.binary(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.tuples(inner, inner) | st.dictionaries(st.text(max_size=2), inner),
+    max_leaves=6,
+)
+
+
+@pytest.mark.parametrize("returned", NO_PICTURES, ids=lambda value: repr(value)[:30])
+def test_a_grab_that_is_no_picture_is_one_fault(returned):
+    camera, _, _ = scripted(dict.fromkeys((5, 6, 7), returned))
+    told = []
+    frames = drain(camera, 20, told)
+    assert len(frames) == 20
+    assert [fault.kind.value for fault in told if fault.counted] in (["format"], ["size"])
+    assert camera.state is CameraState.RUNNING
+
+
+@pytest.mark.parametrize("stamp", NO_STAMPS, ids=repr)
+def test_a_grab_with_no_stamp_is_one_fault_and_a_frame(stamp):
+    camera, _, _ = scripted({number: (stamp, picture(200 + number)) for number in (5, 6, 7)})
+    told = []
+    frames = drain(camera, 20, told)
+    assert [fault.kind.value for fault in told] == ["stamp"]
+    assert (np.diff([frame.stamp_s for frame in frames]) > 0.0).all()
+
+
+@pytest.mark.parametrize("depth", NO_DEPTHS, ids=repr)
+def test_a_depth_that_is_none_is_one_fault_and_a_frame_without(depth):
+    camera, _, clock = scripted()
+    script = {n: Picture(clock() - 900.0 + 0.1 * (n + 1), picture(200 + n), depth) for n in (5, 6, 7)}
+    camera, _, _ = scripted(script)
+    told = []
+    assert all(frame.depth is None for frame in drain(camera, 20, told))
+    assert [fault.kind.value for fault in told] == ["format"]
+
+
+def test_depth_that_is_no_distance_is_unknown():
+    depth = np.array([[math.nan, math.inf, -1.0, 0.0, 1.0, 2.0]] * 4)
+    camera, _, _ = scripted({5: Picture(100.6, picture(200), depth)})
+    frame = next(frame for frame in drain(camera, 20) if frame.depth is not None)
+    assert (frame.depth.dtype, frame.depth[0].tolist()) == (np.float32, [0.0, 0.0, 0.0, 0.0, 1.0, 2.0])
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(ANYTHING | st.tuples(ANYTHING, st.just(GREY), ANYTHING), min_size=3, max_size=6))
+def test_nothing_that_a_grab_returns_ends_the_camera(returned):
+    camera, _, _ = scripted(dict(enumerate(returned, 3)))
+    assert len(drain(camera, 12)) == 12
+
+
+class Theirs:
+    """Another package's camera: `frames` are what `read` returns or raises, one by one."""
+
+    name, live, size, rate_hz, frame_count = "lab", False, (6, 4), 10.0, None
+    intrinsics = mount = truth = attitudes = wheel = decisions = None
+    edits = ()
+    state = CameraState.RUNNING
+
+    def __init__(self, returned, **fields):
+        self.returned = list(returned)
+        vars(self).update(fields)
+
+    def read(self):
+        value = self.returned.pop(0) if self.returned else None
+        if isinstance(value, Exception):
+            raise value
+        return value
+
+    def object_records(self):
+        return None
+
+    def close(self):
+        raise OSError("gone")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        self.close()
+
+
+class Bare:
+    """What looks like a frame and was never checked."""
+
+    index, name, search = 0, "", True
+
+    def __init__(self, **fields):
+        self.imu, self.depth = ImuSamples.none(), None
+        vars(self).update(fields)
+
+
+def frame(number, **fields):
+    """A Frame whose fields were changed past its own checks."""
+    made = Frame(number, 0.1 * number, picture(number))
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def read_all(camera):
+    frames, faults = [], []
+    for _ in range(10_000):
+        try:
+            got = camera.read()
+        except CameraFault as fault:
+            faults.append(fault)
+        except FrameTimeout:
+            continue
+        else:
+            if got is None:
+                break
+            frames.append(got)
+    return frames, faults
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind", "left"),
+    [
+        *(({"stamp_s": stamp}, "stamp", 20) for stamp in NO_STAMPS),
+        ({"stamp_s": -5.0}, "clock", 20),
+        *(({"depth": depth}, "format", 20) for depth in NO_DEPTHS),
+        *(({"image": image}, "format", 17) for image in (None, "text", [[1]], GREY[0], GREY.astype(float))),
+        ({"image": [[1], [1, 2]]}, "format", 17),
+        ({"image": picture(1, (8, 4))}, "size", 17),
+        *(({"imu": imu}, "format", 20) for imu in (None, "text", [1], BACKWARDS)),
+        *(({"name": name}, None, 20) for name in (None, 7, "a\nb\udcff")),
+        ({"index": "seven"}, None, 20),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_a_frame_with_a_wrong_field_is_one_fault(wrong, kind, left):
+    source = Theirs([frame(n, **(wrong if n in (5, 6, 7) else {})) for n in range(20)])
+    frames, faults = read_all(CheckedCamera(source, "lab"))
+    assert [fault.kind.value for fault in faults] == ([kind] if kind else [])
+    assert len(frames) == left
+    assert [got.index for got in frames] == list(range(left))
+    assert (np.diff([got.stamp_s for got in frames]) > 0.0).all()
+    assert all(got.name.isprintable() for got in frames)
+
+
+def test_reads_that_raise_and_return_anything_are_faults():
+    odd = [ValueError("?"), RuntimeError("a\nb"), "text", 7, Bare(stamp_s=1.0, image=GREY)]
+    source = Theirs([frame(0), *odd, frame(9)])
+    frames, faults = read_all(CheckedCamera(source, "lab"))
+    assert (len(frames), [fault.kind.value for fault in faults]) == (2, ["failed", "format"])
+    assert all("\n" not in str(fault) for fault in faults)
+
+
+def test_a_camera_that_never_gives_a_frame_comes_to_its_end():
+    with pytest.raises(CameraError, match=f"{FAILURES} reads in a row"):
+        read_all(CheckedCamera(Theirs(["text"] * 5 * FAILURES), "lab"))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("size", None), ("size", (0, 5)), ("size", "ab"), ("intrinsics", "text"), ("mount", 1.0), ("truth", [])],
+)
+def test_a_camera_that_does_not_know_what_it_is_is_one_line(field, value):
+    with pytest.raises(CameraError, match=field):
+        CheckedCamera(Theirs([], **{field: value}), "lab")
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(ANYTHING | st.builds(frame, st.integers(0, 9), stamp_s=ANYTHING, depth=ANYTHING, imu=ANYTHING)))
+def test_nothing_that_a_camera_returns_is_a_traceback(returned):
+    frames, _ = read_all(CheckedCamera(Theirs([one for one in returned if one is not None]), "lab"))
+    assert (np.diff([got.stamp_s for got in frames]) > 0.0).all()
+
+
+def open_plugin(monkeypatch, given_by):
+    class Kind:
+        open = staticmethod(lambda address, intrinsics, mount: given_by())
+        found = staticmethod(list)
+
+    point = EntryPoint("lab", "somewhere:kind", plugins.GROUP)
+    monkeypatch.setattr(EntryPoint, "load", lambda self: Kind)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
+    return open_camera("lab")
+
+
+@pytest.mark.parametrize("given_by", [lambda: 1 / 0, lambda: None, lambda: "text", lambda: Theirs([], size=None)])
+def test_a_plugin_that_gives_no_camera_is_one_line(monkeypatch, given_by):
+    with pytest.raises(CameraError, match="lab"):
+        open_plugin(monkeypatch, given_by)
+
+
+def test_a_run_over_a_plugins_camera_goes_on_past_every_fault(monkeypatch):
+    random = np.random.default_rng(0)
+    image = random.integers(0, 255, (96, 128, 3), np.uint8)
+    lens = Intrinsics(128, 96, 120.0, 120.0, 64.0, 48.0)
+    frames = [Frame(n, 0.1 * n, np.roll(image, n, axis=1)) for n in range(8)]
+    object.__setattr__(frames[2], "stamp_s", None)
+    object.__setattr__(frames[4], "depth", [[1.0]])
+    returned = [*frames[:3], "text", ValueError("?"), *frames[3:]]
+    source = Theirs(returned, size=(128, 96), intrinsics=lens, mount=Mount(0.6, 0.2))
+    with edgemap.open(source, odometry="planar") as session:
+        results = list(session)
+    assert len(results) == 8
+    assert [fault.kind.value for result in results for fault in result.faults] == [
+        "stamp",
+        "format",
+        "failed",
+        "format",
+    ]
+    camera = open_plugin(monkeypatch, lambda: Theirs(frames, size=(128, 96), intrinsics=lens))
+    assert isinstance(camera, CheckedCamera)
+    assert isinstance(camera, CameraBase)

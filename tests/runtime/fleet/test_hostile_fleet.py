@@ -1,0 +1,221 @@
+"""One robot among others lies, floods, or breaks the map: the others' map stays, and is served in time."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.rooms import furnished, mapped, somewhere
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.place import MergeBudget, MergeStopped, RobotMap, balanced, merge_place
+from edgemap.runtime.frames.errors import PublishError
+from edgemap.runtime.step.map_file import load_map, map_document, read_map
+
+pytest.importorskip("zenoh", reason="zenoh is not installed (extra 'fleet')")
+
+from edgemap.runtime.outputs.fleet import keeper as keepers
+from edgemap.runtime.outputs.fleet.keeper import PlaceKeeper, _Inbox
+from edgemap.runtime.outputs.fleet.network import SECRET, open_session, packed, unpacked_map
+
+
+@pytest.fixture
+def address():
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def keeper(tmp_path, address):
+    kept = PlaceKeeper("home", tmp_path, listen=address)
+    yield kept
+    kept.close()
+
+
+def home(robots, seed=3, count=14):
+    """Maps of a room by robots that began anywhere."""
+    random = np.random.default_rng(seed)
+    room = furnished(random, count)
+    return [mapped(room, somewhere(random), random, sigma_m=0.04) for _ in range(robots)]
+
+
+def tell(keeper, name, objects, annotations=None, kind="map"):
+    keeper._inbox.put(kind, name, packed(map_document(objects, annotations or Annotations())))
+
+
+def robots(keeper):
+    return keeper.document()["fleet"]["robots"]
+
+
+def test_a_zone_and_an_object_of_its_name_are_one_map(keeper, tmp_path):
+    one, two = home(2)
+    two[0] = replace(two[0], id="zone-1")
+    tell(keeper, "one", one, Annotations((Zone("zone-1", "kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),)))
+    tell(keeper, "two", two)
+    assert keeper.update()
+    assert all("pose_place_map" in robot for robot in robots(keeper).values())
+    assert load_map(tmp_path / "map.json")
+
+
+def test_a_robot_with_which_the_map_is_none_is_left_out_by_name(keeper, tmp_path, monkeypatch):
+    def reads(text, *more):
+        if b'"boom' in text:
+            raise MapError("more than a map may hold")
+        return read_map(text, *more)
+
+    monkeypatch.setattr(keepers, "read_map", reads)
+    one, two, three = home(3)
+    tell(keeper, "one", one)
+    tell(keeper, "two", two)
+    assert keeper.update()
+    counted = sum(item.count for item in load_map(tmp_path / "map.json"))
+    tell(keeper, "bad", [*three[1:], replace(three[0], id="boom-1", label="boom")])
+    tell(keeper, "one", [replace(item, confidence=0.5) for item in one])  # the newest is not to blame
+    assert keeper.update()
+    told = robots(keeper)
+    assert told["bad"]["refused"] == "left out, with it the merged map is none: more than a map may hold"
+    assert "pose_place_map" in told["one"]
+    assert sum(item.count for item in load_map(tmp_path / "map.json")) == counted
+    tell(keeper, "bad", three)
+    assert keeper.update()
+    assert "pose_place_map" in robots(keeper)["bad"]
+
+
+def test_what_an_object_of_one_robot_brings_is_bounded(keeper):
+    (objects,) = home(1)
+    many = {f"label{k}": k / 1000.0 for k in range(1000)}
+    views = tuple((float(k), 0.0) for k in range(10_000))
+    tell(keeper, "one", [replace(objects[0], labels=many, seen_from_m=views), *objects[1:]])
+    assert keeper.update()
+    item = next(item for item in keeper.merged.objects if item.id == objects[0].id)
+    assert (len(item.labels), len(item.seen_from_m), max(item.labels.values())) == (10, 100, 0.999)
+
+
+def test_too_many_objects_are_counted_before_one_is_made():
+    objects = mapped([("chair", float(k % 100), float(k // 100)) for k in range(1001)])
+    document = map_document(objects)
+    begun_s = time.process_time()
+    for text in (packed(document), packed({**document, "objects": document["objects"] * 8})):
+        with pytest.raises(MapError, match="more than 1000 objects"):
+            unpacked_map(text, "map of bad")
+    hidden = json.dumps(document).replace('"covariance_m2"', '"covarianc\\u0065_m2"')
+    import zlib
+
+    with pytest.raises(MapError, match="more than 1000 objects"):
+        unpacked_map(zlib.compress(hidden.encode()), "map of bad")
+    assert time.process_time() - begun_s < 1.0
+
+
+def test_a_costly_map_makes_nobody_wait_for_long():
+    random = np.random.default_rng(0)
+    costly = mapped([("chair", *random.uniform(-10, 10, 2)) for _ in range(924)])
+    maps = {f"robot{k}": RobotMap(f"key{k}", tuple(objects)) for k, objects in enumerate(home(6))}
+    known, budget = {}, MergeBudget()
+    for turn in range(3):  # it sends another map every time
+        maps["costly"] = RobotMap(f"costly{turn}", tuple(costly))
+        budget.arrived["costly"] = turn + 1
+        begun_s = time.process_time()
+        place = merge_place(maps, None, known, budget)
+        assert time.process_time() - begun_s < 5.0
+    joined = [name for name, member in place.members.items() if member.pose_place_map is not None]
+    assert joined == [f"robot{k}" for k in range(6)]
+
+
+def test_a_merge_stops_when_it_is_asked_to(keeper, tmp_path):
+    for name, objects in zip(("one", "two"), home(2), strict=True):
+        tell(keeper, name, objects)
+    assert not keeper.update(lambda: True)
+    assert not (tmp_path / "map.json").exists()
+    maps = {str(k): RobotMap(str(k), tuple(objects)) for k, objects in enumerate(home(2))}
+    with pytest.raises(MergeStopped):
+        merge_place(maps, budget=MergeBudget(stopped=lambda: True))
+    assert keeper.update()
+    assert load_map(tmp_path / "map.json")
+
+
+def test_a_liar_moves_no_object_far():
+    honest = home(6)
+    maps = {f"robot{k}": RobotMap(f"key{k}", tuple(objects)) for k, objects in enumerate(honest)}
+    truth = {item.id: item.position_m for item in merge_place(maps).objects}
+    lies = [
+        replace(
+            item,
+            position_m=item.position_m + ([0.7, 0.0] if k < 5 else [0.0, 0.0]),
+            covariance_m2=np.eye(2) * 1e-6,
+            count=1 << 20,
+        )
+        for k, item in enumerate(sorted(honest[0], key=lambda item: item.id))
+    ]
+    place = merge_place({**maps, "liar": RobotMap("lies", tuple(lies))})
+    assert place.members["liar"].pose_place_map is not None
+    moved_m = [min(np.linalg.norm(item.position_m - known) for item in place.objects) for known in truth.values()]
+    assert max(moved_m) < 0.25
+
+
+def test_robots_that_agree_are_merged_as_before():
+    (one,) = mapped([("chair", 0.0, 0.0)], told_sigma_m=0.3)  # above the floor that two robots share
+    near, far = replace(one, position_m=np.array([0.1, 0.0])), replace(one, covariance_m2=np.eye(2) * 0.16)
+    assert balanced([one, near]).position_m == pytest.approx([0.05, 0.0])
+    assert balanced([one, far]).count == 2 * one.count
+    assert balanced([one, one, near]).position_m[0] < 0.05
+
+
+def test_names_without_a_map_give_way_and_hold_no_room(monkeypatch):
+    inbox = _Inbox(["known"])
+    for k in range(500):
+        inbox.put("here", f"stranger{k}", b"1")
+    assert len(inbox.take()) == keepers.MAXIMUM_ROBOTS - 1
+    inbox.put("map", "robot", b"m")
+    assert inbox.take() == {("map", "robot"): b"m"}
+    assert inbox.knows("known")
+
+
+def test_robots_that_are_away_for_long_go(keeper, tmp_path, monkeypatch):
+    one, two = home(2)
+    tell(keeper, "one", one)
+    tell(keeper, "two", two)
+    tell(keeper, "alone", two[:2])
+    assert keeper.update()
+    keeper._inbox.put("here", "one", b"1")
+    monkeypatch.setattr(keepers, "EXPIRES_S", {"apart": 0.0, "merged": 1e9})
+    keeper.update()
+    assert sorted(robots(keeper)) == ["one", "two"]
+    monkeypatch.setattr(keepers, "EXPIRES_S", {"apart": 0.0, "merged": 0.0})
+    keeper.update()
+    assert sorted(robots(keeper)) == ["one"]
+    assert [path.name for path in (tmp_path / "robots").iterdir()] == ["one.json"]
+
+
+def test_keys_of_nobody_are_one_line_each(keeper, address):
+    stranger = open_session(connect=address, wait_s=5.0)
+    for key in ("robots/*/map", "robots/bad/*", "robots/**", "robots/x/other"):
+        stranger.put(f"edgemap/fleet/home/{key}", b"x")
+    end_s = time.monotonic() + 20.0
+    while len(keeper.strangers) < 2 and time.monotonic() < end_s:
+        time.sleep(0.05)
+    stranger.close()
+    assert all("is no robot's: ignored" in line and "\n" not in line for line in keeper.strangers)
+    assert len(keeper.strangers) >= 2
+    assert not keeper.robots
+
+
+def test_without_the_secret_nobody_is_let_in(tmp_path, address, monkeypatch):
+    monkeypatch.setenv(SECRET, "correct-horse-battery")
+    kept = PlaceKeeper("home", tmp_path, listen=address)
+    try:
+        open_session(connect=address, wait_s=5.0).close()
+        for secret in ("wrong-horse-battery", ""):
+            monkeypatch.setitem(os.environ, SECRET, secret)
+            with pytest.raises(PublishError, match="connecting to"):
+                open_session(connect=address, wait_s=1.0)
+        monkeypatch.setenv(SECRET, "short")
+        with pytest.raises(PublishError, match="8 to 200 printable"):
+            open_session(connect=address, wait_s=1.0)
+    finally:
+        kept.close()

@@ -1,0 +1,93 @@
+"""Exporters count what they are to draw before they make it; objects and zones are two namespaces."""
+
+import json
+import resource
+import time
+
+import numpy as np
+import pytest
+from support.rooms import mapped
+
+from edgemap.geometry.errors import MapError
+from edgemap.geometry.objects.edits import Annotations, Zone
+from edgemap.geometry.objects.merge import merge_maps
+from edgemap.geometry.registration.alignment import Alignment, AlignmentError, align
+from edgemap.geometry.se2 import SE2
+from edgemap.plots.floor_map import plot_map
+from edgemap.plots.style import PlotError
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
+from edgemap.runtime.outputs.mapfiles.grid import MAXIMUM_CELLS, CellsRule, grid_of
+from edgemap.runtime.outputs.mapfiles.nav2 import MAXIMUM_SHAPES, vector_text
+from edgemap.runtime.outputs.report.history import History
+from edgemap.runtime.outputs.report.labels import place_labels
+from edgemap.runtime.outputs.report.page import MAXIMUM_DRAWN, ReportContent, report_page
+from edgemap.runtime.step.map_file import map_document, read_map
+
+
+@pytest.fixture(autouse=True)
+def cheap():
+    """No case takes 10 s of processor time, or a quarter of a gibibyte."""
+    begun_s, before_kb = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    assert time.process_time() - begun_s < 10.0
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 256 << 10
+
+
+def path_of(*points):
+    return Trajectory(np.arange(float(len(points))), tuple(SE2(x, y) for x, y in points))
+
+
+def many(count):
+    return mapped([("chair", float(k % 100), float(k // 100)) for k in range(count)])
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "rule", "told"),
+    [
+        (path_of((0, 0), (1e6, 1e6), (-1e6, -1e6)), CellsRule(), f"cells of 0.05 m: more than {MAXIMUM_CELLS}"),
+        (path_of(*((400.0 * (k % 2), 0.0) for k in range(2000))), CellsRule(), "a trajectory of 31,9"),
+        (path_of(*((0.4 * (k % 2), 0.0) for k in range(2000))), CellsRule(0.05, 99.0), "cells to draw"),
+        (path_of((0, 0), (1, 1)), CellsRule(1e-12), "cells of 1e-12 m"),
+    ],
+)
+def test_a_grid_is_counted_before_it_is_made(trajectory, rule, told):
+    with pytest.raises(MapError, match=told):
+        grid_of([], trajectory, rule)
+
+
+def test_the_other_exporters_are_bounded_too(tmp_path):
+    objects = many(MAXIMUM_SHAPES + 1)
+    with pytest.raises(MapError, match=f"at most {MAXIMUM_SHAPES} are shapes"):
+        vector_text(objects)
+    with pytest.raises(PlotError, match="5001 objects, at most 5000 are drawn"):
+        plot_map(tmp_path / "map.svg", objects)
+    assert len(place_labels([("chair", float(k), 0.0) for k in range(20_000)], 900.0, 700.0)) == 20_000
+    page = report_page(ReportContent({}, objects, History()))
+    assert (page.count('class="bound"'), len(page) < 4 << 20) == (MAXIMUM_DRAWN, True)
+    assert f"The {MAXIMUM_DRAWN} objects observed most often, of {len(objects)}." in page
+    with pytest.raises(AlignmentError, match="too large to compare"):
+        align(objects, objects)
+
+
+def test_equal_names_of_shapes_cost_no_square():
+    assert vector_text([*mapped([("a!" * (k % 7), 0.0, 0.0) for k in range(3000)])]).count("circle") == 3000
+
+
+def test_merging_a_thousand_with_a_thousand_is_no_square_of_python():
+    objects = many(1000)
+    merged, became = merge_maps(objects, objects, Alignment.exact(SE2()))
+    assert (len(merged), len(became)) == (1000, 1000)
+
+
+def test_objects_and_zones_are_two_namespaces():
+    """A bundle's class may be called zone; a zone's id is `zone-1`."""
+    objects = mapped([("zone", 0.0, 0.0)])
+    zones = (Zone("zone-1", "kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),)
+    assert [item.id for item in objects] == ["zone-1"]
+    read, annotations = read_map(json.dumps(map_document(objects, Annotations(zones))).encode(), "a map")
+    assert (read[0].id, annotations.zones) == ("zone-1", zones)
+    ids = [feature["id"] for feature in json.loads(geojson_text(objects, zones=zones))["features"]]
+    assert ids == ["zone-1", "zone:zone-1"]
+    with pytest.raises(MapError, match="two zones have the id 'zone-1'"):
+        read_map(json.dumps(map_document([], Annotations(zones * 2))).encode(), "a map")

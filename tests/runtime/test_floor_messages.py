@@ -1,0 +1,86 @@
+"""The floor as ROS 2 messages, encoded and decoded: places by hand, in a room of boxes."""
+
+import math
+
+import numpy as np
+import pytest
+from support.boxed_room import walls
+from support.recordings import FACTS
+from support.steps import Steps
+
+pytest.importorskip("mcap_ros2", reason="no mcap-ros2-support here (extra record)")
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from edgemap.runtime.frames.messages import topics
+from edgemap.runtime.frames.messages.definitions import decoder, encoder
+from edgemap.runtime.outputs.messages.stream import MessageStream
+from edgemap.runtime.outputs.recording.recorder import Recorder
+
+ROOM = [*walls(-1.0, -2.0, 4.0, 2.0), (2.0, -0.5, 2.5, 0.5, 0.8)]
+
+
+@pytest.fixture(scope="module")
+def sent():
+    """All messages of five seconds at rest but for 5 cm a step: by topic."""
+    steps, stream, found = Steps(boxes=ROOM), MessageStream(), {}
+    for _ in range(31):
+        result, objects = steps.next()
+        for outgoing in stream.results(result, objects):
+            message = decoder(outgoing.kind)(encoder(outgoing.kind)(outgoing.make()))
+            found.setdefault(outgoing.topic, []).append((outgoing.stamp_ns, message))
+    return found
+
+
+def test_the_map_changes_once_a_second_and_holds_floor_and_obstacles_in_their_places(sent):
+    stamps = [stamp / 1e9 for stamp, _ in sent[topics.MAP]]
+    assert np.diff(stamps) == pytest.approx([1.0] * (len(stamps) - 1))
+    grid = sent[topics.MAP][-1][1]
+    info, corner = grid.info, grid.info.origin.position
+    cells = np.frombuffer(bytes(value % 256 for value in grid.data), np.int8).reshape(info.height, info.width)
+
+    def at(x_m, y_m):
+        column, row = (int((value - low) / info.resolution) for value, low in ((x_m, corner.x), (y_m, corner.y)))
+        return cells[row, column]
+
+    assert grid.header.frame_id == "map"
+    assert info.resolution == pytest.approx(0.05)
+    assert at(1.0, 0.0) == 0
+    assert at(2.25, 0.0) == -1
+    assert 100 in {at(1.975, y) for y in (-0.2, 0.0, 0.2)} | {at(2.025, y) for y in (-0.2, 0.0, 0.2)}
+
+
+def test_a_recording_holds_the_map_so_that_foxglove_and_rviz_show_the_floor(tmp_path):
+    steps, recorder = Steps(boxes=ROOM), Recorder(tmp_path / "run.mcap", FACTS)
+    for _ in range(21):
+        result, objects = steps.next()
+        recorder.results(recorder.picture(result.frame), result, objects)
+    recorder.close()
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        grids = [message for *_, message in reader.iter_decoded_messages(topics=[topics.MAP])]
+    assert [grid.header.stamp.sec for grid in grids] == [0, 1, 2]
+    assert 0 in grids[-1].data
+    assert grids[-1].header.frame_id == "map"
+
+
+def test_a_scan_has_the_box_where_it_stands_and_nothing_where_no_contact_is(sent):
+    """From 5 cm ahead of the start the box's front is 1.95 m away, straight ahead."""
+    scan = sent[topics.FLOOR_SCAN][1][1]
+    assert scan.header.frame_id == "base_link"
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    pose_m = sent[topics.FLOOR_SCAN][1][0] / 1e9 * 0.5
+    ahead = np.abs(angles) < math.radians(10)
+    x_m = np.array(scan.ranges)[ahead] * np.cos(angles[ahead])
+    assert np.nanmedian(x_m) == pytest.approx(2.0 - pose_m, abs=0.06)
+    finite = np.array(scan.ranges)[np.isfinite(scan.ranges)]
+    assert ((finite > scan.range_min) & (finite < scan.range_max)).all()
+    assert np.isnan(scan.ranges).any()
+
+
+def test_a_bundle_without_a_floor_head_sends_neither():
+    steps, stream = Steps(), MessageStream()
+    topics_sent = {outgoing.topic for _ in range(12) for outgoing in stream.results(*steps.next())}
+    assert topics.OBJECTS in topics_sent
+    assert not {topics.MAP, topics.FLOOR_SCAN} & topics_sent

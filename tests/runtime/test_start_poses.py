@@ -1,0 +1,103 @@
+"""Where a run starts in a saved map: guessed starts that the objects prove or refute, and a pose that a person sets."""
+
+import numpy as np
+import pytest
+from support.drives import drive, exact, round_trip
+from support.rooms import furnished, mapped
+
+from edgemap.geometry.objects.edits import Annotations, Edit, EditError
+from edgemap.geometry.registration.alignment import AlignmentError, aligned_near
+from edgemap.geometry.se2 import SE2
+from edgemap.runtime.step.mapper import Mapper
+
+ROOM = furnished(np.random.default_rng(11), 16, apart_m=0.8)
+
+
+def driven(mapper, start_rad=0.0, seed=1, count=80):
+    poses = round_trip(80, start_rad=start_rad)[:count]
+    return [(result, list(objects)) for result, objects in drive(mapper, ROOM, poses, exact(poses), seed)]
+
+
+def saved_map():
+    *_, (_, objects) = driven(Mapper(), seed=7)
+    return objects
+
+
+def first_found(results):
+    return next(index for index, (result, _) in enumerate(results) if result.relocated)
+
+
+def test_a_right_guess_is_proved_sooner_than_a_search_finds_it():
+    saved, start, there = saved_map(), round_trip(80)[0], round_trip(80, start_rad=2.0)[0]
+    guess = start.inverse() @ there
+    searching, guessing = Mapper(), Mapper()
+    searching.relocalise_in(saved)
+    guessing.relocalise_in(saved, guesses=[SE2(30.0, 0.0, 0.0), guess])
+    searched, guessed = driven(searching, 2.0), driven(guessing, 2.0)
+    assert first_found(guessed) < first_found(searched)
+    at = guessed[-1][0].pose_map_base
+    truth = start.inverse() @ round_trip(80, start_rad=2.0)[-1]
+    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+
+
+def test_a_robot_that_was_carried_off_is_not_where_it_was_left():
+    """A wrong guess costs nothing: the objects refute it, and find the place as without it."""
+    saved, start = saved_map(), round_trip(80)[0]
+    there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
+    mapper = Mapper()
+    mapper.relocalise_in(saved, guesses=[SE2(there.x_m + 2.0, there.y_m, there.yaw_rad + 1.5), SE2()])
+    *_, (result, _) = driven(mapper, 2.0)
+    truth = start.inverse() @ round_trip(80, start_rad=2.0)[-1]
+    at = result.pose_map_base
+    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_chance_proves_no_guess(seed):
+    """Rooms with nothing in common but their classes."""
+    random = np.random.default_rng(seed)
+    room, other = (mapped(furnished(random, 12, apart_m=0.8)) for _ in range(2))
+    with pytest.raises(AlignmentError, match="no guessed start fits"):
+        aligned_near([SE2(), SE2(1.0, 0.0, 0.5)], room, other[:4])
+
+
+def test_a_pose_that_is_set_ends_the_search():
+    saved, start = saved_map(), round_trip(80)[0]
+    there = start.inverse() @ round_trip(80, start_rad=2.0)[0]
+    mapper = Mapper()
+    mapper.relocalise_in(saved, Annotations(dock=SE2(1.0, 1.0, 0.0)))
+    assert mapper.relocaliser.searching
+    assert mapper.annotations().dock is None  # it is in a frame that the robot has yet to find
+    assert mapper.edit(Edit("pose", pose=(there.x_m, there.y_m, there.yaw_rad))) == "pose"
+    assert not mapper.relocaliser.searching
+    assert mapper.annotations().dock == SE2(1.0, 1.0, 0.0)
+    results = driven(mapper, 2.0)
+    assert first_found(results) == 0
+    at, truth = results[-1][0].pose_map_base, start.inverse() @ round_trip(80, start_rad=2.0)[-1]
+    assert np.hypot(at.x_m - truth.x_m, at.y_m - truth.y_m) < 0.3
+    assert len(results[-1][1]) <= len(saved) + 2  # nothing twice
+
+
+def test_a_robot_that_was_lifted_and_set_down_goes_on_in_its_map():
+    mapper = Mapper()
+    before = driven(mapper, count=40)[-1][1]
+    places = {item.id: item.position_m for item in before}
+    mapper.edit(Edit("pose", pose=(1.0, 2.0, 0.5), sigmas=(0.2, 0.2, 0.1)))
+    assert (mapper.pose_map_base.x_m, mapper.pose_map_base.y_m) == (1.0, 2.0)
+    assert np.diag(mapper.pose_covariance) == pytest.approx([0.04, 0.04, 0.01])
+    for item in mapper.objects():
+        assert item.position_m == pytest.approx(places[item.id], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (Edit("pose"), "three finite numbers"),
+        (Edit("pose", pose=(np.nan, 0.0, 0.0)), "three finite numbers"),
+        (Edit("pose", pose=(0.0, 0.0, 0.0), sigmas=(0.0, 1.0, 1.0)), "above 0"),
+        (Edit("dock"), "a dock needs a pose"),
+    ],
+)
+def test_what_is_no_pose_is_refused(edit, message):
+    with pytest.raises(EditError, match=message):
+        Mapper().edit(edit)

@@ -1,0 +1,282 @@
+"""Sensors whose numbers are well formed and wrong: who is named, left out, and used again."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from edgemap.geometry.camera.imu import ImuSamples
+from edgemap.geometry.camera.mount import Mount
+from edgemap.geometry.se2 import SE2, compose_covariance, wrap_angle
+from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.frames.trajectory import Trajectory
+from edgemap.runtime.inputs.open import DEMO
+from edgemap.runtime.motion.attitude.inertial import InertialAttitude
+from edgemap.runtime.motion.attitude.sources import MountAttitude
+from edgemap.runtime.motion.odometry.hybrid import HybridOdometry, Member
+from edgemap.runtime.motion.odometry.protocol import Motion, first_motion
+from edgemap.runtime.motion.odometry.recorded import WHEEL, RecordedOdometry
+
+WHEELS = Path(DEMO) / "wheel.csv"
+BLANK = np.zeros((4, 4, 3), np.uint8)
+SIGMAS = {"camera": (0.004, 0.004, 0.002), "wheels": (0.002, 0.002, 0.002)}
+LIES = {
+    "mirrored yaw": (1.0, 1.0, -1.0),
+    "yaw by half more": (1.0, 1.0, 1.5),
+    "frozen": (0.0, 0.0, 0.0),
+    "backwards": (-1.0, -1.0, -1.0),
+    "twice as long": (2.0, 2.0, 1.0),
+}
+
+
+class Noisy:
+    """Measures the motions given, with the noise that it states."""
+
+    needs_features = False
+
+    def __init__(self, name, source, motions, seed=0):
+        random = np.random.default_rng(seed)
+        self.name, self._sigmas = name, np.array(SIGMAS[source])
+        told = np.array(motions) + random.normal(0.0, 1.0, (len(motions), 3)) * self._sigmas * 0.5
+        self._motions = iter(told.tolist())
+        self._first = True
+
+    def step(self, frame, features, prior=None):
+        motion = Motion(SE2(*next(self._motions)), np.diag(self._sigmas**2))
+        first, self._first = self._first, False
+        return first_motion() if first else motion
+
+    def step_blind(self, stamp_s, reason, attitude=None):
+        raise AssertionError(reason)
+
+    def still(self, stamp_s, attitude):
+        return None
+
+    def rest(self, stamp_s):
+        raise AssertionError(stamp_s)
+
+    def reset(self, reason):
+        pass
+
+
+def winding(count):
+    """A robot's steps at 10 Hz: 0.4 m/s, and turns of 0.5 rad/s either way in between."""
+    turns = np.where(np.arange(count) // 15 % 2 == 1, 0.05, 0.0) * np.where(np.arange(count) // 60 % 2, -1.0, 1.0)
+    return np.column_stack([np.full(count, 0.04), np.zeros(count), turns])
+
+
+def fused(true, told, seed=0):
+    """Faults by stamp, and how far off the last pose is, (3,). told: by the wheels, None for none."""
+    members = [Member(Noisy("planar", "camera", true, seed), "camera")]
+    if told is not None:
+        members.append(Member(Noisy("wheel", "wheels", told, seed + 1), "wheels"))
+    hybrid, faults, pose, there = HybridOdometry(members), [], SE2(), SE2()
+    for index, motion in enumerate(true):
+        found = hybrid.step(Frame(index, index / 10.0, BLANK), {})
+        if index:
+            pose, there = pose @ found.motion, there @ SE2(*motion)
+        faults += [(index / 10.0, found.fault)] if found.fault else []
+    return faults, (there.inverse() @ pose).vector()
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_lying_wheels_are_named_within_20_s_and_the_pose_stays_the_cameras(lie):
+    true = winding(300)
+    faults, off = fused(true, true * LIES[lie])
+    (stamp_s, fault), *others = faults
+    assert fault.startswith("wheels: its "), fault
+    assert stamp_s < 20.0
+    assert not others
+    alone = fused(true, None)[1]
+    assert math.hypot(off[0], off[1]) < math.hypot(alone[0], alone[1]) + 0.25  # of 12 m
+    assert abs(off[2]) < abs(alone[2]) + 0.05
+
+
+@pytest.mark.parametrize("lie", ["mirrored yaw", "frozen", "backwards"])
+def test_wheels_that_recover_are_used_again(lie):
+    true = winding(400)
+    told = np.where((np.arange(400) // 100 == 1)[:, None], true * LIES[lie], true)
+    faults, off = fused(true, told)
+    assert [fault.partition(":")[0] for _, fault in faults] == ["wheels", "wheels"]
+    assert faults[0][0] < 20.0 < faults[1][0] < 30.0
+    assert faults[1][1] == "wheels: agrees with the camera again: used again"
+    alone = fused(true, None)[1]
+    assert math.hypot(off[0], off[1]) < math.hypot(alone[0], alone[1]) + 0.5  # of 16 m
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.9, 1.1), st.floats(0.95, 1.05))
+def test_honest_wheels_are_never_named(seed, length, yaw):
+    true = winding(150)
+    faults, _ = fused(true, true * [length, length, yaw], seed)
+    assert not [fault for _, fault in faults if "left out" in fault]
+
+
+def test_a_jump_of_the_heading_costs_one_step():
+    stamps = np.arange(50) / 10.0
+    jumped = [SE2(0.03 * row, 0.0, 0.0) if row < 20 else SE2(0.6, 0.0, 2.5) @ SE2(0.03 * (row - 20), 0.0, 0.0)
+              for row in range(50)]  # fmt: skip
+    odometry = RecordedOdometry(Trajectory(stamps, tuple(jumped)), "wheel:x", WHEEL)
+    found = [odometry.step(Frame(row, stamp_s, BLANK), {}) for row, stamp_s in enumerate(stamps.tolist())]
+    assert [row for row, motion in enumerate(found) if motion.blind] == [20]
+    assert "jumps by 0.03 m and 2.50 rad in 0.100 s" in found[20].fault
+    assert found[21].motion.x_m == pytest.approx(0.03)
+
+
+FULL = math.radians(250.0)
+
+
+def imu(change=lambda gyro, accel, lies: None):
+    """12 s of a BMI055 at rest on its mount; `change` writes the lie into the samples of 4 to 8 s."""
+    stamps, mount = np.arange(0.005, 12.0, 0.005), Mount.from_degrees(0.5, 10.0)
+    random = np.random.default_rng(0)
+    up = mount.rotation_base_optical().T @ [0.0, 0.0, 9.81]
+    gyro = random.normal(0.0, 0.004, (len(stamps), 3))
+    accel = up + random.normal(0.0, 0.03, (len(stamps), 3))
+    change(gyro, accel, (stamps > 4.0) & (stamps <= 8.0))
+    source, samples = InertialAttitude(mount, MountAttitude(mount)), ImuSamples(stamps, gyro, accel)
+    ends = np.arange(1, 120) / 10.0
+    return ends, [
+        source.predict(Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s)))
+        for row, end_s in enumerate(ends.tolist())
+    ]
+
+
+def saturated(gyro, accel, lies):
+    gyro[lies] = FULL
+
+
+def clipped_on_one_axis(gyro, accel, lies):
+    accel[lies, 1] = -19.62
+
+
+def frozen(gyro, accel, lies):
+    gyro[lies] = gyro[np.flatnonzero(lies)[0]]
+
+
+def impossible(gyro, accel, lies):
+    gyro[lies, 2] = np.random.default_rng(1).normal(100.0, 1.0, int(lies.sum()))
+
+
+@pytest.mark.parametrize(
+    ("lie", "named"),
+    [
+        (saturated, "gyro saturated at 4.4 rad/s"),
+        (clipped_on_one_axis, "accelerometer saturated at 19.6 m/s2"),
+        (frozen, "gyro frozen"),
+        (impossible, "gyro at"),
+    ],
+)
+def test_an_imu_that_lies_is_named_at_once_left_out_and_used_again(lie, named):
+    ends, found = imu(lie)
+    faults = [(end_s, one.fault) for end_s, one in zip(ends, found, strict=True) if one.fault]
+    (named_s, first), (again_s, second) = faults
+    assert first.startswith(named)
+    assert 4.0 < named_s <= 4.3
+    assert second == "the IMU (gyro and accelerometer) is used again"
+    assert 8.0 < again_s < 10.0
+    left_out = [one.source for end_s, one in zip(ends, found, strict=True) if named_s <= end_s <= 8.0]
+    assert set(left_out) == {"mount"}
+    turned = sum(one.rotation.yaw_rad for one in found if one.rotation is not None)
+    assert abs(turned) < math.radians(1.0)
+
+
+def test_a_good_imu_and_a_knock_of_20_ms_leave_nobody_out():
+    def knocked(gyro, accel, lies):
+        accel[np.flatnonzero(lies)[:4]] = 39.2
+
+    for lie in (lambda *_: None, knocked):
+        _, found = imu(lie)
+        assert not any(one.fault for one in found)
+        assert all(one.source == "imu" for one in found[1:])
+
+
+@pytest.fixture(scope="module")
+def demo():
+    """The demo's first 200 frames, each through the backbone once."""
+    from reliability.demo_slam import DemoDrive
+
+    return DemoDrive(200)
+
+
+def test_through_the_whole_step_mirrored_wheels_cost_the_map_nothing(demo):
+    """Against the camera alone, with wheels whose yaw has the wrong sign."""
+    from reliability.liars import drive
+    from reliability.lies import WHEEL_LIES
+
+    from edgemap.runtime.motion.odometry import wheel_trajectory
+
+    wheels = wheel_trajectory(str(WHEELS))
+    alone = drive(demo, None, None)
+    (lie,) = (lie for lie in WHEEL_LIES if lie.name == "yaw sign reversed")
+    found = drive(demo, lie.wheels(wheels, np.random.default_rng(0)), None)
+    assert found.f1 >= alone.f1 - 0.05
+    assert found.named_s(lie) < 10.0
+    assert not found.blamed_first(lie)
+    assert found.error_m < alone.error_m + 0.1
+
+
+def window_nees(motions, true, steps):
+    """Mean squared Mahalanobis distance, per degree of freedom, of motions summed over so many steps."""
+    found = []
+    for first in range(0, len(motions) - steps, steps // 2):
+        moved, covariance = SE2(), np.zeros((3, 3))
+        for motion in motions[first + 1 : first + steps + 1]:
+            covariance = compose_covariance(moved, covariance, motion.motion, motion.covariance)
+            moved = moved @ motion.motion
+        off = moved.vector() - (true[first].inverse() @ true[first + steps]).vector()
+        off[2] = wrap_angle(off[2])
+        found.append(off @ np.linalg.solve(covariance, off) / 3.0)
+    return float(np.mean(found))
+
+
+@pytest.mark.parametrize("wheels", [False, True])
+@pytest.mark.parametrize("steps", [10, 50])
+def test_the_demos_motion_errs_by_what_it_states_and_not_by_much_less(demo, wheels, steps):
+    from edgemap.runtime.motion.odometry import wheel_trajectory
+    from edgemap.runtime.step.build import build_slam
+
+    demo.camera.wheel = wheel_trajectory(str(WHEELS)) if wheels else None
+    pipeline = build_slam(demo.camera, demo.bundle, demo.floor).pipeline
+    frames = enumerate(zip(demo.images, demo.stamps_s, strict=True))
+    motions = [pipeline.step(Frame(index, stamp_s, image)).motion for index, (image, stamp_s) in frames]
+    true = [demo.camera.truth.at(stamp_s) for stamp_s in demo.stamps_s]
+    assert 0.3 < window_nees(motions, true, steps) < 3.0
+
+
+@pytest.mark.parametrize("times", [1.0, 3.0])
+def test_sources_that_err_by_more_than_they_state_do_not_make_the_fused_motion_sure(times):
+    """Their differences show it, window by window."""
+    values, true = [], winding(300)
+    for seed in range(4):
+        random, told = np.random.default_rng(seed), {}
+        for source in SIGMAS:  # half of the stated noise is `Noisy`'s own
+            told[source] = true + random.normal(0.0, 1.0, true.shape) * np.array(SIGMAS[source]) * times
+        members = [Member(Noisy(name, name, told[name], seed), name) for name in SIGMAS]
+        hybrid, poses = HybridOdometry(members), [SE2()]
+        motions = [hybrid.step(Frame(index, index / 10.0, BLANK), {}) for index in range(300)]
+        for motion in true[1:]:
+            poses.append(poses[-1] @ SE2(*motion))
+        values.append([window_nees(motions[50:], poses[50:], steps) for steps in (10, 50)])
+    assert (np.mean(values, axis=0) > 0.3).all()
+    assert (np.mean(values, axis=0) < 3.0).all()
+
+
+def test_what_a_mirrored_gyro_turns_is_not_what_the_odometry_turns():
+    stamps, mount = np.arange(0.005, 8.0, 0.005), Mount.from_degrees(0.5, 10.0)
+    random = np.random.default_rng(0)
+    up = mount.rotation_base_optical().T @ [0.0, 0.0, 1.0]
+    gyro = np.outer(np.where(stamps > 1.0, -0.5, 0.0), up) + random.normal(0.0, 0.004, (len(stamps), 3))
+    samples = ImuSamples(stamps, gyro, 9.81 * up + random.normal(0.0, 0.03, (len(stamps), 3)))
+    source, faults = InertialAttitude(mount, MountAttitude(mount)), []
+    for row, end_s in enumerate((np.arange(1, 79) / 10.0).tolist()):
+        moved = SE2(0.0, 0.0, 0.05 if end_s > 1.15 else 0.0), np.diag([1e-6, 1e-6, 1e-5])
+        frame = Frame(row, end_s, BLANK, imu=samples.between(end_s - 0.1, end_s))
+        found = source.predict(frame, None if row < 2 else moved)
+        faults += [(end_s, found.fault)] if found.fault else []
+    ((named_s, fault),) = faults
+    assert fault.startswith("gyro: its yaw is -")
+    assert named_s < 4.0

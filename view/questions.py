@@ -1,0 +1,113 @@
+"""What every answer of the API shares: JSON bodies in and out, refusals, and the page that is asked."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+import msgspec
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+
+from edgemap.geometry.errors import EdgemapError
+from edgemap.geometry.objects.edits import Edit, EditError
+from edgemap.view import answers
+from edgemap.view.page import LivePage, Moment
+
+BODY_BYTES = 16_384
+BODY_LIMIT_S = 5.0  # for a body to come: one that never does holds a connection
+EDIT_LIMIT_S = 5.0
+
+T = TypeVar("T")
+Answer = Callable[[Request], Awaitable[Response]]
+
+
+class Refused(Exception):
+    """A request that cannot be answered: HTTP status and one line."""
+
+    def __init__(self, status: int, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+class Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """A body that says nothing: `{}`."""
+
+
+class Questions:
+    """What requests ask of one page. Every failure is a `Refused`."""
+
+    def __init__(self, page: LivePage) -> None:
+        self.page = page
+
+    def moment(self) -> Moment:
+        """The newest step."""
+        if self.page.newest is None:
+            raise Refused(503, "no picture yet")
+        return self.page.newest
+
+    def object(self, request: Request) -> dict:
+        """The object that the address names."""
+        return self.find(request.path_params["id"])
+
+    def find(self, identity: str) -> dict:
+        """An object by its id."""
+        moment = self.moment()
+        for item in moment.objects:
+            if item.id == identity:
+                return answers.object_answer(item, moment)
+        raise Refused(404, f"no object {identity[:60]!r} on the map")
+
+    async def edit(self, edit: Edit) -> str:
+        """Have the run take an edit between two steps; the id of its object or zone."""
+        self.moment()
+        future = asyncio.wrap_future(self.page.edits.submit(edit))
+        try:
+            return await asyncio.wait_for(future, EDIT_LIMIT_S)
+        except EditError as error:
+            raise Refused(409, str(error)) from None
+        except TimeoutError:
+            raise Refused(503, f"the run took no edit for {EDIT_LIMIT_S:.0f} s; this one is withdrawn") from None
+
+
+def as_json(value: object, status: int = 200) -> Response:
+    """A JSON answer."""
+    return Response(answers.plain(value), status, media_type="application/json")
+
+
+def guarded(answer: Answer) -> Answer:
+    """The answer, or its failure as JSON."""
+
+    async def answered(request: Request) -> Response:
+        try:
+            return await answer(request)
+        except Refused as refused:
+            return as_json({"error": str(refused)}, refused.status)
+        except EdgemapError as error:
+            return as_json({"error": str(error)}, 500)
+
+    return answered
+
+
+async def body_of(request: Request, kind: type[T]) -> T:
+    """The JSON body as a checked record. Only JSON is taken: a form of another site cannot send it."""
+    if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
+        raise Refused(415, "the body must be application/json")
+    data = b""
+    try:
+        async with asyncio.timeout(BODY_LIMIT_S):
+            async for chunk in request.stream():
+                data += chunk
+                if len(data) > BODY_BYTES:
+                    raise Refused(413, f"at most {BODY_BYTES} bytes")
+    except TimeoutError:
+        raise Refused(408, f"the body did not come within {BODY_LIMIT_S:g} s") from None
+    except ClientDisconnect:
+        raise Refused(400, "the body was cut off") from None
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.MsgspecError, UnicodeError) as error:
+        raise Refused(400, str(error)) from None
+    except RecursionError:
+        raise Refused(400, "nested too deeply") from None
