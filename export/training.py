@@ -17,6 +17,7 @@ from tqdm import tqdm
 from edgemap.export.errors import ExportError
 from edgemap.export.ranks import Ranks
 from edgemap.export.torch_files import read_torch, save_whole
+from edgemap.runtime.frames.reading import one_line
 
 SAVE_EVERY_S = 120.0
 LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
@@ -101,7 +102,7 @@ class Training(ABC):
         path = self.folder / "last.pt"
         state = read_torch(path)
         if state.get("format") != self.resume_format:
-            raise ExportError(f"{path}: format {state.get('format')!r}, expected {self.resume_format!r}")
+            raise ExportError(f"{path}: format {one_line(repr(state.get('format')))}, expected {self.resume_format!r}")
         self.restore(state, path)
         self.steps, self.trained_s, self.rows = state["steps"], state["trained_s"], state["rows"]
         self.sums, self.count = state["sums"], state["count"]

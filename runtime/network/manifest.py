@@ -14,7 +14,18 @@ import msgspec
 from msgspec import Meta
 
 from edgemap.runtime.frames.errors import BundleError
-from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Name, Share, Size, Strict, decode_json, read_bytes
+from edgemap.runtime.frames.reading import (
+    HIDDEN,
+    SHOWN,
+    Coordinate,
+    Name,
+    Share,
+    Size,
+    Strict,
+    decode_json,
+    one_line,
+    read_bytes,
+)
 
 FORMAT = "edgemap.bundle/1"
 MANIFEST_NAME = "bundle.json"
@@ -233,7 +244,8 @@ def read_manifest(folder: Path) -> Manifest:
         raise BundleError(f"bundle {folder}: no {MANIFEST_NAME} in it")
     manifest = decode_json(read_bytes(path, MANIFEST_BYTES, BundleError), Manifest, f"bundle {path}", BundleError)
     if manifest.format != FORMAT:
-        raise BundleError(f"bundle {path}: format {manifest.format!r}, this edgemap reads {FORMAT!r}")
+        found = one_line(repr(manifest.format), SHOWN)
+        raise BundleError(f"bundle {path}: format {found}, this edgemap reads {FORMAT!r}")
     parts = (manifest.detector, *manifest.odometry.values(), *manifest.variants.values())
     files = [part.file for part in parts]
     for name in [*files, *manifest.sha256]:

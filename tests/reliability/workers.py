@@ -1,7 +1,8 @@
 """Readers on hostile inputs, in workers of bounded memory and time; what both fuzzers share.
 
 A reader accepts, or refuses with an EdgemapError of one line. Anything else is a failure: another exception, a message
-of several lines, more than MEMORY_BYTES above the libraries, more than ALARM_S, the end of the process.
+of several lines or of more than LINE_LENGTH characters, more than MEMORY_BYTES above the libraries, more than ALARM_S,
+the end of the process.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from random import Random
 from typing import Any
 
 from edgemap.geometry.errors import EdgemapError
+from edgemap.runtime.frames.reading import LINE_LENGTH
 from reliability.parts import PartReport
 
 INPUTS = 20_000  # of each reader, at full size
@@ -160,8 +162,10 @@ def _work(case: ReaderCase, seed: int, count: int, begun: Any, scratch: Path, ou
                 case.read(folder, data)
                 found["accepted"]["accepted"] += 1
             except EdgemapError as error:
+                signal.setitimer(signal.ITIMER_PROF, 0.0)  # what follows is this fuzzer's own time
                 text = str(error)
-                found["refused" if text.splitlines() == [text] and text.isprintable() else "failed"][_check(text)] += 1
+                line = text.splitlines() == [text] and text.isprintable() and len(text) <= LINE_LENGTH
+                found["refused" if line else "failed"][_check(text[:LINE_LENGTH])] += 1
                 found["lines"].update(_raised_at(error))
             except (Exception, _TooSlow) as error:
                 last = traceback.extract_tb(error.__traceback__)[-1]

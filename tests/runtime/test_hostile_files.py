@@ -149,6 +149,7 @@ def test_camera_files(tmp_path, text, words):
         ('"width": 64', '"width": 999999999', "width`, found 999999999"),
         ('"anchors": [', '"anchors": [[1.0, 1.0], ', "head head has shape"),
         ('"stride": 32', '"stride": 0', "stride`, found 0"),
+        ('"format": "', '"format": "' + "x" * 70_000, "xxx…, this edgemap reads"),
     ],
 )
 def test_manifests(tmp_path, old, new, words):
