@@ -20,7 +20,8 @@ class GyroRotation:
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. yaw_rad: of it as the
     change of the optical axis's heading, counter-clockwise. sigma_rad: standard deviation of yaw_rad. proved: whether
-    an odometry has confirmed its sign and scale, or the camera swings, which none measures as well.
+    an odometry has confirmed its sign and scale; also true for a swinging camera, whose rotation only a gyro measures
+    well.
     """
 
     rotation: Array
@@ -30,7 +31,7 @@ class GyroRotation:
 
     @property
     def angle_rad(self) -> float:
-        """Of the whole rotation, 0 to pi."""
+        """Angle of the rotation, rad, 0 to pi."""
         return rotation_angle(self.rotation)
 
 
@@ -48,8 +49,8 @@ class SeenRotation:
     """The camera's rotation from the previous frame to this one, as tracked corners show it.
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. sigma_rad: standard
-    deviation about each level axis. carried: what the drive has shown of that so far, None of a camera at rest.
-    travelled: the direction in which the lens moved over the last few frames, where it has just been measured.
+    deviation about each level axis. carried: the estimate of whether the camera is carried, None for a camera at rest.
+    travelled: direction of the lens's motion over the last few frames, None where this frame did not measure it.
     """
 
     rotation: Array
@@ -60,8 +61,10 @@ class SeenRotation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountSeen:
-    """A mount's angles as pictures and forces show them. sigma_rad: standard deviations of roll and pitch, (2,). used:
-    the mount that attitudes are about, as given but for angles that are wrong. given: as it was given."""
+    """A mount's angles as estimated from pictures and accelerometer. sigma_rad: standard deviations of roll and pitch,
+    (2,). used: the mount that attitudes refer to: the given one, with angles corrected where they proved wrong. given:
+    the mount as configured.
+    """
 
     mount: Mount
     sigma_rad: Array
@@ -90,11 +93,11 @@ class Attitude:
 
     covariance_rad2: (2, 2) in (roll, pitch), of this frame; what all frames of a drive share is `FloorNoise`'s.
     height_m: the lens above the floor in this frame, None for the mount's. rotation: None without a gyro.
-    source: what it comes from, for people. predicted: by what is known before this frame's rotation; the odometry shows
-    that. fault: one line where it shows that the mount is wrong, once.
-    carried: whether the tilt by a room's edges scatters as that of a mounted camera does not. room: where
-    the edges of an earlier frame have just told it. force_rad: roll and pitch (2,) by the accelerometer alone. mount:
-    what the drive has shown of it so far, None for nothing.
+    source: name of the sensor or method, for display. predicted: whether it was computed before the odometry measured
+    this frame's rotation. fault: one line, reported once, where the measurement shows that the mount is wrong.
+    carried: whether the tilt measured from a room's edges scatters more than that of a mounted camera. room: the
+    heading of the room, where the edges of an earlier frame have just been evaluated. force_rad: roll and pitch (2,) by
+    the accelerometer alone. mount: estimate of the mount's angles so far, None where there is none yet.
     """
 
     roll_rad: float
@@ -117,7 +120,7 @@ class Attitude:
 
     @classmethod
     def of_up(cls, up_optical: Array, covariance_rad2: Array, source: str) -> Attitude:
-        """From the direction that points up, (3,) in the optical frame, any length."""
+        """From a vector that points up, (3,) in the optical frame, of any length."""
         right, down, forward = (float(value) for value in up_optical)
         roll_rad = math.atan2(-right, -down)
         pitch_rad = math.atan2(-forward, math.hypot(right, down))

@@ -1,4 +1,4 @@
-"""Whether a camera is carried or sits on a robot's wheels: by how it swings, how far it went without, and by edges."""
+"""Decides whether a camera is carried or rides on wheels, from how much it swings and from a room's edges."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from dataclasses import dataclass, field, replace
 class CarriedRule:
     """When a camera counts as carried.
 
-    share: of the newest picture in how much the tilt changes from one to the next, root mean square (rendered robots
-    0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). level_rad: what nods more is carried. steady_m: path lengths
-    without nodding, after which a camera counts as one on wheels: where it nods by less than a third of level_rad,
-    and else (level robots 0.05 to 0.2 degrees; a walker begins with 0.4 to 0.5, for 1.5 m). rate_rad_s: of a camera on
-    a robot, and of one that is carried for certain (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two
-    head cameras 16 to 18). rate_s: over which the rate is judged. calm_s: for which a camera counts as calm at first.
+    share: weight of the newest picture in the running mean square of the tilt's change between pictures (rendered
+    robots 0.2 to 0.3 degrees, two head cameras 1.6 to 1.8). level_rad: a camera whose tilt changes more than this is
+    carried. steady_m: path lengths without nodding after which a camera counts as one on wheels: the first where it
+    nods by less than a third of level_rad, the second otherwise (level robots 0.05 to 0.2 degrees; a walker begins with
+    0.4 to 0.5, for 1.5 m). rate_rad_s: highest rate of a camera on a robot, and lowest of one that is certainly carried
+    (rendered robots 1 to 4 degrees a second, a hand-held camera 6, two head cameras 16 to 18). rate_s: averaging window
+    of the rate. calm_s: initial span in which a camera counts as calm.
     """
 
     share: float = 0.1
@@ -28,11 +29,11 @@ class CarriedRule:
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """What a drive has shown of it so far; `seen` with each picture, by whoever follows the camera.
+    """The estimate so far; call `seen` once per picture.
 
     nodding2: mean square of the tilt's change from picture to picture, rad^2. rate2: of its rate, rad^2/s^2, over
-    judged_s. steady_m: path length since it last nodded as a carried camera does. scattered: whether a room's edges
-    give steadily another tilt, however slowly it swings.
+    judged_s. steady_m: path length since its nodding last exceeded level_rad. scattered: whether the tilt from a room's
+    edges keeps changing, even where the camera swings slowly.
     """
 
     rule: CarriedRule = field(default_factory=CarriedRule)
@@ -44,8 +45,9 @@ class Carried:
     scattered: bool = False
 
     def seen(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> Carried:
-        """After one more picture. nod2: mean square of the change of roll and pitch since the last one, span_s ago.
-        gyro: whether one told the rotation, so that the first pictures count fully."""
+        """The estimate after one more picture. nod2: mean square of the change of roll and pitch since the last one,
+        span_s ago. gyro: whether a gyro measured the rotation, so that the first pictures count fully.
+        """
         rule, judged_s = self.rule, self.judged_s + span_s
         share = max(rule.share, 1.0 / (3.0 + self.pictures) if gyro else 0.0)
         nodding2 = self.nodding2 + share * (nod2 - self.nodding2)
@@ -61,17 +63,17 @@ class Carried:
 
     @property
     def nodding_rad(self) -> float:
-        """Of the tilt from picture to picture, root mean square."""
+        """Root mean square of the tilt's change between pictures, rad."""
         return math.sqrt(self.nodding2)
 
     @property
     def beyond_rad(self) -> float:
-        """By how much it nods more between pictures than one on wheels; 0 for that."""
+        """Nodding between pictures in excess of a camera on wheels, rad; 0 for a camera on wheels."""
         return max(self.nodding_rad - self.rule.level_rad, 0.0)
 
     @property
     def on_wheels(self) -> bool:
-        """Whether it has gone a way without nodding as one that is carried."""
+        """Whether it has moved `steady_m` without nodding like a carried camera."""
         needed_m = self.rule.steady_m[0 if self.nodding_rad < self.rule.level_rad / 3.0 else 1]
         return self.steady_m > needed_m and not self.scattered
 

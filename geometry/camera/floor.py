@@ -51,7 +51,9 @@ class FloorCamera:
             )
 
     def at(self, attitude: Attitude) -> "FloorCamera":
-        """The camera of one frame: pitch, roll and, where it is known, height are the frame's, the rest the mount's."""
+        """The camera of one frame: pitch, roll and, where it is estimated, height are the frame's, the rest the
+        mount's.
+        """
         mount = replace(
             self.mount,
             pitch_rad=_clipped(attitude.pitch_rad),
@@ -119,7 +121,7 @@ class FloorCamera:
 
 @dataclass(frozen=True, slots=True)
 class FloorNoise:
-    """How well the mount is known, as standard deviations; what they do is shared by all sightings of a drive."""
+    """Standard deviations of the mount. All sightings of a drive share the resulting error."""
 
     pitch_rad: float = math.radians(0.5)
     roll_rad: float = math.radians(0.3)

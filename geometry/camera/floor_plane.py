@@ -1,4 +1,4 @@
-"""The floor as a plane among 3-D points that a depth camera sees."""
+"""The floor as a plane fitted to the 3-D points of a depth camera."""
 
 import math
 from dataclasses import dataclass
@@ -25,8 +25,9 @@ QUIETEST = 0.15  # of that noise, when the plane's own points scatter less: else
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorPlane:
-    """up: (3,) unit vector away from the floor, optical frame. height_m: of the lens above it. rms_m: of the points'
-    distances from it. share: of all points, on it."""
+    """up: (3,) unit vector away from the floor, optical frame. height_m: of the lens above it. rms_m: root mean square
+    distance of its points from it. share: fraction of all points that lie on it.
+    """
 
     up: Array
     height_m: float
@@ -72,8 +73,8 @@ def follow_floor(points_m: Array, up: Array, height_m: float) -> tuple[FloorPlan
 def find_floor(points_m: Array, rng: np.random.Generator, up: Array | None = None) -> FloorPlane | None:
     """The lowest large plane below the lens, none of whose points lie below it; None where there is none.
 
-    points_m: (N, 3), optical frame. up: (3,) as far as it is known, by gravity for one; by default the picture's own.
-    RANSAC (Fischler and Bolles 1981) for one plane after the other, each refined by least squares.
+    points_m: (N, 3), optical frame. up: (3,) approximate direction, for example from gravity; by default the picture's
+    upward direction. RANSAC (Fischler and Bolles 1981) for one plane after the other, each refined by least squares.
     """
     expected = np.array([0.0, -1.0, 0.0]) if up is None else up / np.linalg.norm(up)
     band = BAND * (NOISE_M + NOISE_PER_M * points_m[:, 2])

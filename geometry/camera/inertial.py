@@ -1,11 +1,11 @@
 """Attitude from gyro and accelerometer: an error-state Kalman filter, one update a frame.
 
-The accelerometer tells gravity only as far as the camera's own acceleration averages out, which a bounded velocity
-makes certain: the filter integrates the velocity that its attitude implies and holds it to what odometry measures, and
-to zero where it measures nothing, as loosely as robots move. A wrong tilt makes gravity leak into that velocity and is
-found by it. Odometry's yaw tells the gyro's bias about the vertical, which gravity does not; the mount, about which a
-robot nods, tells the accelerometer's offset. States: attitude error in the world frame (3), gyro bias (3), velocity
-(3), accelerometer offset (3).
+An accelerometer measures gravity only once the camera's own acceleration averages out, and it does because velocity is
+bounded: the filter integrates the velocity that its attitude implies and corrects it with odometry, or, without
+odometry, loosely towards zero. A wrong tilt makes gravity leak into that velocity, which makes the error observable.
+Odometry's yaw makes the gyro's bias about the vertical observable, which gravity does not; the mount, about which a
+robot nods, makes the accelerometer's offset observable. States: attitude error in the world frame (3), gyro bias (3),
+velocity (3), accelerometer offset (3).
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ class InertialNoise:
     gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a radian.
     accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
     bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_speed: m/s, of a
-    camera that is not about its mount; a walk taken for rest at first would look like an acceleration. start_accel: of
-    the robot at the start, m/s^2. speed, speed_s: velocity, m/s, and for how long it keeps its direction, s. rest_gyro,
-    rest_accel: at rest samples scatter less, rad/s and m/s^2. rest_bias: of the mean rate over a second of rest,
-    rad/s. rest_window_s: over which rest is judged. rest_speed, rest_yaw: rest is denied where odometry measures
-    more, m/s and rad/s. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned, turned_share:
-    of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors last longer than a
-    step. gap_s, gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole the filter
-    starts again.
+    camera that is not near its mount's angles: a walk mistaken for rest at the start would look like an acceleration.
+    start_accel: of the robot at the start, m/s^2. speed, speed_s: velocity, m/s, and for how long it keeps its
+    direction, s. rest_gyro, rest_accel: at rest samples scatter less, rad/s and m/s^2. rest_bias: of the mean rate over
+    a second of rest, rad/s. rest_window_s: over which rest is judged. rest_speed, rest_yaw: rest is denied where
+    odometry measures more, m/s and rad/s. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned,
+    turned_share: of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors last
+    longer than a step. gap_s, gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole the
+    filter starts again.
     """
 
     gyro: float = 5e-4
@@ -79,8 +79,8 @@ class InertialState:
     """rotation (3, 3): optical directions into a z-up frame of unknown heading. bias (3,): of the gyro, rad/s.
     velocity (3,): m/s, z-up frame. offset (3,): of the accelerometer, m/s^2, optical axes. covariance (12, 12).
     stamp_s: up to where samples are integrated. recent: samples of the last moments. rest_s: how long the camera has
-    been at rest. before: the state one step before, without its own. calm: whether odometry measured so little that
-    the camera may be at rest, None where none measures."""
+    been at rest. before: the state one step before, without its own. calm: whether odometry measured so little motion
+    that the camera may be at rest, None without odometry."""
 
     rotation: Array
     bias: Array
@@ -100,7 +100,9 @@ class InertialState:
 
     @property
     def force_optical(self) -> Array:
-        """What the accelerometer shows at rest, its offset included, (3,), optical frame, in parts of gravity."""
+        """The specific force that the accelerometer measures at rest, offset included, (3,), optical frame, in units of
+        g.
+        """
         return self.rotation[2] + self.offset / GRAVITY_M_S2
 
     @property
@@ -109,7 +111,7 @@ class InertialState:
         return self.rotation[:2, 2] / max(math.hypot(*self.rotation[:2, 2].tolist()), 1e-9)
 
     def tilt_covariance(self) -> Array:
-        """Of the angle about the camera's forward and right axes, levelled: roll and pitch, (2, 2) rad^2."""
+        """Covariance of the angles about the camera's level forward and right axes: roll and pitch, (2, 2) rad^2."""
         ahead = self.heading
         axes = np.array([[ahead[0], ahead[1]], [ahead[1], -ahead[0]]])
         return axes @ self.covariance[:2, :2] @ axes.T
@@ -118,9 +120,10 @@ class InertialState:
 def inertial_start(
     samples: ImuSamples, stamp_s: float, noise: InertialNoise, up_optical: Array | None = None, sigma_rad: float = 0.0
 ) -> InertialState:
-    """The attitude that the mean specific force of the first samples (one or more) shows; the gyro's bias unknown.
+    """The attitude from the mean specific force of the first samples (one or more); the gyro's bias is unknown.
 
-    up_optical: (3,), where a mount tells it to this standard deviation; the accelerometer's offset then learns from it.
+    up_optical: (3,), the mount's up direction with this standard deviation; it makes the accelerometer's offset
+    observable.
     """
     force = samples.accel_m_s2.mean(axis=0)
     mean_m_s2 = float(np.linalg.norm(force))
@@ -146,10 +149,10 @@ def inertial_start(
 def inertial_moved(
     state: InertialState, motion: SE2, covariance: Array, arm_optical_m: Array, noise: InertialNoise
 ) -> InertialState:
-    """Take in what an odometry without the gyro measured over the last step: motion of the base with covariance (3, 3).
+    """Update with an odometry that does not use the gyro: motion of the base over the last step with covariance (3, 3).
 
     arm_optical_m: from the floor below the lens up to it, and from the base's origin to there, (2, 3), optical axes. A
-    camera high up swings as the robot nods, which wheels do not measure and pictures do.
+    camera high above the base swings as the robot nods; pictures measure that, wheels do not.
     """
     before = state.before
     if before is None:
@@ -176,7 +179,7 @@ def inertial_moved(
 
 
 def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array) -> InertialState:
-    """Take in that the camera sits on a mount, about which it nods.
+    """Update with the constraint that the camera nods about its mount.
 
     up_optical: (3,) on the level robot. sigmas_rad: (2,) of the nods, about the world's axes.
     """
@@ -187,8 +190,9 @@ def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array)
 
 
 def inertial_remounted(state: InertialState, before: Array, after: Array) -> InertialState:
-    """What a mount told, with up (3,) on the level robot, was told as if up were another direction (optical frame): the
-    force stays, so the tilt and the accelerometer's offset change by as much."""
+    """Replaces the up direction (3,) that earlier mount updates used by another one (optical frame): the measured force
+    stays, so the tilt and the accelerometer's offset change by the same angle.
+    """
     turned = state.rotation @ small_rotation(*np.cross(after, before).tolist())
     offset = state.offset + GRAVITY_M_S2 * (state.rotation[2] - turned[2])
     return replace(state, rotation=turned, offset=offset)
@@ -197,7 +201,9 @@ def inertial_remounted(state: InertialState, before: Array, after: Array) -> Ine
 def inertial_step(
     state: InertialState, samples: ImuSamples, until_s: float, noise: InertialNoise
 ) -> tuple[InertialState, GyroRotation]:
-    """Take in the samples (one or more) up to a stamp: the state there, and the rotation since the state's stamp."""
+    """Integrates the samples (one or more) up to a stamp. Returns the state there and the rotation since the old
+    state's stamp.
+    """
     span_s = until_s - state.stamp_s
     rotated, gained, gap_s = _integrated(state, samples, until_s, noise)
     before, force = state.rotation, state.rotation @ gained

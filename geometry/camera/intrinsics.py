@@ -137,7 +137,7 @@ class Intrinsics:
         return pixels
 
     def scaled(self, width: int, height: int) -> "Intrinsics":
-        """The same camera read at another image size (pixel centres, so the border keeps its angle)."""
+        """The same camera at another image size; scaling is about pixel centres, so the border keeps its angle."""
         sx, sy = width / self.width, height / self.height
         return replace(
             self,

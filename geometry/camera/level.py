@@ -1,4 +1,4 @@
-"""Pitch and roll from where up is in the picture, and back."""
+"""Converts between pitch and roll and the up direction in the optical frame."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ Array = NDArray[np.float64]
 
 
 def up_optical(pitch_rad: float, roll_rad: float) -> Array:
-    """The direction up, (3,), in the optical frame of a camera mounted so: last row of `rotation_base_optical`."""
+    """The up direction, (3,), in the optical frame of a camera with these angles."""
     cp = math.cos(pitch_rad)
     return np.array([-cp * math.sin(roll_rad), -cp * math.cos(roll_rad), -math.sin(pitch_rad)])
 
 
 def angles_text(pitch_deg: float, roll_deg: float) -> str:
-    """Both angles of a mount, in degrees, as messages name them."""
+    """Both angles of a mount in degrees, for messages."""
     return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
 
 
 def seen_text(given: Mount, seen: MountSeen | None, height: HeightSeen | None = None) -> str:
-    """A mount's angles and height as given and as a drive has shown them so far, one line."""
+    """A mount's angles and height as configured and as estimated so far, one line."""
     parts = []
     if seen is not None:
         pitch = given.pitch_rad, seen.mount.pitch_rad, seen.sigma_rad[1]
@@ -38,6 +38,6 @@ def seen_text(given: Mount, seen: MountSeen | None, height: HeightSeen | None = 
 
 
 def pitch_roll(up: Array) -> tuple[float, float]:
-    """Pitch (positive down) and roll, rad, of the camera that sees up in this direction of its optical frame."""
+    """Pitch (positive down) and roll, rad, of a camera in whose optical frame this direction is up."""
     x, y, z = up / np.linalg.norm(up)
     return math.asin(-z), math.atan2(-x, -y)

@@ -64,7 +64,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class HeightSeen:
-    """A lens's height above the floor as a drive shows it, and its standard deviation, metres."""
+    """Estimated height of a lens above the floor and its standard deviation, metres."""
 
     height_m: float
     sigma_m: float
@@ -72,8 +72,7 @@ class HeightSeen:
 
 @lru_cache(maxsize=64)
 def rotation_base_optical(pitch_rad: float, roll_rad: float) -> Array:
-    """That of a mount with these angles. Asked for some twenty times a frame, so it is kept, and cannot be written
-    to."""
+    """Rotation of a mount with these angles; cached, since a frame needs it some twenty times, and read-only."""
     cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])  # about y (left): x tips down

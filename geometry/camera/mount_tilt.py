@@ -1,4 +1,4 @@
-"""Roll and pitch of a mount against the floor, by all that tells them: a Kalman filter of two constants."""
+"""Roll and pitch of a mount against the floor from all measurements: a Kalman filter of two constants."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from edgemap.geometry.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class MountTiltRule:
-    """How witnesses of a mount's angles count, as standard deviations in radians.
+    """Standard deviations, in radians, of the measurements of a mount's angles.
 
-    given: of the mount as given; it holds until told otherwise, so this is wide. nod: of the tilt in one picture, and
-    of the lens's path, against the floor; a turn has one at each end. edges: of one picture of a room's edges, whose
+    given: of the configured mount; wide, so that measurements can override it. nod: of the tilt in one picture, and of
+    the lens's path, against the floor; a turn has one at each end. edges: of one picture of a room's edges, whose
     neighbours repeat each other. drift: of the rotation over a turn. gravity: of an accelerometer's offset (BMI055: 70
-    mg, 4 degrees at most). depth: of the floor in one depth picture, whose neighbours repeat each other. lasting: by
-    which all together err over a whole drive (homes 8301-8310: 0.2 degrees of pitch). gate: standard deviations beyond
-    which a witness counts less.
+    mg, 4 degrees at most). depth: of the floor in one depth picture, whose neighbours repeat each other. lasting:
+    common error of all measurements over a drive (homes 8301-8310: 0.2 degrees of pitch). gate: standard deviations
+    beyond which a measurement is down-weighted.
     """
 
     given: float = math.radians(10.0)
@@ -35,7 +35,8 @@ class MountTiltRule:
 @dataclass(frozen=True, slots=True, eq=False)
 class MountTilt:
     """error_rad: of the mount as given, roll and pitch (2,), to be added to it. covariance: (2, 2) of it. witnesses:
-    what told it, by name, and how often."""
+    number of measurements by the name of their source.
+    """
 
     rule: MountTiltRule
     error_rad: Array
@@ -44,20 +45,22 @@ class MountTilt:
 
     @classmethod
     def given(cls, rule: MountTiltRule) -> MountTilt:
-        """Nothing but the mount as given."""
+        """The prior: the configured mount without measurements."""
         return cls(rule, np.zeros(2), np.eye(2) * rule.given**2)
 
     def by_direction(self, direction: Array, covariance: Array) -> MountTilt:
-        """A robot on wheels moves parallel to the floor. direction: (3,), unit, of the lens's motion, base axes by the
-        mount as given; covariance: (3, 3) of it."""
+        """Update with a direction of motion: a robot on wheels moves parallel to the floor. direction: (3,), unit, of
+        the lens's motion, base axes by the mount as given; covariance: (3, 3) of it.
+        """
         across = math.hypot(float(direction[0]), float(direction[1]))
         variance = float(covariance[2, 2]) + self.rule.nod**2
         slope = np.array([[-direction[1], direction[0]]]) / max(across, 1e-6)
         return self._seen("the direction of motion", slope, direction[2:] / max(across, 1e-6), np.array([[variance]]))
 
     def by_turn(self, turned_rad: Array) -> MountTilt:
-        """A robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector, base axes by the mount
-        as given."""
+        """Update with a rotation: a robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector,
+        base axes by the mount as given.
+        """
         angle = float(turned_rad[2])
         off = np.array([turned_rad[1], -turned_rad[0]]) / angle
         chord = 2.0 * math.sin(min(abs(angle), math.pi) / 2.0)
@@ -65,11 +68,11 @@ class MountTilt:
         return self._seen("turns", np.eye(2), off, np.eye(2) * variance)
 
     def by_up(self, name: str, error_rad: Array, sigma_rad: float) -> MountTilt:
-        """Up was seen: roll and pitch (2,) against the mount as given."""
+        """Update with a measured up direction: roll and pitch (2,) relative to the configured mount."""
         return self._seen(name, np.eye(2), error_rad, np.eye(2) * sigma_rad**2)
 
     def sigma_rad(self) -> Array:
-        """Standard deviations of roll and pitch, (2,), with what lasts over a drive."""
+        """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
     def _seen(self, name: str, slope: Array, residual: Array, variance: Array) -> MountTilt:

@@ -1,4 +1,4 @@
-"""Where up is, and how the room lies, by its straight edges: verticals, and two level directions at right angles."""
+"""Up direction and room heading from straight edges: verticals and two level directions at right angles."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class RoomAxes:
 
 
 def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> RoomAxes | None:
-    """A room's axes as edges show them, up near an expected one; None where too few agree.
+    """A room's axes from its edges, up near an expected direction; None where too few edges agree.
 
     normals: (N, 3) of the planes through lens and edge, optical frame. lengths: (N,) rad. The best of a grid by the
     length of upright edges, then all three directions of the room together by robust least squares (a Manhattan world:
@@ -71,7 +71,7 @@ def room_axes(normals: Array, lengths: Array, expected: Array, reach_rad: float)
 
 
 def most_upright(normals: Array, lengths: Array, expected: Array, reach_rad: float) -> Array:
-    """Of directions about the expected one, that in whose planes most edges lie, by length."""
+    """Of the directions about the expected one, the one whose planes hold the greatest total length of edges."""
     steps = math.ceil(reach_rad / STEP_RAD)
     offsets = np.arange(-steps, steps + 1) * STEP_RAD
     right, away = level_axes(expected)

@@ -1,4 +1,4 @@
-"""Filter of the camera's tilt without an IMU: its own rotation as pictures show it, and directions that are up."""
+"""Filter of the camera's tilt without an IMU, from the rotation between pictures and measured up directions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Tilt:
 
     @classmethod
     def about(cls, up: Array, sigma_rad: float) -> Tilt:
-        """Known with the same standard deviation about each level axis."""
+        """A tilt with the same standard deviation about each level axis."""
         return cls(up, sigma_rad**2 * _level(up))
 
     def widened(self, sigma_rad: float) -> Tilt:
@@ -35,7 +35,9 @@ class Tilt:
         return Tilt(back @ self.up, back @ self.covariance @ rotation.rotation).widened(rotation.sigma_rad)
 
     def corrected(self, up: Array, sigma_rad: float, gate: float = math.inf) -> Tilt:
-        """By an observed direction (Kalman); farther off than `gate` standard deviations it has as much less weight."""
+        """Kalman update with an observed up direction; beyond `gate` standard deviations its weight falls with the
+        distance.
+        """
         off = _level(self.up) @ (up - self.up)
         innovation = self.covariance + sigma_rad**2 * np.eye(3)
         beyond2 = float(off @ np.linalg.solve(innovation, off)) / gate**2
