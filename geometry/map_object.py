@@ -19,9 +19,9 @@ class MapObject:
     """One object on the floor. position_m: (2,) x, y in the map frame; covariance_m2: (2, 2) of it.
 
     width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
-    places that it was seen from, half a metre apart; a map may not know them. labels: probability of each class that
-    it was detected as. name, confirmed: what a person has said of it. corrected: which of label, position, size and yaw
-    a person has set. yaw_rad: the way its front faces, and depth_m: of its footprint, where a person has set them; no
+    positions from which it was observed, half a metre apart; older maps have none. labels: probability of each class
+    that it was detected as. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
+    person has set. yaw_rad: the way its front faces, and depth_m: of its footprint, where a person has set them; no
     camera measures them.
     """
 
@@ -55,7 +55,7 @@ class ObjectMap(Protocol):
     merged: dict[str, str]
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
-        """Take in all sightings of ONE frame; the id of each one's object, in the same order."""
+        """Updates the map with all sightings of ONE frame. Returns the id of each one's object, in the same order."""
         ...
 
     def objects(self) -> list[MapObject]:
@@ -74,7 +74,7 @@ class ObjectMap(Protocol):
         """The trajectory moved, and everything with it. Raises MapError if fixed."""
 
     def set_presence(self, identity: str, probability: float) -> None:
-        """Scale an object's confidence by how probably it still stands there. Raises MapError if fixed."""
+        """Sets the probability that an object is still there, which scales its confidence. Raises MapError if fixed."""
 
     def retilt(self, tilt_rad: Array) -> None:
         """What was placed by the mount moves as its angles change, roll and pitch (2,). Raises MapError if fixed."""
@@ -116,7 +116,7 @@ class SightingSums:
         self.last_seen_s = max(self.last_seen_s, sighting.stamp_s)
 
     def join(self, other: SightingSums) -> None:
-        """Take in another object's sums."""
+        """Adds another object's sums."""
         self.count += other.count
         self.pictures += other.pictures
         self.weight += other.weight
@@ -167,8 +167,8 @@ def footprint_of(item: MapObject) -> tuple[float, float]:
 def radius_m(item: MapObject) -> float:
     """Radius of the circle round an object's position that takes as much floor as its footprint does, m; at least 5 cm.
 
-    A circle, because the way an object faces is not known: a couch sticks out of it at both ends, and fills it nowhere
-    in front and behind.
+    A circle, because an object's yaw is unknown: a couch extends beyond it at both ends and does not fill it in front
+    and behind.
     """
     width, depth = footprint_of(item)
     return max(math.sqrt(width * depth / math.pi), 0.05)

@@ -24,10 +24,10 @@ BORDER = 12  # rays along each side of the picture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorScan:
-    """contacts_base_m: (N, 2), where floor first meets something, base frame. weights: (N,), 0 to 1; of a wall 4/3 and
-    of what is surely none 2/3 of that, where the mask knows walls: furniture overhangs, and moves.
-
-    What lies behind a contact is not part of it. free: (rows, columns) of the mask, 0 to 1: how sure floor is seen.
+    """contacts_base_m: (N, 2), where the floor first meets an obstacle, base frame. weights: (N,), 0 to 1; where the
+    mask has walls, times 4/3 for a wall and 2/3 for a certain non-wall, since furniture overhangs and moves. Cells
+    behind a contact are not part of the scan. free: (rows, columns) of the mask, 0 to 1: confidence that floor is
+    visible.
     """
 
     contacts_base_m: Array
@@ -64,8 +64,9 @@ class FloorScan:
         return cls(points[told], weights[told], free, camera, rule)
 
     def free_cells(self, pose_map_base: SE2, cell_m: float) -> tuple[Cells, Array]:
-        """Cells (N, 2), column and row in the map, whose floor this picture shows, and how far each counts, (N,), 0 to
-        1."""
+        """Cells (N, 2), column and row in the map, whose floor is visible in this picture, and their weights (N,), 0 to
+        1.
+        """
         lens, mount = self.camera.intrinsics, self.camera.mount
         rotation = mount.rotation_base_optical().copy()
         rotation[:2] = pose_map_base.rotation() @ rotation[:2]

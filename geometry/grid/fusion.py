@@ -1,4 +1,4 @@
-"""The occupancy grid of a drive: fused picture by picture, moved by what moves the trajectory, bounded for good."""
+"""The occupancy grid of a drive: fused picture by picture, corrected with the trajectory, bounded in size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 
 class GridFusion:
-    """Free, occupied and unknown floor. Depends on what it is given and on its order only.
+    """Free, occupied and unknown floor; deterministic in its inputs and their order.
 
     Evidence is kept in patches, one for each piece of the trajectory, that move with it; what the grid shows is all of
     them in order of time. A correction is drawn a few patches per step. scan: the newest picture's, where one was
@@ -51,8 +51,9 @@ class GridFusion:
         movers_px: Array,
         depth: SparseDepth | None = None,
     ) -> None:
-        """Take in a frame, where one is due: where the robot stands, its picture's floor, where it was searched, and
-        its depth, where there is any. movers_px: boxes (M, 4) of people and animals."""
+        """Fuses a frame, where one is due: the robot's pose, the floor mask, if it was computed, and the depth, if
+        there is any. movers_px: boxes (M, 4) of people and animals.
+        """
         self.scan = None
         self._draw_some()
         if not self._is_due(pose_map_base, stamp_s):
@@ -73,7 +74,7 @@ class GridFusion:
         self._revision += 1
 
     def moved(self, past: TrajectoryCorrection) -> None:
-        """The trajectory moved, and all that was seen from it."""
+        """Applies a trajectory correction to everything observed from it."""
         if self._began is not None:
             self._close_patch()
         own = [patch for patch in self._patches if patch.stamp_s > -math.inf]
@@ -91,12 +92,12 @@ class GridFusion:
         self._moved_patches()
 
     def continue_from(self, saved: OccupancyGrid) -> None:
-        """A saved map's grid, in this one's frame, lies under everything seen."""
+        """Starts from a saved map's grid, in this one's frame; new evidence is added on top."""
         self._patches.insert(0, saved_patch(saved, self.rule))
         self._drawing = self._drawn()
 
     def grid(self) -> OccupancyGrid | None:
-        """The grid as it stands; None before anything is known. The same one until something changes."""
+        """The current grid; None before the first evidence. The same object until something changes."""
         if self._shown is not None and self._shown.revision == self._revision:
             return self._shown
         self._shown = grid_of(self._canvas, self.rule, self._revision)

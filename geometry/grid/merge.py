@@ -33,7 +33,7 @@ def step_bounds(rule: GridRule) -> tuple[int, int]:
 
 
 def grid_of(canvas: Canvas, rule: GridRule, revision: int = 0) -> OccupancyGrid | None:
-    """The known part of a canvas; None where nothing is known."""
+    """The observed part of a canvas; None for an empty one."""
     rows, columns = np.flatnonzero(canvas.odds.any(axis=1)), np.flatnonzero(canvas.odds.any(axis=0))
     if not len(rows):
         return None

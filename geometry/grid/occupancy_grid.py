@@ -1,4 +1,4 @@
-"""The occupancy grid as it stands at one moment: log-odds per cell, and what they say of the floor."""
+"""An immutable occupancy grid: log-odds per cell, and the cell states that follow from them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ STEPS = 16  # of a saved log-odds: sixteenths in 8 bits
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """log_odds: (rows, columns) int8, in sixteenths, 0 where nothing is known; row 0 has the smallest y, column 0 the
-    smallest x, as in nav_msgs/OccupancyGrid. x_m, y_m: outer corner of cell (0, 0) in the map frame, a whole number of
-    cells from its origin. revision: greater in every later one of a run. Never changed once made."""
+    """log_odds: (rows, columns) int8, in sixteenths, 0 where unknown; row 0 has the smallest y, column 0 the smallest
+    x, as in nav_msgs/OccupancyGrid. x_m, y_m: outer corner of cell (0, 0) in the map frame, a whole number of cells
+    from its origin. revision: increases with every change within a run.
+    """
 
     log_odds: NDArray[np.int8]
     x_m: float

@@ -1,4 +1,4 @@
-"""What a piece of the drive says of the floor: sequences of bounded additions, and where they lie in the map now."""
+"""Floor evidence of one piece of the drive: sequences of bounded additions, and their current place in the map."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Patch:
     """Evidence of a piece of the drive that began at stamp_s (-inf: of a saved map, that no correction moves).
 
     cells: (N, 2), column and row in the map as it was then. Each cell's evidence is the function
-    `x -> clip(x + shift, low, high)` of its log-odds before, all (N,): what a sequence of additions, each followed by
-    the bounds, comes to; so a patch that is moved forgets and changes its mind exactly as it did when it was seen.
-    move: of the map as it was then in the map as it is now. drawn: of the same when it was last drawn.
+    `x -> clip(x + shift, low, high)` of its previous log-odds, all (N,). A sequence of additions, each clipped to the
+    bounds, has this form, so a moved patch replays its evidence exactly. move: pose of the map frame at that time in
+    the current map frame. drawn: the same at the last drawing.
     """
 
     stamp_s: float
@@ -42,7 +42,7 @@ class Patch:
         return placed(self.cells, self.move, cell_m)
 
     def moved_m(self, cell_m: float) -> float:
-        """At least how far a cell of it moved since it was drawn."""
+        """Lower bound of the distance that its cells moved since it was drawn, m."""
         if self.move == self.drawn or not len(self.cells):
             return 0.0
         low, high = self.cells.min(axis=0), self.cells.max(axis=0)
@@ -58,7 +58,7 @@ def placed(cells: Cells, move: SE2, cell_m: float) -> Cells:
 
 
 def joined(first: Patch, second: Patch, cell_m: float) -> Patch:
-    """Two patches as one that lies as the first does and says what both in turn would."""
+    """Two patches as one: at the place of the first, with the evidence of both in sequence."""
     other = placed(second.cells, first.move.inverse() @ second.move, cell_m)
     packed = np.concatenate([first.cells, other]).astype(np.int64) @ [1, 1 << 32]
     keys, place = np.unique(packed, return_inverse=True)

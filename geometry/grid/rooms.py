@@ -1,4 +1,4 @@
-"""Rooms: parts of the seen floor that walls and doors close, where that is clear."""
+"""Rooms: parts of the observed floor that walls and doors enclose unambiguously."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TOLERANCE_M = 0.15  # of an outline against its cells
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """corners_m: of its outline, counter-clockwise, map frame. closed: share of it that is known to be one."""
+    """corners_m: of its outline, counter-clockwise, map frame. closed: share of the outline that is a known boundary."""
 
     corners_m: tuple[tuple[float, float], ...]
     area_m2: float

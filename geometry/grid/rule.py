@@ -8,23 +8,24 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class GridRule:
-    """How pictures become free, occupied and unknown floor. Log-odds are natural; m is metres in the map.
+    """Inverse sensor model of the grid. Log-odds are natural logarithms; m is metres in the map.
 
-    cell_m: side of a cell. reach_m: of what is taken from a picture or its depth; farther off a row of the mask covers
-    too much. row_m: metres of floor per row of the mask up to which evidence counts fully; farther off its weight falls
-    with their inverse. coarsest_row_m: above it a row tells nothing. floor: probability from which a cell of the mask
-    is floor. run: rows of floor below a contact, at least: thinner ones are reflections and gaps between legs. free,
-    occupied: log-odds of one picture near by. lowest, highest: bounds of a cell's log-odds, so that it changes its mind
-    after (highest - free_below) / free pictures. free_below, occupied_above: log-odds of a free and of an occupied cell
-    (probabilities 0.25 and 0.65, those of Nav2's map_saver). robot_m: radius round the base that the robot itself keeps
-    free. mover_px: people and animals make no obstacle this far round their boxes. scan_m, scan_rad, scan_s: path,
-    rotation or time after which a picture is fused: what is seen twice from one place has the same error twice.
-    patch_m, patch_rad: path and rotation after which evidence begins a patch of its own, that moves with the
-    trajectory. patches, patch_cells: most that are kept; then neighbours in time become one. redraw_patches: drawn per
-    step, so that a loop closure costs a bounded part of each of some steps. obstacle_m: height above the floor from
-    which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of distance (1.1 degrees of
-    attitude). robot_height_m: up to which it is, or up to the lens where that is higher. depth_points: on one cell, at
-    least, in one picture, of an obstacle. depth_weight: of depth's evidence against the mask's.
+    cell_m: side of a cell. reach_m: greatest range of evidence from a picture or its depth; farther off a row of the
+    mask covers too much floor. row_m: metres of floor per row of the mask up to which evidence counts fully; farther
+    off its weight falls with their inverse. coarsest_row_m: rows that cover more are ignored. floor: probability from
+    which a cell of the mask is floor. run: rows of floor below a contact, at least: thinner ones are reflections and
+    gaps between legs. free, occupied: log-odds of one picture near by. lowest, highest: bounds of a cell's log-odds, so
+    that an occupied cell becomes free after (highest - free_below) / free pictures. free_below, occupied_above:
+    log-odds of a free and of an occupied cell (probabilities 0.25 and 0.65, those of Nav2's map_saver). robot_m: radius
+    round the base that the robot itself keeps free. mover_px: people and animals make no obstacle this far round their
+    boxes. scan_m, scan_rad, scan_s: path, rotation or time after which a picture is fused: what is seen twice from one
+    place has the same error twice. patch_m, patch_rad: path and rotation after which evidence begins a patch of its
+    own, that moves with the trajectory. patches, patch_cells: most that are kept; then neighbours in time become one.
+    redraw_patches: drawn per step, so that a loop closure costs a bounded part of each of some steps. obstacle_m:
+    height above the floor from which a depth measurement is an obstacle; obstacle_per_m: added to it per metre of
+    distance (1.1 degrees of attitude). robot_height_m: up to which it is, or up to the lens where that is higher.
+    depth_points: on one cell, at least, in one picture, of an obstacle. depth_weight: of depth's evidence against the
+    mask's.
     """
 
     cell_m: float = 0.05

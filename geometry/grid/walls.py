@@ -31,10 +31,12 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class WallRule:
-    """shortest_m: of a wall; a chair's or a shelf's edge is shorter. aside_m: of its cells from the line: an edge that
-    is seen from two sides is a band of two cells. gap_m: between two of its cells, so that a lamp before a wall does
-    not part it and a doorway does. filled: share of its length with a cell, at least. beside_m: from a wall, in which
-    there is no other: contacts of one edge scatter. step_rad: of the accumulator. most: walls, at most."""
+    """shortest_m: least length of a wall; a chair's or a shelf's edge is shorter. aside_m: greatest distance of its
+    cells from the line: an edge observed from two sides is a band of two cells. gap_m: greatest gap between two of its
+    cells: a lamp in front of a wall does not split it, a doorway does. filled: least share of its length that has a
+    cell. beside_m: distance from a wall within which there is no other, since contacts of one edge scatter. step_rad:
+    of the accumulator. most: greatest number of walls.
+    """
 
     shortest_m: float = 0.8
     aside_m: float = 0.09
@@ -51,7 +53,7 @@ class WallRule:
 
 @lru_cache(maxsize=4)
 def walls_of(grid: OccupancyGrid) -> tuple[Wall, ...]:
-    """The walls of a grid by the usual rule, found once for each grid: where free floor ends."""
+    """The walls of a grid by the default rule, where free floor ends; computed once per grid."""
     beside_floor = binary_dilation(grid.cells == FREE, np.ones((3, 3), np.bool_))
     return fit_walls(grid.centres_m((grid.cells == OCCUPIED) & beside_floor), grid.cell_m)
 

@@ -1,4 +1,4 @@
-"""Where a robot goes to reach an object: a pose before it, facing it, on floor that is free."""
+"""Goal poses: where a robot reaches an object, facing it and standing on free floor."""
 
 import math
 from collections.abc import Sequence
@@ -30,8 +30,9 @@ class ApproachRule:
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """pose: of the base in the map frame, facing the object. standoff_m: as it came out. floor: free where all of the
-    robot's circle was seen to be free, unknown where no grid shows it."""
+    """pose: of the base in the map frame, facing the object. standoff_m: resulting distance. floor: `free` where the
+    robot's whole circle is observed free, `unknown` where the grid does not cover it.
+    """
 
     pose: SE2
     standoff_m: float
@@ -45,11 +46,11 @@ def approach(
     robot_m: Sequence[float] | None = None,
     rule: ApproachRule | None = None,
 ) -> Approach:
-    """The cheapest pose about an object: near the wished standoff, before its front where a person has set its facing,
-    on free floor, clear of other objects, near the robot (robot_m: x, y).
+    """The cheapest pose about an object: near the requested standoff, in front of it where a person has set its yaw, on
+    free floor, clear of other objects, near the robot (robot_m: x, y).
 
-    Where there is a grid, nothing of the robot's circle may be occupied, and free floor goes before unknown. Raises
-    MapError with the numbers where every place is taken.
+    Where there is a grid, the robot's circle may not overlap an occupied cell, and free floor is preferred to unknown.
+    Raises MapError with the numbers where every place is taken.
     """
     rule = rule or ApproachRule()
     others = [other for other in objects if other.id != item.id]

@@ -35,8 +35,8 @@ class AssociationRule:
 class Estimate:
     """One object of several landmarks: information-weighted mean of their positions, plus what they all share.
 
-    position_m: (2,) in the map frame. saved: the earlier map's object that is part of it, which shows whatever the
-    evidence.
+    position_m: (2,) in the map frame. saved: the earlier map's object that is part of it, which is shown regardless of
+    its evidence.
     """
 
     def __init__(self, landmarks: Sequence[Landmark], side_m2: float) -> None:
@@ -58,7 +58,7 @@ class Estimate:
         self._landmarks = landmarks
 
     def shows(self, rule: AssociationRule, others: Sequence[SightingSums] = ()) -> bool:
-        """Whether there is enough evidence to put it on the map. others: sightings of it under other labels."""
+        """Whether its evidence suffices for the map. others: sightings of it under other labels."""
         weight = self.sums.weight + sum(sums.weight for sums in others)
         confidence = -math.expm1(self.sums.miss + sum(sums.miss for sums in others))
         return self.saved is not None or (weight >= rule.min_count and confidence >= rule.min_confidence)
@@ -82,8 +82,9 @@ class Estimate:
 
 
 def grouped(landmarks: Sequence[Landmark], roots: Sequence[int], rule: LandmarkRule) -> list[list[Landmark]]:
-    """Landmarks of one label as objects: the closest two join first, until none may. What was seen in one frame never
-    does; what loop closure linked (`roots`) does at any distance within reach."""
+    """Landmarks of one label as objects: the closest two join first, until none may. Landmarks observed in one frame
+    never join; those that loop closure linked (`roots`) join at any distance within reach.
+    """
     count = len(landmarks)
     if count == 1:
         return [list(landmarks)]

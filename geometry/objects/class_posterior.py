@@ -1,4 +1,4 @@
-"""One object, one class posterior: what overlaps is one object, whatever the detector called it from frame to frame."""
+"""Class posterior of an object: overlapping estimates are one object, even if the detected label changes."""
 
 from __future__ import annotations
 

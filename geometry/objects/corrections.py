@@ -15,7 +15,7 @@ WORDS = ("label", "position", "size", "yaw")
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Values that replace the measured ones; None and empty where nothing was said.
+    """Values that a person has set in place of the measured ones; None or empty where unset.
 
     place_m: (x, y) in the map frame. size_m: width, depth and height. yaw_rad: the way the front faces. anchor_s: stamp
     of the pose nearest to the place when it was set, with which it moves; None in a map that was loaded.
@@ -39,7 +39,7 @@ class Correction:
         )
 
     def updated(self, newer: "Correction") -> "Correction":
-        """This one, with all that a newer one says."""
+        """This correction with the fields that a newer one sets."""
         placed = newer if newer.place_m is not None else self
         return Correction(
             newer.label or self.label,
@@ -85,7 +85,7 @@ def fault_of(correction: Correction) -> str:
 
 
 def added_object(identity: str, correction: Correction, stamp_s: float) -> MapObject:
-    """An object that a person has put on the map: certain to be there, and seen by nobody yet."""
+    """An object that a person has added to the map: certain to exist, with no sightings."""
     item = MapObject(
         identity, correction.label, np.zeros(2), np.eye(2), 0.0, 0.0, 1, 1.0, stamp_s, stamp_s, confirmed=True
     )

@@ -1,5 +1,4 @@
-"""What people say of a map: names, confirmations, corrections, deletions, joins, zones and the dock, beside what was
-measured.
+"""Edits of a map by people: names, confirmations, corrections, deletions, merges, zones and the dock.
 
 Edits never touch the measured map: they are laid over it when it is read, so the same drive makes the same measured
 map with and without them.
@@ -68,7 +67,7 @@ class Annotations:
     dock: SE2 | None = None
 
     def measured(self, saved: Sequence[MapObject]) -> list[MapObject]:
-        """All that a saved map has measured: its objects, the deleted ones too, without what people have said."""
+        """The measured objects of a saved map, deleted ones included, without edits."""
         plain = {"name": "", "confirmed": False, "corrected": (), "yaw_rad": None, "depth_m": None}
         return [replace(item, **plain) for item in (*saved, *self.deleted)]
 
@@ -87,14 +86,14 @@ NO_ANNOTATIONS = Annotations()
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """One thing that a person did.
+    """One edit by a person.
 
-    rename: `id` is called `name`; empty takes the name away. confirm: a person has seen `id` there (`on`) or takes that
-    back. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where given. add: an object with them
-    stands there, that nobody has detected. delete: `id` is not there. merge: `id` is the same object as `into`.
-    restore: takes back delete, merge and correct of `id`. zone: a zone `id`, or a new one where it is empty, has `name`
-    and `corners_m`. drop_zone: zone `id` goes. dock: the dock is at `pose`; drop_dock: there is none. pose: the robot
-    is at `pose` now, with standard deviations `sigmas`. Poses: x, y, yaw; m, m, rad.
+    rename: `id` is called `name`; empty takes the name away. confirm: a person confirms `id` (`on`) or withdraws the
+    confirmation. correct: `id` has this `label`, `place_m`, `size_m` and `yaw_rad`, each where given. add: a new object
+    with these values, without detections. delete: `id` is not there. merge: `id` is the same object as `into`. restore:
+    takes back delete, merge and correct of `id`. zone: a zone `id`, or a new one where it is empty, has `name` and
+    `corners_m`. drop_zone: zone `id` goes. dock: the dock is at `pose`; drop_dock: there is none. pose: the robot is at
+    `pose` now, with standard deviations `sigmas`. Poses: x, y, yaw; m, m, rad.
     """
 
     do: EditKind
@@ -121,7 +120,9 @@ class _DrawnZone:
 
 @dataclass(slots=True)
 class MapEdits:
-    """All edits of a map so far. Ids are those that the map shows; what merges or is renamed by it is followed."""
+    """All edits of a map so far. Ids are those that the map shows; edits follow an object through merges and changes of
+    id.
+    """
 
     names: dict[str, str] = field(default_factory=dict)
     confirmed: set[str] = field(default_factory=set)
@@ -207,7 +208,7 @@ class MapEdits:
         return edit.id
 
     def shown(self, measured: ObjectMap) -> list[MapObject]:
-        """The measured map's objects as people have edited it; the very same list where nobody has."""
+        """The measured map's objects with the edits applied; the same list where there are none."""
         objects = measured.objects()
         if not (self.names or self.confirmed or self.deleted or self.joined or self.corrections or self.added):
             self._hidden = ()
@@ -264,7 +265,9 @@ class MapEdits:
         self._version += 1
 
     def take_zones(self) -> tuple[Zone, ...]:
-        """The zones, which leave with the dock: until the robot has found itself in their map they have no place."""
+        """Removes and returns the zones, and the dock with them: they have no position until the robot is relocalised
+        in their map.
+        """
         zones, self._zones = self.zones, {}
         self._saved_dock, self.dock = self.dock, None
         return zones

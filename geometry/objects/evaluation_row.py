@@ -1,4 +1,4 @@
-"""What the truth says of one object of a map, or of one that the map lacks: a row of the table under a run."""
+"""One row of a run's evaluation table: a mapped object, a true one, or a matched pair."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +12,7 @@ class EvaluationRow:
     """One true object, one mapped object, or both matched; map frame, metres.
 
     state: found (near enough), misplaced (right class, but farther off), missed (true, not mapped), extra (mapped, not
-    true), unscored (mapped, and true, but seen too seldom to be asked for). object_id: the mapped object, None where
+    true), unscored (mapped, and true, but visible too rarely to be scored). object_id: the mapped object, None where
     missed. true_m: the true centre, None where extra. error_m: between the two. covered: whether the true centre lies
     inside the mapped 95 % ellipse. footprint_m: corners of the true footprint, empty where unknown.
     """

@@ -1,9 +1,9 @@
 """The default clustering: landmarks that are one object under both covariances.
 
-Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. What is one
-object is decided again around every landmark that is new, was seen from one more keyframe, or moved. Objects that turn
-out to be one merge, and the older id stays; the larger part of one that turns out to be two keeps its id. Everything
-moves with the keyframes that observed it.
+Two boxes of one frame never become one object, so chairs that stand closer than the paper's 1 m stay apart. Association
+is repeated around every landmark that is new, was observed from another keyframe, or moved. Objects that prove to be
+one merge and keep the older id; when one object proves to be two, the larger part keeps the id. Everything moves with
+the keyframes that observed it.
 """
 
 import math
@@ -68,7 +68,7 @@ class FloorMap:
     def after(
         cls, saved: Sequence[MapObject], rule: AssociationRule | None = None, graph: GraphRule | None = None
     ) -> "FloorMap":
-        """An empty map whose ids go on where an earlier map's end, so that none is given twice."""
+        """An empty map whose ids continue after an earlier map's, so that no id is used twice."""
         floor_map = cls(rule, graph)
         for item in saved:
             label, number = id_order(item.id)
@@ -84,10 +84,9 @@ class FloorMap:
         before: "FloorMap | None" = None,
         merged: Mapping[str, str] | None = None,
     ) -> "FloorMap":
-        """A map that holds an earlier one's objects, which stay as they are until they are seen again.
-
-        before, merged: the map that this run has made so far and what its ids became, where it had to find its place.
-        Raises MapError for an id given twice.
+        """A map that continues an earlier one, whose objects stay unchanged until they are observed again. before,
+        merged: after a relocalisation, the map of this run so far and the new ids of its objects. Raises MapError for
+        an id given twice.
         """
         floor_map = cls.after(saved, rule, graph)
         if len({item.id for item in saved}) < len(saved):
@@ -105,7 +104,7 @@ class FloorMap:
         return floor_map
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
-        """Take in all sightings of one frame; the id of each one's object."""
+        """Updates the map with all sightings of one frame. Returns the id of each one's object."""
         self._frames += 1
         before = {number: (one.last, len(one.beside)) for number, one in self._in_view(sightings).items()}
         landmarks = self.graph.observe(sightings, self._frames)
@@ -121,8 +120,9 @@ class FloorMap:
         return [self._owner[one.number].id for one in landmarks]
 
     def bound(self) -> None:
-        """Keep the map's size, whatever the length of the drive: landmarks that are no objects and were not seen for
-        long, visits to one object, keyframes. Not while a closure is under way."""
+        """Bounds the map's size on a drive of any length: removes landmarks that never became objects and were not
+        observed for long, merges visits to one object, and drops keyframes. Does nothing during a loop closure.
+        """
         since = self._frames - self.rule.forget_after
         self._refresh()
         for item in list(self._objects.values()):
@@ -153,8 +153,7 @@ class FloorMap:
         return [self._shown[identity] for identity in sorted(found, key=id_order)]
 
     def shown_as(self, identity: str) -> str:
-        """The id under which the map shows what was sighted as this object: its own, or that of the object in its
-        place."""
+        """The id under which the map shows this object: its own, or that of the object that replaced it."""
         self._refresh()
         return self._overlaps.best(identity)
 
@@ -169,14 +168,14 @@ class FloorMap:
                     self._change(self._owner[one.number].id)
 
     def set_presence(self, identity: str, probability: float) -> None:
-        """Scale an object's confidence by how probably it still stands there."""
+        """Sets the probability that an object is still there, which scales its confidence."""
         item = self._objects.get(identity)
         if item is not None and item.presence != probability:
             item.presence = probability
             self._change(identity)
 
     def drop(self, identity: str) -> None:
-        """Forget an object, whatever it was called; its id is not given again."""
+        """Removes an object; its id is not used again."""
         self._refresh()
         for candidate in self._overlaps.members.get(identity, ()):
             self._remove(candidate.id)
@@ -338,8 +337,9 @@ class FloorMap:
 
 
 def outermost(places_m: Sequence[tuple[float, float]], position_m: Array) -> tuple[tuple[float, float], ...]:
-    """Of places (x, y) that an object at (2,) was seen from, the farthest in each direction, in the order given: from
-    the nearer ones it was seen over the same floor."""
+    """Of the positions (x, y) from which an object at (2,) was observed, the farthest in each direction, in the order
+    given: the lines of sight from nearer ones cover the same floor.
+    """
     x_m, y_m = position_m
     farthest: dict[int, tuple[float, int]] = {}
     for row, (from_x_m, from_y_m) in enumerate(places_m):

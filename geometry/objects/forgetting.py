@@ -18,15 +18,15 @@ NEAR_M = 20.0  # nothing farther is sighted
 
 @dataclass(frozen=True, slots=True)
 class ForgetRule:
-    """How soon an object is taken for gone.
+    """How soon an object counts as removed.
 
-    highest, lowest: log-odds that an object has at most, and below which it leaves. same_m, same_rad, same_frames:
-    frames with the robot moved or turned less than this, or fewer, are one observation, as they repeat each other's
-    misses; it is a miss where none of them shows the object. weight: of one observation's log-odds, as observations are
-    not quite independent either. false_rate: how often something is detected where nothing stands. prior_hits,
-    prior_observations: what is known of a class's detection rate before any observation. same_iou: a box of its label
-    that overlaps the expected one this much counts as an observation of it, whichever object it went to. trusted_rate:
-    no miss weighs as if the detection rate were higher: what was always seen may be missed for a while from one side.
+    highest, lowest: upper bound of an object's log-odds, and the value below which it is removed. same_m, same_rad,
+    same_frames: frames with the robot moved or turned less than this, or fewer, are one observation, since their misses
+    are correlated; it is a miss where the object is detected in none of them. weight: of one observation's log-odds, as
+    observations are not quite independent either. false_rate: rate of detections where there is no object. prior_hits,
+    prior_observations: beta prior of a class's detection rate. same_iou: a box of its label that overlaps the expected
+    one this much counts as an observation of it, whichever object it went to. trusted_rate: upper bound of the
+    detection rate in a miss's weight: even an object that was always detected may be missed for a while from one side.
     """
 
     highest: float = 2.5
@@ -65,7 +65,7 @@ class _Visit:
 
 
 class NoForgetting:
-    """For maps that keep whatever they have seen."""
+    """For maps that never remove an object."""
 
     def observe(self, *_: object) -> list[str]:
         """Nothing leaves the map."""
@@ -93,11 +93,10 @@ class Forgetter:
         camera: FloorCamera | None = None,
         kept: Collection[str] = (),
     ) -> list[str]:
-        """Weigh one frame, after the map has taken in its sightings; the ids that leave the map by it.
-
-        detections: all boxes of the frame. pose_map_base: where they were seen from. object_ids: objects sighted.
-        camera: with the frame's attitude, None for the level robot's. kept: ids of objects that a person has confirmed,
-        which never leave.
+        """Updates with one frame, after the map was updated with its sightings. Returns the ids to remove. detections:
+        all boxes of the frame. pose_map_base: pose of the robot in this frame. object_ids: objects sighted. camera:
+        with the frame's attitude, None for the level robot's. kept: ids of objects that a person has confirmed, which
+        never leave.
         """
         camera = camera or self.camera
         self._frame += 1
@@ -139,7 +138,7 @@ class Forgetter:
         return [item for item, close in zip(objects, near, strict=True) if close or item.id in sighted]
 
     def detection_rate(self, item: MapObject) -> float:
-        """How often a clear observation shows this object: its own observations over its class's over the prior."""
+        """Detection rate of this object in plain view, from its own observations, its class's and the prior."""
         rule, own, kind = self.rule, self._own[item.id], self._class[item.label]
         usual = (kind.hits + rule.prior_hits) / (kind.observations + rule.prior_observations)
         rate = (own.hits + usual * rule.prior_observations) / (own.observations + rule.prior_observations)

@@ -1,4 +1,4 @@
-"""Two maps of one place become one: what is one object is fused, everything else is carried over."""
+"""Merges two maps of one place: matched objects are fused, all others are copied."""
 
 from collections import Counter
 from collections.abc import Sequence
