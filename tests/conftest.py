@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -30,12 +28,11 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def edgemap():
     """Runs the command line in a process of its own: edgemap("run", "--frames", "3") -> CompletedProcess."""
+    from support.forked import ForkedCommands
 
-    def run(*arguments, **options):
-        command = [sys.executable, "-m", "edgemap.cli", *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, **options)
-
-    return run
+    commands = ForkedCommands()
+    yield commands
+    commands.close()
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """The pages tell the truth: commands exist with their flags, Python runs, links lead somewhere."""
 
+import functools
 import os
 import re
 import shlex
@@ -36,16 +37,26 @@ def test_there_are_commands_to_check():
     assert len(shown_commands()) >= 10
 
 
+@pytest.fixture(scope="session")
+def help_of(edgemap):
+    """What `edgemap COMMAND --help` prints; each command is asked once."""
+
+    @functools.cache
+    def ask(command):
+        result = edgemap(*command.split(), "--help")
+        assert result.returncode == 0, result.stderr
+        return result.stdout
+
+    return ask
+
+
 @pytest.mark.parametrize("line", shown_commands())
-def test_every_shown_command_exists_with_its_flags(line):
+def test_every_shown_command_exists_with_its_flags(line, help_of):
     words = shlex.split(line)[1:]
     command = next((name for name in (" ".join(words[:2]), words[0]) if name in COMMANDS), None)
     assert command, f"{line}: no such command"
-    help_text = subprocess.run(
-        [sys.executable, "-m", "edgemap.cli", *command.split(), "--help"], capture_output=True, text=True, check=True
-    ).stdout
     for flag in (word.split("=")[0] for word in words if word.startswith("-")):
-        assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", help_text), f"{line}: {flag} is unknown"
+        assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", help_of(command)), f"{line}: {flag} is unknown"
 
 
 def shown_python():
@@ -72,13 +83,23 @@ def test_shown_python_runs(block, tmp_path):
     assert "chair-1" in result.stdout
 
 
-@pytest.mark.parametrize("target", ["setup", "run", "view", "test", "lint", "bench", "paper-tables", "demo"])
-def test_make_targets_exist(target):
-    result = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
+def shown_targets():
+    """Every make target that a page or a comment of the Makefile names."""
+    makefile = (ROOT / "Makefile").read_text()
+    pages = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", ROOT / "CHANGELOG.md"]
+    texts = [re.sub(r"^[^#]*$", "", makefile, flags=re.M), *(page.read_text() for page in pages)]
+    return sorted({name for text in texts for name in re.findall(r"(?:`|^|: )make ([a-z][a-z-]+)", text, re.M)})
 
 
-def test_the_public_workflow_calls_what_exists():
+def test_make_targets_exist():
+    """Each target that the pages name, and no target that .PHONY names is missing."""
+    makefile = (ROOT / "Makefile").read_text()
+    rules = set(re.findall(r"^([a-z-]+):", makefile, re.M))
+    assert {"setup", "run", "view", "test", "check", "lint"} <= set(shown_targets()) <= rules
+    assert set(re.search(r"^\.PHONY: (.*)", makefile, re.M)[1].split()) == rules
+
+
+def test_the_public_workflow_calls_what_exists(help_of):
     """Every `run` line is a make target or a command with its flags; nothing is published from it."""
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
     lines = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
@@ -87,7 +108,7 @@ def test_the_public_workflow_calls_what_exists():
         if line.startswith("make "):
             subprocess.run(["make", "-n", line.split()[1]], cwd=ROOT, capture_output=True, check=True)
         elif line.startswith("edgemap "):
-            test_every_shown_command_exists_with_its_flags(line.partition(" | ")[0])
+            test_every_shown_command_exists_with_its_flags(line.partition(" | ")[0], help_of)
         else:
             assert line == "pip install ."
 

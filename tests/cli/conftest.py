@@ -1,5 +1,3 @@
-import subprocess
-
 import cv2
 import numpy as np
 import pytest
@@ -9,23 +7,6 @@ CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5,
  distortion: {model: none, coefficients: []}, world_up: z,
  mount: {height_m: 1.0, pitch_deg: 0.0, roll_deg: 0.0, forward_m: 0.0, left_m: 0.0}}
 """
-
-
-@pytest.fixture
-def edgemap_here(capfd, monkeypatch):
-    """`edgemap` in this process: what it refuses needs none of its own, whose imports take a second."""
-    from edgemap.cli import main
-
-    def run(*arguments, cwd=None):
-        if cwd is not None:
-            monkeypatch.chdir(cwd)
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as left:
-            main([*map(str, arguments)])
-        assert isinstance(left.value.code, int)
-        return subprocess.CompletedProcess(arguments, left.value.code, *capfd.readouterr())
-
-    return run
 
 
 @pytest.fixture(scope="session")

@@ -55,8 +55,8 @@ def test_in_words(edgemap, room):
         (("chair-1", "--near", "1"), "expected 2 numbers, X,Y"),
     ],
 )
-def test_what_cannot_be_is_one_line(edgemap_here, room, asked, message):
-    done = edgemap_here("map", "approach", room, *asked)
+def test_what_cannot_be_is_one_line(edgemap, room, asked, message):
+    done = edgemap("map", "approach", room, *asked)
     assert done.returncode == 2
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1

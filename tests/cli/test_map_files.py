@@ -52,8 +52,8 @@ def test_export_into_a_file_and_into_a_folder(edgemap, run_folder, tmp_path):
         (("--format", "nav2", "--resolution", "0"), "--resolution 0.0: must be above 0"),
     ],
 )
-def test_export_refuses_in_one_line(edgemap_here, run_folder, arguments, message):
-    done = edgemap_here("map", "export", run_folder, *arguments, cwd=run_folder)
+def test_export_refuses_in_one_line(edgemap, run_folder, arguments, message):
+    done = edgemap("map", "export", run_folder, *arguments, cwd=run_folder)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert re.search(message, done.stderr)

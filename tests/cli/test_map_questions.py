@@ -64,12 +64,12 @@ def test_answers_as_text_draw_only_on_request(edgemap, room, tmp_path):
         (("--label", ","), "--label is empty"),
     ],
 )
-def test_bad_questions_are_one_line(edgemap_here, room, question, text):
-    result = edgemap_here("map", "show", room, *question)
+def test_bad_questions_are_one_line(edgemap, room, question, text):
+    result = edgemap("map", "show", room, *question)
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1
     assert text in result.stderr
 
 
-def test_json_is_of_one_map(edgemap_here, room):
-    assert "--json takes one map" in edgemap_here("map", "show", room, room, "--json").stderr
+def test_json_is_of_one_map(edgemap, room):
+    assert "--json takes one map" in edgemap("map", "show", room, room, "--json").stderr

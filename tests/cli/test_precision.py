@@ -53,8 +53,8 @@ def test_doctor_tells_what_the_variant_is_worth_and_that_it_is_whole(edgemap, wi
     assert "backbone.int8.onnx has sha256" in result.stdout
 
 
-def test_int8_without_a_variant_is_one_line(edgemap_here, painted_bundle, pictures):
-    result = edgemap_here("detect", pictures / "0.png", "--bundle", painted_bundle, "--precision", "int8")
+def test_int8_without_a_variant_is_one_line(edgemap, painted_bundle, pictures):
+    result = edgemap("detect", pictures / "0.png", "--bundle", painted_bundle, "--precision", "int8")
     assert result.returncode == 1
     assert result.stderr == "edgemap detect: bundle painted has no int8 variant (edgemap export --int8 makes one)\n"
 
@@ -68,11 +68,11 @@ def test_int8_without_a_variant_is_one_line(edgemap_here, painted_bundle, pictur
         (("--int8", "--calibrate", "nowhere"), 1, "nowhere: no such folder"),
     ],
 )
-def test_export_refuses_in_one_line(edgemap_here, tmp_path, flags, code, words):
+def test_export_refuses_in_one_line(edgemap, tmp_path, flags, code, words):
     (tmp_path / "empty").mkdir()
     flags = [tmp_path / "empty" if flag == "EMPTY" else flag for flag in flags]
     out = tmp_path / "out"
-    result = edgemap_here("export", "--backbone", "yolov3-tiny", "--random-weights", *flags, "-o", out)
+    result = edgemap("export", "--backbone", "yolov3-tiny", "--random-weights", *flags, "-o", out)
     assert result.returncode == code
     assert words in result.stderr
     assert result.stderr.count("\n") == 1

@@ -175,11 +175,11 @@ def test_a_recording_cut_off_still_gives_its_map(edgemap, painted_bundle, live, 
 
 
 @pytest.mark.parametrize("command", [("record", "-o"), ("run", "--record")])
-def test_names_that_are_refused(edgemap_here, tmp_path, pictures, painted_bundle, command):
+def test_names_that_are_refused(edgemap, tmp_path, pictures, painted_bundle, command):
     (tmp_path / "there.mcap").write_bytes(b"x")
     flags = ("--camera", pictures) + (("--bundle", painted_bundle) if command[0] == "run" else ())
     for name, complaint in (("there.mcap", "exists already"), ("a.bag", "must end in .mcap")):
-        result = edgemap_here(*command, tmp_path / name, *flags, cwd=tmp_path)
+        result = edgemap(*command, tmp_path / name, *flags, cwd=tmp_path)
         assert result.returncode == 2
         assert complaint in result.stderr
         assert not (tmp_path / "runs").exists()

@@ -65,9 +65,9 @@ def test_a_place_that_is_not_found_is_said(edgemap, painted_bundle, pictures, sa
         (("--map", "nowhere.json"), "nowhere.json: cannot be read"),
     ],
 )
-def test_what_cannot_be_is_one_line(edgemap_here, painted_bundle, pictures, saved, tmp_path, arguments, message):
+def test_what_cannot_be_is_one_line(edgemap, painted_bundle, pictures, saved, tmp_path, arguments, message):
     told = [argument.format(saved=saved) for argument in arguments]
-    done = run(edgemap_here, painted_bundle, pictures, tmp_path / "run", *told)
+    done = run(edgemap, painted_bundle, pictures, tmp_path / "run", *told)
     assert done.returncode == (1 if "cannot be read" in message else 2)
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -19,9 +19,9 @@ import pytest
         (("eval", "map", "--camera", "sim:-1", "--bundle", "BUNDLE"), "camera 'sim:-1': expected sim:SEED"),
     ],
 )
-def test_what_goes_wrong_is_one_line(edgemap_here, painted_bundle, tmp_path, arguments, words):
+def test_what_goes_wrong_is_one_line(edgemap, painted_bundle, tmp_path, arguments, words):
     places = {"x": tmp_path / "x", "BUNDLE": painted_bundle}
-    done = edgemap_here(*(places.get(word, word) for word in arguments))
+    done = edgemap(*(places.get(word, word) for word in arguments))
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

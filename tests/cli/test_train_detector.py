@@ -1,6 +1,7 @@
 """From labelled pictures to a bundle's figures, as a user types it; mistakes are one line."""
 
 import json
+import os
 import shlex
 import shutil
 from pathlib import Path
@@ -115,7 +116,7 @@ def test_the_page_s_fifty_pictures_as_they_stand(squares, tmp_path, monkeypatch)
         (("--mix", "1", "2"), 2, "expected 1 shares"),
     ],
 )
-def test_mistakes_are_one_line(edgemap_here, squares, tmp_path, flags, code, message, monkeypatch):
-    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+def test_mistakes_are_one_line(edgemap, squares, tmp_path, flags, code, message):
+    hidden = os.environ | {"CUDA_VISIBLE_DEVICES": ""}
     data = ("--data", f"yolo:{squares}", "--validation", f"yolo:{squares}")
-    assert message in one_line(edgemap_here("train", "detector", *data, "-o", tmp_path, *flags), code)
+    assert message in one_line(edgemap("train", "detector", *data, "-o", tmp_path, *flags, env=hidden), code)

@@ -120,9 +120,9 @@ def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone
         (("--frames", "1"), 1, "16 pictures, wanted are those from 0 to 1"),
     ],
 )
-def test_mistakes_are_one_line(edgemap_here, floor_drive, backbone, tmp_path, flags, code, message):
+def test_mistakes_are_one_line(edgemap, floor_drive, backbone, tmp_path, flags, code, message):
     data = f"drive:{floor_drive}"
-    result = edgemap_here(
+    result = edgemap(
         "train", "odometry", "--data", data, "--validation", data, "--backbone", backbone, "--head", "flow",
         "--cache", tmp_path / "cache", "-o", tmp_path / "run", *flags,
     )  # fmt: skip

@@ -1,0 +1,97 @@
+"""The command line in processes forked from one that has imported its libraries: each saves a second of imports."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import importlib
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import traceback
+from pathlib import Path
+from typing import NoReturn
+
+LIBRARIES = ("cv2", "onnxruntime", "tyro", "edgemap.runtime.session", "edgemap.cli.run", "edgemap.plots.floor_map")
+HOST_LIBRARIES = ("torch", "onnx")  # of `export` and `train`: imported before the first of them
+TIMEOUT_S = 100.0
+
+
+class ForkedCommands:
+    """Call it with the words of a command line; `env` replaces this process's own environment."""
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
+        paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+        self._server = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths}
+        )
+
+    def __call__(self, *arguments, cwd=None, env=None) -> subprocess.CompletedProcess[str]:
+        """Runs it to its end; standard input is empty."""
+        words = [*map(str, arguments)]
+        with tempfile.TemporaryDirectory() as folder:
+            files = [str(Path(folder, name)) for name in ("out", "err")]
+            request = {"words": words, "cwd": str(cwd or Path.cwd()), "env": dict(env or os.environ), "files": files}
+            assert self._server.stdin is not None
+            assert self._server.stdout is not None
+            print(json.dumps(request), file=self._server.stdin, flush=True)
+            code = int(self._server.stdout.readline())
+            return subprocess.CompletedProcess(words, code, *(Path(file).read_text() for file in files))
+
+    def close(self) -> None:
+        """Ends the process that forks."""
+        self._server.communicate()
+
+
+def serve() -> None:
+    """Forks a process for each line of standard input and writes its exit code."""
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    _import(LIBRARIES)
+    while line := sys.stdin.readline():
+        request = json.loads(line)
+        if request["words"][:1] in (["export"], ["train"]) and len(request["words"]) > 1:
+            _import(HOST_LIBRARIES)
+        child = os.fork()
+        if not child:
+            _become(request)
+        if not select.select([os.pidfd_open(child)], [], [], TIMEOUT_S)[0]:
+            os.kill(child, signal.SIGKILL)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), file=answers, flush=True)
+
+
+def _import(names: tuple[str, ...]) -> None:
+    for name in names:
+        with contextlib.suppress(ImportError):  # of an extra: the command itself reports it
+            importlib.import_module(name)
+
+
+def _become(request: dict) -> NoReturn:
+    """Runs the command, then ends without C++ destructors: that of onnxruntime waits for a thread that no fork has."""
+    from edgemap.cli import main
+
+    os.environ.clear()
+    os.environ.update(request["env"])
+    os.chdir(request["cwd"])
+    for number, path, flags in zip(
+        (0, 1, 2), (os.devnull, *request["files"]), (os.O_RDONLY, *[os.O_WRONLY | os.O_CREAT] * 2), strict=True
+    ):
+        os.dup2(os.open(path, flags), number)
+    sys.argv = ["edgemap", *request["words"]]
+    code: object = 0
+    try:
+        main()
+    except SystemExit as end:
+        code = end.code
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(code if isinstance(code, int) else int(code is not None))
