@@ -1,4 +1,4 @@
-"""How a loop closure moves what was mapped: the past trajectory, and the landmarks that are known to be one."""
+"""The correction that a loop closure applies to the past trajectory and to linked landmarks."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from edgemap.geometry.arrays import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrajectoryCorrection:
-    """How a drive's past moved in the map: what was seen from `stamps_s[k]` until the next one, by `moves[k]`.
+    """How a drive's past moved in the map: observations from `stamps_s[k]` until the next stamp move by `moves[k]`.
 
-    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one. poses: (K, 3), of
-    the base at those stamps, as known now; covariances: (K, 3, 3) of them.
+    stamps_s: (K,), increasing. moves: (K, 3), poses x, y, yaw of the old map frame in the new one. poses: (K, 3),
+    corrected poses of the base at those stamps; covariances: (K, 3, 3) of them.
     """
 
     stamps_s: Array
@@ -22,16 +22,16 @@ class TrajectoryCorrection:
     covariances: Array
 
     def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
-        """Poses (N, 3) of those times (N,), x, y, yaw, where they are now."""
+        """Poses (N, 3), x, y, yaw, of those times (N,), corrected."""
         return composed(self.moves[self._rows(stamps_s)], np.asarray(poses, dtype=np.float64).reshape(-1, 3))
 
     def moved_points(self, stamps_s: ArrayLike, points_m: ArrayLike) -> Array:
-        """Points (N, 2) seen at those times (N,), where they are now."""
+        """Points (N, 2) observed at those times (N,), corrected."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         return self.moved_poses(stamps_s, np.column_stack([points, np.zeros(len(points))]))[:, :2]
 
     def compose(self, later: "TrajectoryCorrection") -> "TrajectoryCorrection":
-        """This one and a later one as one."""
+        """The composition of this correction and a later one."""
         stamps = np.union1d(self.stamps_s, later.stamps_s)
         moves, rows = later.moved_poses(stamps, self.moves[self._rows(stamps)]), later._rows(stamps)
         return TrajectoryCorrection(stamps, moves, later.poses[rows], later.covariances[rows])

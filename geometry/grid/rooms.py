@@ -28,7 +28,7 @@ TOLERANCE_M = 0.15  # of an outline against its cells
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """corners_m: of its outline, counter-clockwise, map frame. closed: share of the outline that is a known boundary."""
+    """corners_m: of its outline, counter-clockwise, map frame. closed: share of the outline that is bounded."""
 
     corners_m: tuple[tuple[float, float], ...]
     area_m2: float

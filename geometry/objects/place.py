@@ -66,11 +66,11 @@ class MergeStopped(MapError):
 
 @dataclass(slots=True)
 class MergeBudget:
-    """What merges may cost, robot by robot, in units of alignment; one serves many merges.
+    """Computation budget of merges, per robot, in units of alignment; one instance serves many merges.
 
-    arrived: when each robot's map came, as a growing number. stopped: asked at every unit. waiting: robots whose
-    alignment had to be put off. lately: units that each robot has cost, halved at every merge. members: each robot's
-    part in the place as the merge before left it: a map that has changed a little is looked for there first.
+    arrived: sequence number of each robot's latest map. stopped: polled at every unit. waiting: robots whose alignment
+    is postponed. lately: units that each robot has used, halved at every merge. members: each robot's alignment in the
+    previous merge, tried first for a map that has changed a little.
     """
 
     arrived: dict[str, int] = field(default_factory=dict)
@@ -116,16 +116,16 @@ def merge_place(
     known: Alignments | None = None,
     budget: MergeBudget | None = None,
 ) -> PlaceMap:
-    """One map from each robot's latest map, by name: it depends on these alone, so nothing ever counts twice.
+    """One map from each robot's latest map, by name. It depends on these maps alone, so no observation counts twice.
 
     Maps are joined as `align` and `merge_maps` do, richest first; those that fit onto each other are a group, and the
     group of most robots is the place. Its frame is that of `reference`, a map of the place made before, which is
-    merged too; without one that of its first robot by name. known: alignments found in the call before, and
-    those of this one when it returns. budget: of the work; without one every alignment has its `UNITS_OF_WORK`. What it
-    leaves undone is in its `waiting`, and is tried again. Raises MergeStopped.
+    merged too; without one that of its first robot by name. known: alignments of the previous call; updated in place.
+    budget: limit of the work; without one every alignment has its `UNITS_OF_WORK`. Postponed robots are in its
+    `waiting` and are tried again. Raises MergeStopped.
 
-    No robot decides alone: where two or more have an object, none weighs more than `STEEPEST` times the median one, and
-    where three or more have it, who contradicts the median is left out.
+    No robot outweighs the others: where two or more observe an object, none weighs more than `STEEPEST` times the
+    median one, and where three or more do, those that contradict the median are left out.
     """
     before, found = dict(known or {}), dict[tuple[str, ...], Alignment | str]()
     budget = budget or MergeBudget(each=1 << 40, total=1 << 40)
@@ -190,7 +190,7 @@ class _Group:
 
 
 def balanced(parts: Sequence[MapObject]) -> MapObject:
-    """One object of what several robots have of it, in one frame; id of the first. See `merge_place`."""
+    """Fuses several robots' estimates of one object, in one frame; keeps the first id. See `merge_place`."""
     if len(parts) == 1:
         return parts[0]
     median_m2, count = (

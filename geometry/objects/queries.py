@@ -1,4 +1,4 @@
-"""Questions to a map: what is nearest, what stands inside this polygon, what was seen since then."""
+"""Queries on a map: nearest objects, objects inside a polygon, objects observed since a time."""
 
 from collections.abc import Sequence
 
@@ -45,7 +45,7 @@ def inside_polygon(objects: Sequence[MapObject], corners_m: ArrayLike) -> list[M
 
 
 def since(objects: Sequence[MapObject], stamp_s: float) -> list[MapObject]:
-    """The objects last seen at or after a stamp in seconds, on the clock of the map's own stamps."""
+    """The objects last observed at or after a stamp in seconds, on the clock of the map's stamps."""
     return [item for item in objects if item.last_seen_s >= stamp_s]
 
 

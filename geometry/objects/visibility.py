@@ -21,9 +21,9 @@ class ViewRule:
     """When an object is in plain view.
 
     margin_share: of the picture's sides, kept free round its box. nearest_m, farthest_m: from the base. range_share: no
-    farther than this share of the greatest distance it was ever seen from, as detectors lose the small. near_view_m: it
-    has been seen before from no farther than this away (a map knows no walls, but what was seen from here has none
-    before it). covered_share: of its box, at most, behind nearer boxes or nearer objects of the map.
+    farther than this share of the greatest distance at which it was detected, since detectors miss small objects.
+    near_view_m: it was observed before from within this distance of the robot (the map may lack walls, but none hides
+    what was observed from here). covered_share: of its box, at most, behind nearer boxes or nearer objects of the map.
     """
 
     margin_share: float = 0.03
@@ -35,8 +35,9 @@ class ViewRule:
 
 
 def expected_boxes(objects: Sequence[MapObject], camera: FloorCamera, pose_map_base: SE2) -> Array:
-    """Where each object's upright cylinder (footprint's circle, mean height) would show, (N, 4) x0 y0 x1 y1 px as
-    detectors count; NaN where a part of it is behind the camera."""
+    """Projects each object's upright cylinder (footprint's circle, mean height) to a box (N, 4), x0 y0 x1 y1 px as
+    detectors count; NaN where a part of it is behind the camera.
+    """
     if not objects:
         return np.zeros((0, 4))
     centres = pose_map_base.inverse().apply(np.array([item.position_m for item in objects]))
@@ -58,8 +59,9 @@ def in_plain_view(
     detections: Detections,
     rule: ViewRule,
 ) -> NDArray[np.bool_]:
-    """Which objects should be detected, given their expected boxes: whole in the picture, near, seen from hereabouts
-    before, and not behind anything; (N,)."""
+    """Which objects should be detected, given their expected boxes: fully in the picture, near, observed before from
+    near here, and not occluded; (N,).
+    """
     width, height = camera.intrinsics.width, camera.intrinsics.height
     margin = rule.margin_share * np.array([width, height])
     inside = (boxes[:, :2] >= margin).all(axis=1) & (boxes[:, 2:] <= [width, height] - margin).all(axis=1)

@@ -17,7 +17,7 @@ Places = dict[tuple[str, str], MapObject]  # by ids of zone and object
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ZoneEvent:
-    """kind: entered, or left (moved out, or gone from the map). stamp_s: of the stream, when it was certain."""
+    """kind: entered, or left (moved out, or gone from the map). stamp_s: stream time when it was certain."""
 
     kind: Literal["entered", "left"]
     stamp_s: float

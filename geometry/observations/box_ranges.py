@@ -1,4 +1,4 @@
-"""How far what a box shows is, by a depth picture."""
+"""The range of the object in a box, from a depth picture."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ DEPTH_M, DEPTH_PER_M2 = 0.02, 0.004  # standard deviation of a measured range: c
 
 
 def box_ranges(depth: NDArray[np.float32], boxes: Array, camera: FloorCamera) -> Array:
-    """Horizontal range from the lens of what each box shows, and its standard deviation, (N, 2) m; NaN where unknown.
+    """Horizontal range from the lens to the object in each box, and its standard deviation, (N, 2) m; NaN where
+    unknown.
 
     depth: (H, W) metres along the optical axis, 0 or NaN where unknown. boxes: (N, 4), as of `Detections`.
     """

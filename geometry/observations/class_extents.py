@@ -1,4 +1,4 @@
-"""What is usual for a class: the floor it takes, how wide it looks, and how far behind its lower edge its middle is."""
+"""Usual dimensions of a class: footprint, apparent width, and distance from the lower edge to the centre."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TABLES, SEATS = frozenset({"dining table"}), frozenset({"chair", "bench"})
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How a class looks to a camera near the floor, all in metres.
+    """Apparent shape of a class for a camera near the floor, all in metres.
 
     reach, reach_per_width: the middle of the footprint lies `reach + reach_per_width * apparent width` behind the
     middle of the box's lower edge. along, across: standard deviations of that, along the line of sight and across it.
@@ -70,7 +70,7 @@ MEASURED = {
 
 
 def footprint_m(label: str, width_m: float) -> tuple[float, float]:
-    """Width and depth in metres: the class's usual footprint, else a square as wide as it looks, 1 m at most."""
+    """Width and depth in metres: the class's usual footprint, or a square of its apparent width, at most 1 m."""
     unknown_m = min(width_m, WIDEST_UNKNOWN_M)
     return FOOTPRINT_M.get(label, (unknown_m, unknown_m))
 

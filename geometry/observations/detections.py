@@ -1,4 +1,4 @@
-"""What a detector saw in one picture."""
+"""The detections of one picture."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Where the floor is in one picture, as a network's floor head sees it."""
+"""The floor mask of one picture, as the network's floor head predicts it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class FloorMask:
 
     floor: (rows, columns) float32 in 0..1; cell (r, c) covers the picture's columns from c * width / columns to
     (c + 1) * width / columns, counted from the outer edge of its first pixel, and rows likewise. width, height: of the
-    picture, px. wall: of the same shape, or None where the network does not tell walls from other objects. Raises
+    picture, px. wall: of the same shape, or None where the network does not separate walls from other objects. Raises
     ValueError where the shapes disagree.
     """
 

@@ -1,4 +1,4 @@
-"""The lens's height by what stands on the floor: an object of known height shows how high the lens is, at any range."""
+"""The lens's height from objects of usual height on the floor: their boxes determine it at any range."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class LensHeight:
 
 
 def lens_heights(detections: Detections, camera: FloorCamera) -> list[LensHeight]:
-    """What each complete box on the floor, of a class with a usual height, says of the lens's height.
+    """Estimates of the lens's height, one for each complete box on the floor of a class with a usual height.
 
     f and t are the slopes, below the horizon, of the rays to foot and top. With the lens h above the floor the foot is
-    h / f away, and so is the top of what rises above the lens: H = (f - t) h / f. Of what is lower, the far edge of the
-    top is seen, a usual depth behind.
+    h / f away, and so is the top of what rises above the lens: H = (f - t) h / f. For an object lower than the lens,
+    the far edge of its top is visible, a usual depth behind.
     """
     labels, boxes = detections.labels, detections.boxes
     width, height = camera.intrinsics.width - BORDER_PX, camera.intrinsics.height - BORDER_PX

@@ -1,4 +1,4 @@
-"""Detected things that move by themselves: what is seen on them tells nothing of the robot's own motion."""
+"""Detected objects that move by themselves, such as people: features on them are not used for odometry."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -32,9 +32,9 @@ class Sighting:
     position_base_m: (2,) centre of the footprint, base frame. covariance_m2: (2, 2) of it from pixel noise;
     shared_m2: (2, 2) from the mount, common to a whole drive. width_m, height_m: apparent size (eq. 4). extent_m: the
     longer side of its class's usual footprint.
-    distance_m: horizontal, from the lens. detection: index into the frame's Detections. weight: how much it counts
-    towards making an object, 0..1; faint ones only add to one, as ByteTrack's faint boxes do (Zhang et al. 2022).
-    pictures: of 0.1 s that it stands for, so that evidence grows with time in view and not with the rate.
+    distance_m: horizontal, from the lens. detection: index into the frame's Detections. weight: 0..1, its evidence for
+    a new object; low-confidence ones only update existing objects, as in ByteTrack (Zhang et al. 2022). pictures:
+    number of 0.1 s intervals that it represents, so that evidence grows with time in view and not with the frame rate.
     """
 
     label: str
@@ -54,7 +54,7 @@ class Sighting:
 
     def placed(self, pose_map_base: SE2, pose_covariance: Array, mount: Mount | None = None) -> "PlacedSighting":
         """This sighting in the map, seen from a pose whose 3x3 covariance (m, m, rad) is additive in the map frame.
-        mount: by whose angles it was placed, None where something else tells them in each frame."""
+        mount: the mount whose angles placed it, None where the attitude is measured in each frame."""
         rotation = pose_map_base.rotation()
         return PlacedSighting(
             self,
@@ -69,8 +69,9 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedSighting:
-    """A sighting in the map frame: position (2,), covariances (2, 2) of the sighting and of the mount, the pose that it
-    was seen from with its covariance (3, 3). mount: by whose angles it was placed, None where each frame has its own.
+    """A sighting in the map frame: position (2,), covariances (2, 2) of the sighting and of the mount, the pose of the
+    observing robot with its covariance (3, 3). mount: the mount whose angles placed it, None where the attitude is
+    measured in each frame.
     """
 
     sighting: Sighting
@@ -158,13 +159,14 @@ def sightings_of(
 ) -> list[Sighting]:
     """Every box that stands on the floor, projected there: footprint centre, covariance and size. The one floor rule.
 
-    It stands there when its lower edge is below the horizon row h_t, its label is mapped, it is no tabletop object seen
-    standing on furniture (paper, section 3.5), near enough to be sure of, no part of another box, not wider than any
-    of its class.
-    Where the picture's side cuts a box, its class's usual width says where its middle is; where nearer boxes cover its
-    lower edge, or the picture ends above it, that width says how far it is, as well as it can. In the latter case it
-    stands between the robot and the nearest floor that the camera sees, which is not much to be unsure of.
-    depth: (H, W) metres, where the camera has it: the range of what a box shows is one more measurement of its place.
+    A box stands on the floor if its lower edge is below the horizon row h_t, its label is mapped, it is not a tabletop
+    object on furniture (paper, section 3.5), it is near enough, not part of another box, and not wider than its class
+    allows.
+    Where the picture's side cuts a box, its class's usual width gives its middle; where nearer boxes cover its lower
+    edge, or the picture ends above it, that width gives a coarse range. In the latter case it stands between the robot
+    and the nearest visible floor, which bounds the error.
+    depth: (H, W) metres, where the camera has it: the range of the object in a box is another measurement of its
+    position.
     """
     feet = feet_px(detections)
     rows = np.flatnonzero(camera.below_horizon(feet) & _allowed(detections, rule))

@@ -1,4 +1,4 @@
-"""Every few pixels of a depth picture: what the back end gets of it."""
+"""A subsampled depth picture, the form in which the back end gets depth."""
 
 from __future__ import annotations
 

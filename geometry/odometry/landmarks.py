@@ -68,10 +68,10 @@ def displacement(before: Viewpoint, camera_before: FloorCamera, after: Viewpoint
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
-    as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it was
-    estimated; scale: of the common scale of known points off the floor in one picture, relative; unknown: of the
-    inverse depth, 1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the
-    next; yaw_rad: of the rotation since the last picture where a gyro measures it; gate: share
+    as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it is
+    estimated; scale: relative, of the common scale per picture of points off the floor; unknown: of the inverse depth,
+    1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the next; yaw_rad: of the
+    rotation since the last picture where a gyro measures it; gate: share
     of the usual gates, squared, within which a track fits."""
 
     track_rad: float
@@ -88,12 +88,10 @@ class Noise:
 
 @dataclass(slots=True, eq=False)
 class Landmarks:
-    """N points, each on the ray along which it was first seen, in one fixed frame with the floor at z = 0.
-
-    anchor_m (N, 3): where the lens was. ray (N, 3): unit direction. inverse_m (N,): one over the distance along it,
-    variance (N,) of that. floor (N,): taken for floor. on_floor (N,): the inverse depth that it would have as floor,
-    for those below the horizon whose depth is to show whether they are; 0 for others. age (N,): pictures since it was
-    first seen.
+    """N points, each on the ray of its first observation, in one fixed frame with the floor at z = 0. anchor_m (N, 3):
+    where the lens was. ray (N, 3): unit direction. inverse_m (N,): one over the distance along it, variance (N,) of
+    that. floor (N,): whether it counts as floor. on_floor (N,): the inverse depth that it would have on the floor, for
+    undecided points below the horizon; 0 for others. age (N,): pictures since its first observation.
     """
 
     anchor_m: Array
@@ -131,10 +129,9 @@ def new_landmarks(
     reach_m: float,
     trusting: bool | NDArray[np.bool_] = True,
 ) -> Landmarks:
-    """Landmarks first seen along optical rays (N, 3) from a view: floor where the ray meets it within reach.
-
-    trusting: whether they (N,) count as floor at once; else their depth must show it first, since a table is seen below
-    the horizon too.
+    """New landmarks along optical rays (N, 3) from a view, on the floor where the ray meets it within reach. trusting:
+    whether they (N,) count as floor at once; otherwise their depth must confirm it, since a table is below the horizon
+    too.
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
@@ -156,9 +153,10 @@ def new_landmarks(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """Landmarks projected into a view, with Jacobians. seen (N, 2): normalised image points; by_view (N, 2, 6):
-    per metre forward and left, radian of yaw, pitch and roll, metre of rise; by_inverse (N, 2): per 1/m. ahead
-    (N,): in front."""
+    """Landmarks projected into a view, with Jacobians. seen (N, 2), predicted observations: normalised image points;
+    by_view (N, 2, 6): per metre forward and left, radian of yaw, pitch and roll, metre of rise; by_inverse (N, 2): per
+    1/m. ahead (N,): in front.
+    """
 
     seen: Array
     by_view: Array
@@ -193,10 +191,11 @@ def project(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint) -> Proje
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """view: the pose found. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given landmarks.
-    weights (N,): 0 for a track that does not fit. residual (N, 2), projection: at that view. scale: relative correction
-    of the inverse depths off the floor. lateral: m and m^2, the motion across its chord as the floor alone shows it and
-    its variance, None where little floor is in view. slid: that contradicts a robot that rolls."""
+    """view: the estimated pose. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given
+    landmarks. weights (N,): 0 for a track that does not fit. residual (N, 2), projection: at that view. scale: relative
+    correction of the inverse depths off the floor. lateral: m and m^2, lateral motion from the floor alone and its
+    variance, None where little floor is in view. slid: whether that contradicts rolling.
+    """
 
     view: Viewpoint
     covariance: Array
@@ -222,12 +221,12 @@ def locate(
     doubtful: NDArray[np.bool_] | None = None,
     rolling: tuple[SE2, Rolling] | None = None,
 ) -> Located:
-    """The view that fits the seen points best, (N, 2) normalised image points: robust Gauss-Newton from a start.
+    """The view that best fits the observed points, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
     the rotation only. `noise` is the prior of yaw, pitch, roll and rise about the start's. Points off the floor keep
     their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
-    scale annealed. doubtful (N,): seen on what may move by itself, so they count once the others have found the view.
+    scale annealed. doubtful (N,): points on objects that may move, used only once the others have determined the view.
     rolling: the last picture's pose and how the robot rolled on from it, unless much floor in view shows that it slid.
     Depths that err together move the lens sideways in a turn, at a covariance that knows nothing of it: the more the
     landmarks alone contradict rolling, the more it counts, and the larger is the covariance.
@@ -326,8 +325,8 @@ def refined(
 ) -> tuple[Landmarks, NDArray[np.bool_]]:
     """The landmarks after an observation of each, and which to keep, (N,).
 
-    Each inverse depth is updated by what was seen (scalar Kalman update). A floor landmark that fits only as a point
-    off the floor becomes one, also below it, as the scale may be wrong; what fits neither is not kept.
+    A scalar Kalman update of each inverse depth. A floor landmark that fits only as a point off the floor becomes one,
+    also below it, as the scale may be wrong; a landmark that fits neither is dropped.
     """
     gate *= noise.gate
     sigma2 = noise.track_rad**2 + noise.drift_rad**2 * landmarks.age

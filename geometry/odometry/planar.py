@@ -30,7 +30,7 @@ def fit_se2(from_m: Array, to_m: Array, weights: Array) -> SE2:
 def planar_motion(
     previous_m: Array, current_m: Array, sigmas_m: Array, rng: np.random.Generator, rounds: int = 64
 ) -> SE2 | None:
-    """Motion of the base from static floor points seen before and after: previous = motion . current.
+    """Motion of the base from static floor points observed before and after: previous = motion . current.
 
     previous_m, current_m: (N, 2) in the base frame of each time. sigmas_m: (N,) standard deviation of a pair's
     residual. None where fewer than six points agree.

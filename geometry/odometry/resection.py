@@ -28,7 +28,7 @@ class LensPose:
         return cls(np.eye(3), np.zeros(3))
 
     def inverse(self) -> LensPose:
-        """The fixed frame as this lens sees it."""
+        """Pose of the fixed frame in this lens's frame."""
         return LensPose(self.rotation.T, -self.rotation.T @ self.position_m)
 
     def __matmul__(self, other: LensPose) -> LensPose:
@@ -41,7 +41,9 @@ class LensPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthLandmarks:
-    """N points in a fixed frame. points_m (N, 3); along (N, 3): by a metre of their depth; sigma_m (N,): of that."""
+    """N points in a fixed frame. points_m (N, 3); along (N, 3): derivative by their depth; sigma_m (N,): standard
+    deviation of the depth.
+    """
 
     points_m: Array
     along: Array
@@ -49,7 +51,7 @@ class DepthLandmarks:
 
     @classmethod
     def seen(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> DepthLandmarks:
-        """Seen from a pose along rays (N, 3) with z = 1, at depths (N,) along the optical axis."""
+        """Points observed from a pose along rays (N, 3) with z = 1, at depths (N,) along the optical axis."""
         along = rays @ pose.rotation.T
         return cls(pose.position_m + along * depth_m[:, None], along, sigma_m)
 
@@ -65,8 +67,9 @@ class DepthLandmarks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resected:
-    """pose: found. covariance: (6, 6) in its own optical axes, displacement (m) and rotation (rad). weights (N,): 0
-    where a point does not fit."""
+    """pose: the estimate. covariance: (6, 6) in its own optical axes, displacement (m) and rotation (rad). weights
+    (N,): 0 where a point does not fit.
+    """
 
     pose: LensPose
     covariance: Array

@@ -1,4 +1,4 @@
-"""Wheels roll and do not slide: what that says of a planar motion, and where the axle is learnt to lie."""
+"""The nonholonomic constraint of wheels on a planar motion, and the estimate of the axle's position."""
 
 import math
 from dataclasses import dataclass, replace
@@ -26,9 +26,9 @@ class Lateral:
 class Rolling:
     """The nonholonomic constraint of a robot on wheels: it moves along an arc, tangential to its heading at the axle.
 
-    lateral_m, share: standard deviation of what it slides nevertheless, and per metre and radian of motion. axle_m:
-    how far behind the base's origin its wheels' axle lies, 0 where the mount's lever arm is right; axle_sigma_m of it,
-    0 where it is known.
+    lateral_m, share: standard deviation of lateral slip: constant, and per metre and radian of motion. axle_m: distance
+    of the wheels' axle behind the base's origin, 0 where the mount's lever arm is right; axle_sigma_m: its standard
+    deviation, 0 for a fixed axle.
     """
 
     lateral_m: float

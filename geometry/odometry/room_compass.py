@@ -34,15 +34,15 @@ class CompassRule:
     """How the room's direction is weighed against the odometry's yaw.
 
     drift: factor on the variance of the odometry's yaw, whose errors last longer than a step; up to drift_rad of
-    standard deviation, as larger errors are stated as they are. view_rad: standard deviation of what a view errs,
-    beside its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those of a view
-    and of the drift since the last one, beyond which it shows what stands askew, or another wing of the building:
-    `alike` of them in a row, within alike_rad, are one more direction that views may show. apart_rad, apart_m: turn or
-    path length after which it is another view. views: that are kept. lost_rad: standard deviation of the drift since
-    the last view, from which on the room's direction is learnt again: right angles could be mistaken for one another.
-    kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as the
-    steps of one second are used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a room,
-    over kept_s; on a street, which bends, edges tell no heading.
+    standard deviation, as larger errors are stated as they are. view_rad: standard deviation of a view's own error, in
+    addition to that of its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those
+    of a view and of the drift since the last one, beyond which it belongs to a rotated object or another wing of the
+    building: `alike` of them in a row, within alike_rad, become another room direction. apart_rad, apart_m: rotation or
+    path length after which a view counts as new. views: number of views kept. lost_rad: standard deviation of the drift
+    since the last view, from which on the room's direction is learnt again: right angles could be mistaken for one
+    another. kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as
+    the steps of one second are used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a
+    room, over kept_s; on a street, which bends, edges tell no heading.
     """
 
     drift: float = 8.0

@@ -13,7 +13,7 @@ LARGEST_STEP_RAD = 0.3
 
 
 def travelled(first: Array, second: Array, rotation: Array, direction: Array, sigma_rad: float) -> SeenDirection:
-    """The direction that points seen twice fit best, with the rotation, from a start near it: robust Gauss-Newton.
+    """Direction of motion and rotation that best fit points observed twice: robust Gauss-Newton from a start near them.
 
     first, second: (N, 3) rays with z = 1. rotation: (3, 3), takes directions of the second view into those of the
     first. direction: (3,), unit, of the lens, first view's axes. sigma_rad: standard deviation of a point in one view.

@@ -23,11 +23,10 @@ class _Cluster:
 
 
 class PaperMap:
-    """Objects as the paper makes them: whatever lies within the threshold of its like becomes one object.
-
-    Neighbouring chairs merge (its section 4.5). An object's id is the oldest of those that merged into it; its
-    covariance is the mean of its sightings', since the paper has none. Its clusters are made of all sightings ever,
-    so nothing of it moves or leaves.
+    """The paper's objects: sightings of a label within the threshold of each other become one object. Neighbouring
+    chairs merge (its section 4.5). An object's id is the oldest of those that merged into it; its covariance is the
+    mean of its sightings', since the paper has none. Its clusters hold all sightings of a drive, so no object moves or
+    is removed.
     """
 
     movable = False
@@ -40,7 +39,7 @@ class PaperMap:
         self.merged: dict[str, str] = {}
 
     def update(self, sightings: list[PlacedSighting]) -> list[str]:
-        """Take in one frame's sightings; the id of each one's object."""
+        """Updates the map with one frame's sightings. Returns the id of each one's object."""
         return [self._add(placed) for placed in sightings]
 
     def objects(self) -> list[MapObject]:

@@ -27,8 +27,8 @@ class _Cell:
 class SingleLinkage:
     """Connected components of points at most `threshold_m` apart, updated point by point.
 
-    joined: what the last point brought together, as (cluster that stays, cluster that is no more), in order.
-    Raises ValueError for a threshold that is not positive.
+    joined: the merges that the last point caused, as (remaining cluster, removed cluster), in order. Raises ValueError
+    for a threshold that is not positive.
     """
 
     def __init__(self, threshold_m: float = 1.0) -> None:

@@ -27,19 +27,19 @@ MAXIMUM_PAIRS = 1_000_000  # of objects of both maps: 1,000 each
 
 
 class AlignmentError(MapError):
-    """Two maps that cannot be aligned with certainty: the text says why, with numbers."""
+    """Two maps cannot be aligned with certainty; the message gives the reason with numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class AlignmentRule:
-    """When two maps are taken to show one place.
+    """Acceptance criteria for two maps of one place.
 
-    gate: squared Mahalanobis distance of a pair of objects, 9.21 holds 99 % of true pairs. reach_m: no pair is farther
-    apart. least_pairs: fewer are never enough. chance: greatest expected number of alignments as good as this one
-    between unrelated maps. guess_chance: the same where the start was guessed beforehand (last pose, dock): a robot
-    that was carried off while it was switched off is rare, and is found by its objects as before. rival_share,
-    rival_margin: a clearly different alignment may explain at most this share of the best one's objects, and at least
-    this many fewer. rounds: of refinement.
+    gate: squared Mahalanobis distance of a pair of objects, 9.21 holds 99 % of true pairs. reach_m: greatest distance
+    of a pair. least_pairs: minimum number of pairs. chance: greatest expected number of alignments as good as this one
+    between unrelated maps. guess_chance: the same where the start was guessed beforehand (last pose, dock): a robot is
+    rarely moved while it is switched off, and is then relocalised by its objects as usual. rival_share, rival_margin: a
+    clearly different alignment may explain at most this share of the best one's objects, and at least this many fewer.
+    rounds: of refinement.
     """
 
     gate: float = 9.21
@@ -56,8 +56,9 @@ class AlignmentRule:
 class Alignment:
     """pose_a_b: takes the second map's points into the first map's frame; covariance: (3, 3) of it, additive in (x, y,
     yaw) of the first frame, m and rad. pairs: rows of objects in the first and the second map that are one object.
-    shared: how many objects could be pairs by their labels. rival: how many the next, clearly different alignment
-    explains. chance: how many alignments this good unrelated maps would give. rms_m: of the pairs' distances."""
+    shared: number of objects that could be pairs by their labels. rival: number of pairs of the next, clearly different
+    alignment. chance: expected number of alignments as good as this one between unrelated maps. rms_m: of the pairs'
+    distances."""
 
     pose_a_b: SE2
     covariance: Array
@@ -152,9 +153,9 @@ def aligned_near(
 ) -> Alignment:
     """The alignment that one of a few guessed poses of the second map in the first one's frame gives.
 
-    A guess that was made before anybody looked is one hypothesis among few, where `align` tries thousands: fewer
-    objects prove it. Chance is the number of guesses, times the probability that as many of the second map's objects
-    fall onto one of their label at random. Raises AlignmentError where no guess is certain.
+    A prior guess is one hypothesis among few, while `align` tries thousands, so fewer objects confirm it. Chance is the
+    number of guesses, times the probability that as many of the second map's objects fall onto one of their label at
+    random. Raises AlignmentError where no guess is certain.
     """
     rule = rule or AlignmentRule()
     found: list[Alignment] = []

@@ -64,7 +64,7 @@ class KeyframeTrajectory:
         return self.poses[-1] @ self.since
 
     def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:
-        """The first keyframe, known as well as its covariance says."""
+        """Adds the first keyframe with its covariance."""
         self.poses, self.stamps_s, self._first = [pose], [stamp_s], pose.vector()
         self.covariances = [covariance]
         self._first_information = inverse(covariance + inverse(FIXED))
@@ -78,7 +78,7 @@ class KeyframeTrajectory:
         return far or abs(self.since.yaw_rad) > self.rule.keyframe_rad
 
     def keep(self, stamp_s: float) -> None:
-        """The pose as it is becomes a keyframe."""
+        """Makes the current pose a keyframe."""
         self.covariances.append(
             compose_covariance(self.poses[-1], self.covariances[-1], self.since, self._since_covariance)
         )
@@ -112,8 +112,9 @@ class KeyframeTrajectory:
         return self._vectors
 
     def set_poses(self, poses: Array, covariances: Array, now_s: float) -> TrajectoryCorrection:
-        """The first keyframes stand at (N, 3) now; later ones follow the last of these as odometry says. What is seen
-        from `now_s` on is seen from where the base is then."""
+        """The first keyframes stand at (N, 3) now; later ones follow the last of these as odometry says. Observations
+        from `now_s` on refer to the corrected pose of the base.
+        """
         after = [SE2(*pose) for pose in poses]
         for motion, covariance in zip(
             self._motions[len(after) - 1 :], self._covariances[len(after) - 1 :], strict=True

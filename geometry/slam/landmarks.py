@@ -1,4 +1,4 @@
-"""Landmarks: what a drive has observed of one object in one visit, from the first sighting on.
+"""Landmarks: all observations of one object in one visit, from the first sighting on.
 
 A landmark keeps its observations in the frames of the keyframes that made them, one per keyframe, so it moves with the
 trajectory. Its position and covariance follow from these and the keyframes' poses.
@@ -30,13 +30,14 @@ IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 @dataclass(frozen=True, slots=True)
 class LandmarkRule:
-    """gap_m: of the odometer without a sighting, after which a visit ends. gate: squared Mahalanobis distance up to
-    which two positions are one object's; 11.83 holds 99.7 % in the plane. reach_m: never farther than this. side_m,
-    side_share: standard deviation of an object's centre as seen from another side, at least, and as a share of its
-    longer side: no number of sightings takes it away. per_metre: standard deviation that odometry adds per metre since
-    the last sighting. view_m: of what an object looks like from one keyframe, beside its sightings' own. repeated:
-    share of a range's variance that all observations of a landmark have in common: a box that ends too low does so
-    from frame to frame (0.5 to 0.8 over 20,000 sightings of six homes)."""
+    """gap_m: path length without a sighting after which a visit ends. gate: squared Mahalanobis distance up to which
+    two positions are one object's; 11.83 holds 99.7 % in the plane. reach_m: upper bound of that distance. side_m,
+    side_share: standard deviation of an object's centre when observed from another side: its minimum, and as a share of
+    the object's longer side; more sightings do not reduce it. per_metre: standard deviation that odometry adds per
+    metre since the last sighting. view_m: standard deviation per keyframe that the view itself adds to its sightings'
+    own. repeated: share of a range's variance that all observations of a landmark have in common: a box that ends too
+    low does so from frame to frame (0.5 to 0.8 over 20,000 sightings of six homes).
+    """
 
     gap_m: float = 3.0
     gate: float = 11.83
@@ -48,17 +49,18 @@ class LandmarkRule:
     repeated: float = 0.65
 
     def side_m2(self, extent_m: float) -> float:
-        """Variance of an object's centre as seen from another side."""
+        """Variance of an object's centre when observed from another side, m^2."""
         return self.side_m**2 + (self.side_share * extent_m) ** 2
 
 
 @dataclass(slots=True, eq=False)
 class Landmark:
-    """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of what
-    each saw. seen_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label that were in
-    one frame with it, and so are other objects. views: keyframe and (x, y) in its frame that it was seen from. saved:
-    the earlier map's object, of which there are no observations. updated: number of the last frame.
-    gone: to be forgotten.
+    """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of the
+    sightings of each. seen_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label
+    observed in the same frame, which are therefore other objects. views: keyframe and (x, y) in its frame from which it
+    was observed. saved: the object of an earlier map, which has no observations here. updated: number of the last
+    frame.
+    gone: marked for removal.
 
     position_m (2,), own_m2 (2, 2): given the keyframes' poses. first_m2 (2, 2), variance_m2: what the pose of the first
     observation, and of all in the mean, adds. shared_m2 (2, 2): what the mount adds.
@@ -93,7 +95,7 @@ class Landmark:
         return self.keyframes[-1] if self.keyframes else -1
 
     def is_apart(self, other: "Landmark") -> bool:
-        """Whether the two are certainly two objects: seen in one frame, or separate in an earlier map."""
+        """Whether the two are certainly distinct: observed in one frame, or separate in an earlier map."""
         return other.number in self.beside or (self.saved is not None and other.saved is not None)
 
     def add(self, keyframe: int, row: Array, view: tuple[float, float]) -> None:
@@ -106,7 +108,7 @@ class Landmark:
             self.rows[-1] += row
 
     def join(self, other: "Landmark") -> None:
-        """Take in another visit to the same object."""
+        """Adds the observations of another visit to the same object."""
         rows = dict(zip(self.keyframes, self.rows, strict=True))
         for keyframe, row in zip(other.keyframes, other.rows, strict=True):
             rows[keyframe] = rows[keyframe] + row if keyframe in rows else row
@@ -226,7 +228,7 @@ class Landmarks:
         self._in_view: list[Landmark] = []
 
     def in_view(self, odometer_m: float) -> list[Landmark]:
-        """Those that were seen a short path ago."""
+        """The landmarks observed within the last `gap_m` of path."""
         self._in_view = [
             landmark
             for landmark in self._in_view

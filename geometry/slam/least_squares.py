@@ -47,8 +47,9 @@ class ObservationFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkFactors:
-    """What is known of landmarks beside their observations. prior_m (L, 2), information (L, 2, 2): zero where there is
-    none. first, second (M,): rows of landmarks that are one object; variance_m2 (M,): of their distance, per axis."""
+    """Priors of landmarks and links between them. prior_m (L, 2), information (L, 2, 2): zero where there is none.
+    first, second (M,): rows of landmarks that are one object; variance_m2 (M,): of their distance, per axis.
+    """
 
     prior_m: Array
     information: Array
@@ -93,7 +94,7 @@ def solve(
     """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every unit of work, each of bounded size.
 
     Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
-    landmarks. covariances: whether those of the poses are wanted.
+    landmarks. covariances: whether to compute those of the poses.
     """
     size = 2 * len(landmarks)
     for iteration in range(max(iterations, 1)):

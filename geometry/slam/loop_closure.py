@@ -1,5 +1,6 @@
-"""Loop closure: a hypothesis is searched, weighed on the complete graph, taken where all is likelier with it, and taken
-back where it no longer fits; a bounded unit of work per frame."""
+"""Loop closure: a hypothesis is searched, tested on the complete graph, accepted where it makes all observations more
+likely, and revoked where it no longer fits; a bounded unit of work per frame.
+"""
 
 import math
 from collections.abc import Generator, Mapping, Sequence, Set
@@ -17,7 +18,7 @@ PLAIN, SEARCH, PROPOSE, REFINE, AGAIN = 6, 2, 4, 8, 4  # iterations at most, of 
 
 
 class LoopSearch:
-    """The closure under way on a graph. found: links so far that were not taken back."""
+    """The loop closure in progress on a graph. found: accepted links that were not revoked."""
 
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
@@ -30,12 +31,13 @@ class LoopSearch:
         return self._work is not None
 
     def begin(self) -> None:
-        """Search loops in the graph as it stands."""
+        """Starts a search for loops in the current graph."""
         self._work = self._closure()
 
     def step(self, now_s: float) -> TrajectoryCorrection | None:
-        """One unit of work on the closure under way; the correction that it ends with. now_s: stamp of the frame whose
-        motion came last."""
+        """Does one unit of work on the closure in progress. Returns the correction that it ends with. now_s: stamp of
+        the latest frame.
+        """
         if self._work is None:
             return None
         try:
@@ -158,8 +160,9 @@ def _unlinked(graph: PoseGraph, groups: Mapping[int, list[Landmark]], in_view: S
 
 
 def witnessed(graph: PoseGraph, found: Mapping[int, int]) -> dict[int, int]:
-    """Links of landmarks that were seen about when enough of other objects were, which are or become linked: one object
-    alone, however often it was seen, says nothing."""
+    """The links that are supported by links of enough other objects observed at about the same time; one object alone
+    is no evidence, however often it was observed.
+    """
     landmarks, slack = graph.landmarks.all, graph.rule.every
     linked = {number: graph.root(number) for number in (*graph.links, *graph.links.values())} | dict(found)
 

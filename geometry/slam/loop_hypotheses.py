@@ -12,14 +12,12 @@ from edgemap.geometry.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class LoopHypothesisRule:
-    """When two landmarks are one object.
-
-    gate: squared Mahalanobis distance of a pairing, given those already taken, at most. spacing_m2: floor area per
-    object of a label, so that a new one stands anywhere with one over it as density. certain: posterior probability
-    that a pairing needs; pairings with landmarks nearer together than same_m count as one. minimum: pairings that must
-    agree. maximum_now: landmarks in view that are weighed together, those seen most often. maximum_hypotheses: with
-    more, half of the landmarks are weighed, those with fewest candidates. nodes: of the hypothesis tree in one unit of
-    work.
+    """When two landmarks are one object. gate: greatest squared Mahalanobis distance of a pairing, given those already
+    accepted. spacing_m2: floor area per object of a label; its inverse is the density of new objects. certain: least
+    posterior probability of a pairing; pairings with landmarks nearer together than same_m count as one. minimum:
+    pairings that must agree. maximum_now: landmarks in view that are weighed together, those seen most often.
+    maximum_hypotheses: with more, half of the landmarks are weighed, those with fewest candidates. nodes: of the
+    hypothesis tree in one unit of work.
     """
 
     gate: float = 11.83
@@ -34,8 +32,9 @@ class LoopHypothesisRule:
 
 @dataclass(frozen=True, slots=True)
 class Pairing:
-    """A landmark in view (row) that may be an earlier one. extra_m2: variance of their distance, per axis, beside what
-    the landmarks' covariance says: an object looks different from another side."""
+    """A landmark in view (row) that may be an earlier one. extra_m2: variance of their distance, per axis, in addition
+    to the landmarks' covariance: an object's centre appears elsewhere from another side.
+    """
 
     now: int
     before: int
@@ -48,10 +47,10 @@ def certain_pairings(
     """The pairings that hold with certainty, none where fewer than `rule.minimum` agree; yields after every unit of
     work.
 
-    landmarks: (L, 2) m; covariance: (2 L, 2 L) of all of them together, so that what they share (the robot's drift
-    since) is told from what they do not. supported: pairings of landmarks now in view that were found earlier. Joint
-    compatibility (Neira and Tardos 2001), but instead of the hypothesis with the most pairings the posterior of each
-    pairing over all hypotheses counts: among twins none is certain.
+    landmarks: (L, 2) m; covariance: (2 L, 2 L) of all of them together, so that common errors (the robot's drift since)
+    are separated from individual ones. supported: earlier pairings of landmarks now in view. Joint compatibility (Neira
+    and Tardos 2001), but instead of the hypothesis with the most pairings the posterior of each pairing over all
+    hypotheses counts: among twins none is certain.
     """
     pairings = _compatible(pairings, landmarks, covariance, rule)
     if not pairings:

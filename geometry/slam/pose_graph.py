@@ -31,14 +31,14 @@ Links = Mapping[int, int]  # of a later landmark to the first one of its object
 
 @dataclass(frozen=True, slots=True)
 class GraphRule:
-    """How a drive becomes a graph. freedom: degrees of freedom of the odometry's errors (Student's t): most motions are
-    as good as they say, and a few slip. margin: log-likelihood ratio by which the complete graph must be likelier with
-    a loop than without; 5 is 150 to 1. kernel: squared residual at which an observation or a link weighs half. minimum:
+    """Parameters of the pose graph. freedom: degrees of freedom of the odometry's errors (Student's t): most motions
+    agree with their covariance, a few slip. margin: log-likelihood ratio by which a loop must make the complete graph
+    more likely; 5 is 150 to 1. kernel: squared residual at which an observation or a link weighs half. minimum:
     pictures of 0.1 s that make a landmark one to close loops with. maximum: landmarks solved for. visits: to one
     object, kept apart; older ones become one. nearest: earlier objects weighed in one closure. every: keyframes between
-    two closures. gate: squared residual above which a link is taken back; doubt: above which it is where less than half
-    the margin speaks for it. still_m: a closure that finds no link and moves less than this leaves the poses as they
-    are."""
+    two closures. gate: squared residual above which a link is revoked; doubt: the same for a link supported by less
+    than half the margin. still_m: a closure that adds no link and moves poses by less than this is not applied.
+    """
 
     freedom: float = 4.0
     margin: float = 5.0
@@ -73,11 +73,11 @@ class Snapshot:
 
 
 class PoseGraph:
-    """Fed every frame's motion and sightings. Every visit to an object is a landmark of its own; a link says that two
-    are one object, as far as it looks the same from both sides.
+    """Takes every frame's motion and sightings. Every visit to an object is a landmark of its own; a link constrains
+    two to one object, within the variance between two sides.
 
-    links: the landmark that each later one is linked to. refused: those that were taken back. tilt_rad: roll and pitch
-    (2,) by which the mount's angles changed since it placed the first sighting.
+    links: the landmark that each later one is linked to. refused: revoked links. tilt_rad: roll and pitch (2,) by which
+    the mount's angles changed since it placed the first sighting.
     """
 
     def __init__(self, rule: GraphRule | None = None) -> None:
@@ -89,8 +89,10 @@ class PoseGraph:
         self._shared, self._ranges = [0.0, 0.0, 0.0], dict[int, float]()
 
     def add_saved(self, item: MapObject) -> Landmark:
-        """An object of an earlier map, in the trajectory's frame: observed again, it corrects the pose. A map does not
-        say which part of its uncertainty its objects share: all of it but what another side adds is its own."""
+        """Adds an object of an earlier map, in the trajectory's frame; observed again, it corrects the pose. A map does
+        not state the common part of its objects' uncertainty, so all of it except the variance between sides counts as
+        individual.
+        """
         landmark = self.landmarks.begin(item.label, item.width_m, -math.inf, item)
         landmark.sums = SightingSums.of_saved(item)
         landmark.position_m = item.position_m
@@ -106,8 +108,9 @@ class PoseGraph:
         return len(self.trajectory) % self.rule.every == 0
 
     def observe(self, sightings: Sequence[PlacedSighting], frame: int = 0) -> list[Landmark]:
-        """Take in one frame's sightings; the landmark of each. The first frame's pose is the first keyframe, if there
-        is none yet."""
+        """Adds one frame's sightings. Returns the landmark of each. The first frame's pose is the first keyframe, if
+        there is none yet.
+        """
         if not sightings:
             return []
         trajectory, rule = self.trajectory, self.rule.landmarks
@@ -145,8 +148,7 @@ class PoseGraph:
         return number
 
     def unlink(self, number: int) -> int:
-        """A landmark leaves its links to its parent, or to the first that is linked to it; that one's number, else
-        -1."""
+        """Moves a landmark's links to its parent, or to the first landmark linked to it. Returns its number, or -1."""
         children = [later for later, first in self.links.items() if first == number]
         home = self.links.pop(number, children[0] if children else -1)
         for later in children:
@@ -175,8 +177,9 @@ class PoseGraph:
         self.place([kept])
 
     def apart_m2(self, later: int, first: int) -> float:
-        """Variance of the distance of two landmarks of one object, per axis: both are seen from some side, but an
-        earlier map's object from many."""
+        """Variance of the distance of two landmarks of one object, per axis: each is observed from one side, but an
+        earlier map's object from many.
+        """
         sides = 2.0 if self.landmarks.all[first].saved is None else 1.0
         return sides * self.rule.landmarks.side_m2(self.landmarks.all[later].extent_m)
 
@@ -186,11 +189,11 @@ class PoseGraph:
         return len(self.trajectory) >= self.rule.keyframes.maximum
 
     def is_likely(self, landmark: Landmark) -> bool:
-        """Whether it was seen often enough to close loops with."""
+        """Whether it was observed often enough to close loops with."""
         return not landmark.gone and (landmark.saved is not None or landmark.sums.pictures >= self.rule.minimum)
 
     def snapshot(self, wanted: Set[int] = frozenset()) -> Snapshot:
-        """All factors but links as they are now. wanted: earlier objects that are no landmarks otherwise."""
+        """All current factors except links. wanted: earlier objects to include beyond the usual landmarks."""
         tied = {*self.links, *self.links.values(), *wanted}
         likely = [
             landmark
@@ -229,7 +232,7 @@ class PoseGraph:
         covariances: bool = False,
     ) -> Generator[None, None, Solution]:
         """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
-        start: where to begin instead of where all stands. covariances: whether those of the poses are wanted."""
+        start: initial values instead of the current ones. covariances: whether to compute those of the poses."""
         ties = at.ties(links)
         landmarks = replace(
             at.problem.landmarks,

@@ -1,4 +1,4 @@
-"""A graph of bounded size: keyframes of long ago leave their observations to those that stand near them."""
+"""Bounds the graph's size: old keyframes are dropped, and their observations move to nearby ones."""
 
 import numpy as np
 
@@ -6,8 +6,10 @@ from edgemap.geometry.slam.pose_graph import PoseGraph
 
 
 def drop_keyframes(graph: PoseGraph) -> None:
-    """Too many: of the older half those go that are nearest to an earlier one, a radian as a metre. So the first ones
-    in a place stay, and whatever is seen later is known against them. Observations move to the keyframe that stays."""
+    """Drops those keyframes of the older half that are nearest to an earlier one, a radian counting as a metre. The
+    first keyframes of a place remain, so later observations are relative to them. Observations move to the remaining
+    keyframe.
+    """
     trajectory = graph.trajectory
     excess, half = len(trajectory) - graph.rule.keyframes.maximum, len(trajectory) // 2
     if excess <= 0:
