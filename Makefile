@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 ROOMS := geometry runtime evaluation simulation export benchmarks plots view cli
 SYSTEM := libusb-1.0-0 libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri sweethome3d-furniture
 
-.PHONY: setup system run view foxglove test lint audit mutants docs bench figures reliability paper-tables demo release release-check integration clean
+.PHONY: setup system run view foxglove test check lint audit mutants docs bench figures reliability paper-tables demo release release-check integration clean
 
 setup: system $(STAMP)
 
@@ -66,6 +66,15 @@ view: $(call installed,$(VIEW))
 test: setup
 	@scripts/system-packages chromium mosquitto mosquitto-clients g++ libfastrtps-dev libfastcdr-dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# Two minutes on two idle cores, after an edit: lint beside the tests of the geometry, the metrics, the step and the pages.
+QUICK := tests/geometry tests/evaluation tests/runtime/test_pipeline.py tests/runtime/test_mapper.py \
+	tests/runtime/test_config.py tests/test_docs.py tests/test_packages.py
+check: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	PYTHONPATH=.typing $(BIN)/lint-imports
+	@$(BIN)/pyright & types=$$!; $(BIN)/python -m pytest -q $(QUICK); tests=$$?; wait $$types && exit $$tests
 
 # The demo live in Foxglove's protocol, on ws://127.0.0.1:8765.
 foxglove: setup
