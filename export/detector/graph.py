@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from onnx import ModelProto, NodeProto, helper, numpy_helper
+from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
 from edgemap.export.errors import ExportError
-from edgemap.runtime.frames.reading import one_line
+from edgemap.runtime.frames.reading import error_line, one_line
 
 Operator = Callable[..., Any]
 
@@ -30,7 +30,7 @@ class Graph(nn.Module):
         super().__init__()
         self._model = _constants_as_initializers(model)
         graph = self._model.graph
-        self._values = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
+        self._values = {item.name: _array(item) for item in graph.initializer}
         self.input = next((value.name for value in graph.input if value.name not in self._values), "")
         self.outputs = [value.name for value in graph.output]
         convolutions = [node for node in graph.node if node.op_type == "Conv"]
@@ -191,10 +191,20 @@ def _constants_as_initializers(model: ModelProto) -> ModelProto:
     graph = model.graph
     for node in list(graph.node):
         if node.op_type == "Constant" and node.attribute[0].name == "value":
-            value = numpy_helper.to_array(helper.get_attribute_value(node.attribute[0]))
+            value = _array(helper.get_attribute_value(node.attribute[0]))
             graph.initializer.append(numpy_helper.from_array(value, node.output[0]))
             graph.node.remove(node)
     return model
+
+
+def _array(tensor: TensorProto) -> np.ndarray:
+    """Raises ExportError for a tensor of no type, or whose values do not fit its shape."""
+    try:
+        return numpy_helper.to_array(tensor)
+    except (KeyError, ValueError, TypeError) as error:
+        raise ExportError(
+            f"tensor {one_line(tensor.name, 60)} does not read ({one_line(error_line(error), 100)})"
+        ) from None
 
 
 def _key(name: str) -> str:

@@ -69,8 +69,9 @@ class MergeBudget:
     """Computation budget of merges, per robot, in units of alignment; one instance serves many merges.
 
     arrived: sequence number of each robot's latest map. stopped: polled at every unit. waiting: robots whose alignment
-    is postponed. lately: units that each robot has used, halved at every merge. members: each robot's alignment in the
-    previous merge, tried first for a map that has changed a little.
+    with the place is postponed. unfinished: an alignment was postponed, also one between two robots outside the place.
+    lately: units that each robot has used, halved at every merge. members: each robot's alignment in the previous
+    merge, tried first for a map that has changed a little.
     """
 
     arrived: dict[str, int] = field(default_factory=dict)
@@ -78,15 +79,19 @@ class MergeBudget:
     each: int = UNITS_OF_WORK
     total: int = TOTAL_UNITS
     waiting: set[str] = field(default_factory=set)
+    unfinished: bool = False
     lately: Counter[str] = field(default_factory=Counter)
     members: dict[str, MergedRobot] = field(default_factory=dict)
     _spent: Counter[str] = field(default_factory=Counter)
+    _owed: Counter[str] = field(default_factory=Counter)  # `lately` as this merge began
 
     def begin(self) -> None:
         """Another merge."""
         self.lately = Counter({name: units // 2 for name, units in self.lately.items() if units > 1})
+        self._owed = Counter(self.lately)
         self._spent.clear()
         self.waiting.clear()
+        self.unfinished = False
 
     def payer(self, name: str, members: Collection[str]) -> str:
         """Who pays for the alignment of a robot: itself, until it has joined once, and then whose map is the newest."""
@@ -105,6 +110,11 @@ class MergeBudget:
         if self.stopped():
             raise MergeStopped("stopped")
 
+    def turn(self, name: str) -> tuple[bool, bool, int]:
+        """Sort key: robots of a place of two or more first, then those that use little, then strangers by their use."""
+        known = name in self.members
+        return len(self.members) > 1 and not known, self.last(name), 0 if known else self._owed[name]
+
     def last(self, name: str) -> bool:
         """Whether a robot joins after all others."""
         return self.lately[name] > FREQUENT_UNITS
@@ -121,8 +131,9 @@ def merge_place(
     Maps are joined as `align` and `merge_maps` do, richest first; those that fit onto each other are a group, and the
     group of most robots is the place. Its frame is that of `reference`, a map of the place made before, which is
     merged too; without one that of its first robot by name. known: alignments of the previous call; updated in place.
-    budget: limit of the work; without one every alignment has its `UNITS_OF_WORK`. Postponed robots are in its
-    `waiting` and are tried again. Raises MergeStopped.
+    budget: limit of the work; without one every alignment has its `UNITS_OF_WORK`. Postponed alignments are tried in
+    the next call: robots of the place first, then those that have used least lately, so that strangers whose maps fit
+    nowhere delay nobody. Raises MergeStopped.
 
     No robot outweighs the others: where two or more observe an object, none weighs more than `STEEPEST` times the
     median one, and where three or more do, those that contradict the median are left out.
@@ -140,6 +151,7 @@ def merge_place(
     place = max(groups, key=lambda group: ("" in group.members, len(group.members)))  # of equals the first, the richest
     place = fleet.grown(place, fleet.maps)
     reasons = {name: fleet.fit(place, name) for name in fleet.maps if name not in place.members}
+    budget.waiting.update(name for name, reason in reasons.items() if reason is WAITING)
     if known is not None:
         known.clear()
         known.update(found)
@@ -229,8 +241,11 @@ class _Registration:
     budget: MergeBudget
 
     def ordered(self, names: Collection[str]) -> list[str]:
-        """Who costs much lately last, then the richest first."""
-        return sorted(names, key=lambda name: (name != "", self.budget.last(name), -len(self.maps[name].objects), name))
+        """The reference first, then as the budget has it, then the richest first."""
+
+        return sorted(
+            names, key=lambda name: (name != "", *self.budget.turn(name), -len(self.maps[name].objects), name)
+        )
 
     def grown(self, group: _Group, names: Collection[str]) -> _Group:
         """A group with all that fit onto it; who does not at first may fit onto what the others add."""
@@ -249,7 +264,7 @@ class _Registration:
         if key not in self.found:
             fit = self.before[key] if key in self.before else self._aligned(group, name)
             if fit is WAITING:
-                self.budget.waiting.add(name)
+                self.budget.unfinished = True
                 return fit
             self.found[key] = fit
         return self.found[key]

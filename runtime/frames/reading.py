@@ -55,7 +55,7 @@ def printable(text: object) -> str:
     if isinstance(text, str) and len(text) <= LINE_LENGTH and text.isprintable():
         return text
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text))
-    half = LINE_LENGTH // 2
+    half = (LINE_LENGTH - 1) // 2
     return line if len(line) <= LINE_LENGTH else f"{line[:half]}…{line[-half:]}"
 
 

@@ -79,14 +79,8 @@ def _use_message(folder: Path, data: bytes) -> None:
     keeper = PlaceKeeper.__new__(PlaceKeeper)
     keeper.folder, keeper._stale, keeper._arrivals = folder, False, 0
     keeper._budget, keeper._cost, keeper.merged = MergeBudget(), Counter(), PlaceMap()
-    keeper._inbox = _NoInbox()  # pyright: ignore[reportAttributeAccessIssue]
     (folder / "robots").mkdir(exist_ok=True)
     keeper._take("map", "robot", Robot(), data)
-
-
-class _NoInbox:
-    def has_map(self, name: str) -> None:
-        """Nobody's room is at stake."""
 
 
 def _merge(random: Random) -> tuple[list[list[MapObject]], list[MapObject], str]:

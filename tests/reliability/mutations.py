@@ -53,7 +53,7 @@ def mutated_tree(random: Random, tree: Any) -> Any:
     for _ in range(random.choice((1, 1, 1, 2, 3))):
         path: tuple[Any, ...] = random.choice(places(tree)[1:] or [()])
         if not path:
-            return random.choice(NASTY)
+            return deepcopy(random.choice(NASTY))
         holder: Any = tree
         for key in path[:-1]:
             holder = holder[key]
@@ -64,7 +64,7 @@ def mutated_tree(random: Random, tree: Any) -> Any:
 def _changed(random: Random, tree: Any, holder: Any, key: Any) -> Any:
     value, roll = holder[key], random.random()
     if roll < 0.45:
-        holder[key] = random.choice(NASTY)
+        holder[key] = deepcopy(random.choice(NASTY))  # another mutation may change it
     elif roll < 0.65 and isinstance(value, int | float) and not isinstance(value, bool):
         with suppress(OverflowError, ValueError):  # of what is huge or NaN already
             holder[key] = type(value)(random.choice((-1, 0.5, 2, 10, 1e3, 1e6, 1.0 + 1e-9)) * value)

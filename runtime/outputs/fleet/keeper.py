@@ -2,10 +2,9 @@
 
 import hashlib
 import json
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.disk import write_atomically
 from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.frames.reading import Coordinate, decode_json, one_line
+from edgemap.runtime.outputs.fleet.inbox import MAXIMUM_ROBOTS, Inbox
 from edgemap.runtime.outputs.fleet.network import (
     MESSAGE_BYTES,
     NAME,
@@ -39,7 +39,6 @@ from edgemap.runtime.outputs.fleet.network import (
 )
 from edgemap.runtime.step.map_file import load_annotated_map, map_document, read_map, save_map
 
-MAXIMUM_ROBOTS = 100  # of a place; of one robot's map see `network.MAXIMUM_OBJECTS`
 LARGEST_M, MAXIMUM_COUNTED = 1000.0, 1 << 20  # so that what is merged stays within what a map may hold: a day at 10 Hz
 MAXIMUM_VIEWS, MAXIMUM_LABELS = 100, 10  # of an object of one robot; the merged one may have 10,000 and 1,000
 LONGEST_LABEL = 80  # letters
@@ -48,6 +47,7 @@ MAXIMUM_BYTES = {"map": MESSAGE_BYTES, "pose": 1000}
 TURN_OBJECTS = 3000  # taken in before a merge: the robots that have cost least lately come first
 PASSES = 3  # of one update, where a robot costs so much that others wait for it: then it joins last
 EXPIRES_S = {"apart": 86_400.0, "merged": 30 * 86_400.0}  # away for so long, a robot's map goes
+SILENT_S = 120.0  # without a word: away; a robot sends its pose every second and its map every minute
 STRANGERS = 20  # messages of nobody that are remembered, for one line each
 
 
@@ -71,58 +71,6 @@ class Robot:
     heard_s: float = 0.0
     refused: str = ""
     culprit: str = ""
-
-
-class _Inbox:
-    """The newest message of each robot and kind, put in by zenoh's threads: bounded, whatever comes."""
-
-    def __init__(self, names: Collection[str]) -> None:
-        self._names, self._lock = dict.fromkeys(names, True), threading.Lock()  # whether the keeper has its map
-        self._newest: dict[tuple[str, str], bytes] = {}
-
-    def put(self, kind: str, name: str, message: bytes) -> None:
-        """Keep it in place of the one before, where there is room for the robot: who brings a map takes the room of one
-        that never did."""
-        with self._lock:
-            if name not in self._names:
-                if len(self._names) >= MAXIMUM_ROBOTS:
-                    empty = next((one for one, known in self._names.items() if not known), None)
-                    if kind != "map" or empty is None:
-                        return
-                    self._forget(empty)
-                self._names[name] = False
-            self._newest[kind, name] = message
-
-    def take(self) -> dict[tuple[str, str], bytes]:
-        """All that has come, by kind (`here`, `map`, `pose`) and robot."""
-        with self._lock:
-            taken, self._newest = self._newest, {}
-            return taken
-
-    def put_back(self, kind: str, name: str, message: bytes) -> None:
-        """Not taken in this turn; a newer one goes before it."""
-        with self._lock:
-            self._newest.setdefault((kind, name), message)
-
-    def has_map(self, name: str) -> None:
-        """The keeper has accepted a map of this robot and keeps its slot."""
-        with self._lock:
-            self._names[name] = True
-
-    def forget(self, name: str) -> None:
-        """The robot's room is free."""
-        with self._lock:
-            self._forget(name)
-
-    def knows(self, name: str) -> bool:
-        """Whether the robot still has room here."""
-        with self._lock:
-            return name in self._names
-
-    def _forget(self, name: str) -> None:
-        self._names.pop(name, None)
-        for key in [key for key in self._newest if key[1] == name]:
-            del self._newest[key]
 
 
 class PlaceKeeper:
@@ -155,7 +103,7 @@ class PlaceKeeper:
         for path in sorted((folder / "robots").glob("*.json"))[:MAXIMUM_ROBOTS]:
             if NAME.fullmatch(path.stem):
                 self.robots[path.stem] = Robot(latest=_robot_map(*load_annotated_map(path)))
-        self._inbox = _Inbox(self.robots)
+        self._inbox = Inbox(self.robots)
         self._session: Any = open_session(connect, listen, wait_s=None if listen else ROUTER_S)
         root = place_key(place)
         self._key, self._document = f"{root}/map", packed(self.document())
@@ -187,6 +135,7 @@ class PlaceKeeper:
                 self._stale = True
                 return False
             write_atomically(self.folder / "map.json", text)
+        self._settle()
         self._document = packed(self.document())
         if changed:
             self._publisher.put(self._document)
@@ -196,7 +145,8 @@ class PlaceKeeper:
         """Messages, those of robots that cost least lately first, as many as a turn has room for."""
         room, now_s = TURN_OBJECTS, time.monotonic()
         taken = self._inbox.take()
-        for kind, name in sorted(taken, key=lambda key: (key[0] == "map", self._cost[key[1]])):
+        order = sorted(taken, key=lambda key: (key[0] == "map", self._cost[key[1]], len(taken[key])))
+        for kind, name in order:
             message = taken[kind, name]
             if room <= 0 or stopped():
                 self._inbox.put_back(kind, name, message)
@@ -213,20 +163,34 @@ class PlaceKeeper:
         self._cost = Counter({name: cost // 2 for name, cost in self._cost.items() if cost > 1})
 
     def _expire(self) -> None:
-        """Robots that are away for too long, and names without a map whose slot was given away."""
+        """Robots that are away for too long, and those whose room another has taken."""
         now_s = time.monotonic()
         for name, robot in list(self.robots.items()):
-            if robot.latest is None:
-                if not self._inbox.knows(name):
-                    del self.robots[name]
-                continue
-            member = self.merged.members.get(name)
-            state = "merged" if member and member.pose_place_map is not None else "apart"
-            if not robot.here and now_s - max(robot.heard_s, self._began_s) > EXPIRES_S[state]:
-                del self.robots[name]
+            away_s = now_s - max(robot.heard_s, self._began_s)
+            if self._inbox.knows(name):
+                if robot.here or away_s <= EXPIRES_S["merged" if self._in_place(name) else "apart"]:
+                    continue
                 self._inbox.forget(name)
+            del self.robots[name]
+            if robot.latest is not None:
                 (self.folder / "robots" / f"{name}.json").unlink(missing_ok=True)
                 self._stale = True
+
+    def _in_place(self, name: str) -> bool:
+        member = self.merged.members.get(name)
+        return member is not None and member.pose_place_map is not None
+
+    def _settle(self) -> None:
+        """Who gives way to a new robot with a map: who sent none that is one, then whose map fits nowhere, the first
+        that came first; then who is in the place beyond `MAXIMUM_ROBOTS`, the last that came first. Silent ones before
+        all others of their kind. A robot whose map has not been merged yet is in neither list."""
+        now_s, came = time.monotonic(), {name: number for number, name in enumerate(self.robots)}
+        present = {name: now_s - max(robot.heard_s, self._began_s) < SILENT_S for name, robot in self.robots.items()}
+        judged = [name for name, robot in self.robots.items() if name in self.merged.members or robot.refused]
+        stays = sorted(filter(self._in_place, judged), key=lambda name: (present[name], -came[name]))
+        apart = [name for name in judged if not self._in_place(name) and name not in self._budget.waiting]
+        apart.sort(key=lambda name: (self.robots[name].latest is not None, present[name], came[name]))
+        self._inbox.settle(stays, apart + stays[: max(0, len(stays) - MAXIMUM_ROBOTS)])
 
     def _merge(self, stopped: Callable[[], bool]) -> tuple[PlaceMap, str]:
         """The merged map and its text; robots with which it is none are left out, each with the reason."""
@@ -267,7 +231,7 @@ class PlaceKeeper:
                 break
         text = json.dumps(self._document_of(merged), indent=1) + "\n"
         read_map(text.encode(), f"map of {self.place}")  # robots may send any numbers; what is saved can be read
-        self._stale, self._good = bool(self._budget.waiting), frozenset(latest)
+        self._stale, self._good = self._budget.unfinished, frozenset(latest)
         return merged, text
 
     def document(self) -> dict[str, Any]:
@@ -343,7 +307,6 @@ class PlaceKeeper:
         if robot.latest is None or robot.latest.key != latest.key:
             robot.latest, self._stale = latest, True
             self._budget.arrived[name] = self._arrivals = self._arrivals + 1
-            self._inbox.has_map(name)
             save_map(self.folder / "robots" / f"{name}.json", objects, annotations)
         return len(objects)
 

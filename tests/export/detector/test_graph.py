@@ -10,6 +10,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from reliability.tiny_bundle import write_tiny  # noqa: E402
+
 from edgemap import models  # noqa: E402
 from edgemap.export.detector.boxes import read_heads  # noqa: E402
 from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
@@ -154,6 +156,13 @@ def test_what_is_learnt_is_what_the_robot_runs(name, tmp_path):
     again = load_network(str(folder))
     for key, value in network.state_dict().items():
         assert torch.equal(again.state_dict()[key], value), key
+
+
+def test_a_tensor_of_an_unknown_type_is_one_line(tmp_path):
+    model = onnx.load(write_tiny(tmp_path) / "backbone.onnx")
+    model.graph.initializer[0].data_type = 77
+    with pytest.raises(ExportError, match=r"tensor w does not read \(KeyError: 77\)"):
+        Graph(model)
 
 
 def test_a_head_reads_the_feature_it_names(tmp_path):

@@ -218,7 +218,8 @@ def test_what_no_robot_sends_is_refused_and_the_map_stays(tmp_path, address, ope
 
 
 def test_more_robots_than_a_place_has_are_not_kept(tmp_path, address, opened, monkeypatch):
-    monkeypatch.setattr("edgemap.runtime.outputs.fleet.keeper.MAXIMUM_ROBOTS", 2)
+    monkeypatch.setattr("edgemap.runtime.outputs.fleet.inbox.MAXIMUM_ROBOTS", 1)
+    monkeypatch.setattr("edgemap.runtime.outputs.fleet.inbox.ON_TRIAL", 1)
     keeper = opened(PlaceKeeper("home", tmp_path, listen=address))
     for name in ("a", "b", "c", "d"):
         opened(FleetSink("home", name, address))
