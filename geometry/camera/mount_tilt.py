@@ -65,17 +65,19 @@ class MountTilt:
         off = np.array([turned_rad[1], -turned_rad[0]]) / angle
         chord = 2.0 * math.sin(min(abs(angle), math.pi) / 2.0)
         variance = (2.0 * self.rule.nod**2 + self.rule.drift**2) / chord**2
-        return self._seen("turns", np.eye(2), off, np.eye(2) * variance)
+        return self._seen("turns", np.eye(2), off, np.diag([variance] * 2))
 
     def by_up(self, name: str, error_rad: Array, sigma_rad: float) -> MountTilt:
         """Update with a measured up direction: roll and pitch (2,) relative to the configured mount."""
-        return self._seen(name, np.eye(2), error_rad, np.eye(2) * sigma_rad**2)
+        return self._seen(name, np.eye(2), error_rad, np.diag([sigma_rad**2] * 2))
 
     def sigma_rad(self) -> Array:
         """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
     def _seen(self, name: str, slope: Array, residual: Array, variance: Array) -> MountTilt:
+        if not np.isfinite(variance).all():
+            return self
         off = residual - slope @ self.error_rad
         expected = slope @ self.covariance @ slope.T + variance
         excess = float(off @ np.linalg.solve(expected, off)) / len(off) / self.rule.gate**2

@@ -57,6 +57,7 @@ RETIRED = {
     "loop_closure": ("residual", "view_m", "merged_m", "repeated", "track", "views"),
     "keyframes": ("stated_inflation_yaw", "stated_per_radian"),
     "odometry": ("scale",),
+    "check": ("road_rad",),
 }
 
 

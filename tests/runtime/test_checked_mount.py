@@ -109,6 +109,27 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
     assert attitude.mount.used == camera.mount
 
 
+@pytest.mark.parametrize(("times_as_high", "carried"), [(1.0, True), (4.0, False)])
+def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road(times_as_high, carried):
+    """The lens four times as high is a car's: its mount stays as given whatever the edges show."""
+    with open_camera("demo") as camera:
+        lens, mount = camera.intrinsics, replace(camera.mount, height_m=times_as_high * camera.mount.height_m)
+        matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+        pictures = PicturesAttitude(mount)
+        source = CheckedMount(FloorCamera(lens, mount), pictures, pictures)
+        for index in range(80):
+            frame = camera.read()
+            nod = cv2.Rodrigues(np.array([math.radians(4.0 * math.sin(index / 6.0)), 0.0, 0.0]))[0]
+            image = cv2.warpPerspective(
+                frame.image, matrix @ nod @ np.linalg.inv(matrix), (lens.width, lens.height),
+                borderMode=cv2.BORDER_REPLICATE,
+            )  # fmt: skip
+            attitude = source.predict(replace(frame, image=image))
+            source.update(SeenRotation(np.eye(3), 0.01))
+    assert attitude.carried is carried
+    assert attitude.mount is None or attitude.mount.used == mount
+
+
 def test_one_picture_of_a_robot_at_rest_is_one_view():
     assert told(5.5, still=True)[0] == []
 

@@ -41,9 +41,9 @@ class MountRule:
     told_s: between two judgements. wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one
     holds. sure_rad: largest standard deviation at which edges may tell it: one picture's err by more. settled_rad:
     the same, at which a mount on wheels is known for good: what is seen while it sways as if carried is left aside
-    then, and before voids all that was seen. road_rad: standard deviation below which what is seen is used on a road
-    anyhow, whose floor is far: 0.3 degrees there are 2 % of all distances and more (KITTI 00: planar over 100 m 5.9 and
-    3.5 %). follow_rad: change of an error by which a wrong mount is corrected again. tilt: how witnesses count.
+    then, and before voids all that was seen. used_rad: standard deviation below which an estimate is used although the
+    given angle is not wrong. follow_rad: change of an error by which a wrong mount is corrected again. tilt: how
+    witnesses count.
     """
 
     pixels: int = 27_648
@@ -67,9 +67,16 @@ class MountRule:
     sigmas: float = 2.5
     sure_rad: float = math.radians(0.8)
     settled_rad: float = math.radians(0.45)
-    road_rad: float = math.radians(0.35)
+    used_rad: float = 0.0
     follow_rad: float = math.radians(0.1)
     tilt: MountTiltRule = field(default_factory=MountTiltRule)
+
+    def on_road(self) -> "MountRule":
+        """The profile of a car. A road's edges are not a room's, a car leans in turns and its road rises: neither
+        counts. Its floor is far: 0.3 degrees are 2 % of all distances and more, so small errors are corrected too
+        (KITTI 00: planar over 100 m 5.9 and 3.5 %)."""
+        tilt = replace(self.tilt, edges=math.inf, drift=math.inf)
+        return replace(self, steady_rad=math.inf, used_rad=math.radians(0.35), tilt=tilt)
 
 
 class CheckedMount:
@@ -84,13 +91,13 @@ class CheckedMount:
         self, camera: FloorCamera, other: AttitudeSource, pictures: PicturesAttitude, rule: MountRule | None = None
     ) -> None:
         self.name = other.name
-        self._other, self._pictures, self._rule = other, pictures, rule or MountRule()
+        rule = rule or MountRule()
+        self._other, self._pictures, self._rule = other, pictures, rule if camera.unit_m == 1.0 else rule.on_road()
         mount, lens = camera.mount, camera.intrinsics
         self._mount, self._given = mount, np.array([mount.roll_rad, mount.pitch_rad])
         self._to_base = mount.rotation_base_optical()
         share = min(1.0, math.sqrt(self._rule.pixels / (lens.width * lens.height)))
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
-        self._indoors = camera.unit_m == 1.0  # a road's edges are not a room's
         self._tilt = MountTilt.given(self._rule.tilt)
         self._seen: MountSeen | None = None
         self._wrong, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which angle is wrong, and by how much
@@ -187,7 +194,7 @@ class CheckedMount:
         while self._estimates[0][0] < self._started_s - rule.window_s:
             self._estimates.popleft()
         estimates = np.array(self._estimates)
-        if self._indoors and not (self._settled and self._sways):
+        if not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad, rule.tilt.edges)
         span_s = estimates[-1, 0] - estimates[0, 0]
         if len(estimates) < rule.fewest or span_s < rule.steady_s:
@@ -209,8 +216,6 @@ class CheckedMount:
         if rotation.travelled is not None:
             covariance = self._to_base @ rotation.travelled.covariance @ self._to_base.T
             self._tilt = self._tilt.by_direction(self._to_base @ rotation.travelled.direction, covariance)
-        if not self._indoors:  # a car leans, and its road rises
-            return
         self._turned = self._turned @ rotation.rotation
         vector = self._to_base @ cv2.Rodrigues(self._turned)[0].ravel()
         if abs(vector[2]) > rule.turn_rad:
@@ -244,7 +249,7 @@ class CheckedMount:
         if self._now_s - self._judged_s < rule.told_s or not tilt.witnesses:
             return ""
         self._judged_s = self._now_s
-        if self._indoors and self._carried:
+        if self._carried:
             self._void()
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
@@ -253,7 +258,7 @@ class CheckedMount:
         wrong = sure & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma))
         self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
-        used = self._wrong | ((sigma < rule.road_rad) & (not self._indoors))
+        used = self._wrong | (sigma < rule.used_rad)
         error_rad = np.where(used, tilt.error_rad, 0.0)
         if np.abs(error_rad - self._corrected).max() > rule.follow_rad:
             self._corrected, self._correct = error_rad, self._with(error_rad)

@@ -292,8 +292,8 @@ class PlanarOdometry:
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
         self._camera_before = self._camera
-        if attitude is not None and attitude.carried != self._carried.scattered and self._unit_m == 1.0:
-            self._carried = replace(self._carried, scattered=attitude.carried)  # a road's edges are not a room's
+        if attitude is not None and attitude.carried != self._carried.scattered:
+            self._carried = replace(self._carried, scattered=attitude.carried)
         if attitude is not None and attitude is not self._attitude:
             height_m = None if attitude.height_m is None else attitude.height_m / self._unit_m
             self._attitude, self._camera = attitude, self._level.at(replace(attitude, height_m=height_m))
