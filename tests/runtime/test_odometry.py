@@ -147,13 +147,15 @@ def test_what_an_imu_learns_of_its_tilt_is_no_motion(pitch_rad, roll_rad):
 
 
 def test_planar_counts_lengths_in_a_unit_after_the_nearest_floor():
-    """The same pictures four times as high above a floor four times as large: the same motions in units of 4 m."""
+    """The same pictures four times as high above a floor four times as large: the same motions in units of 4 m, also
+    where a floor head trained on rooms detects no floor in them."""
     mount = replace(CAMERA.mount, height_m=4.0 * CAMERA.mount.height_m, forward_m=4.0 * CAMERA.mount.forward_m)
     high = FloorCamera(CAMERA.intrinsics, mount)
     assert (CAMERA.unit_m, high.unit_m) == (1.0, 4.0)
     small, large = PlanarOdometry(CAMERA), PlanarOdometry(high)
+    no_floor = FloorMask(np.zeros((12, 16), dtype=np.float32), CAMERA.intrinsics.width, CAMERA.intrinsics.height)
     for frame in drive(MOTIONS["left arc"])[0]:
-        found, larger = small.step(frame, {}), large.step(frame, {})
+        found, larger = small.step(frame, {}), large.step(frame, {}, FramePrior(floor=no_floor))
         np.testing.assert_allclose(larger.motion.vector(), found.motion.vector() * [4.0, 4.0, 1.0])
         np.testing.assert_allclose(larger.covariance, found.covariance * np.outer([4, 4, 1], [4, 4, 1]))
 

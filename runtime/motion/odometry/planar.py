@@ -353,7 +353,9 @@ class PlanarOdometry:
         self._camera_before = before
 
     def _mark_floor(self, seen: FloorMask | None) -> None:
-        """Where corners may lie on the floor: within reach, and what the floor head, where there is one, calls so."""
+        """Where corners may lie on the floor: within reach, and where the floor mask, if any, has floor. Floor heads
+        are trained on rooms: on a road the mask is not used."""
+        seen = seen if self._unit_m == 1.0 else None
         self._mask_before, self._mask, self._sees_floor = self._mask, self._reached, seen is not None
         if seen is not None:
             floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
