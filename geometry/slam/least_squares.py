@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from edgemap.geometry.arrays import Array
 Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
-CONVERGED_M = 1e-4  # a step that moves nothing by more ends the iteration
+CONVERGED_M = 1e-3  # a step that moves nothing by more ends the iteration
 TOGETHER = 2  # iterations in one unit of work
 
 
@@ -96,9 +96,9 @@ def solve(
     Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
     landmarks. covariances: whether to compute those of the poses.
     """
-    size = 2 * len(landmarks)
+    size, layout = 2 * len(landmarks), _Layout(problem, len(poses), len(landmarks))
     for iteration in range(max(iterations, 1)):
-        system = _System(problem, poses, landmarks, biases)
+        system = _System(problem, layout, poses, landmarks, biases)
         step, steps = system.step()
         poses, landmarks = poses + step.reshape(-1, 3), landmarks + steps[:size].reshape(-1, 2)
         biases = biases + steps[size:]
@@ -107,51 +107,89 @@ def solve(
         if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < CONVERGED_M:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
-    corner = cho_solve(system.schur, np.eye(len(steps)))
     blocks = np.zeros((len(poses), 3, 3))
-    evidence = system.log_evidence()
     if covariances:
         odometry = replace(problem.odometry, gains=(0.0, 0.0))  # as it states itself: closing adds no covariance
-        stated = _System(replace(problem, odometry=odometry, freedom=math.inf), poses, landmarks, biases)
+        stated = _System(replace(problem, odometry=odometry, freedom=math.inf), layout, poses, landmarks, biases)
         stated.step()
         blocks = stated.pose_covariances()
         yield
-    chi2, links = system.chi2, system.link_chi2
-    return Solution(poses, landmarks, biases, corner[:size, :size], blocks, chi2, links, evidence)
+    evidence, covariance = system.log_evidence(), system.landmark_covariance()
+    return Solution(poses, landmarks, biases, covariance, blocks, system.chi2, system.link_chi2, evidence)
+
+
+class _Layout:
+    """Where a problem's factors stand in its normal equations: the same in every iteration. Observations are kept in
+    the order of their poses."""
+
+    def __init__(self, problem: Problem, poses: int, landmarks: int) -> None:
+        seen = problem.observations
+        self.size = 3 * landmarks + 3
+        self.order = np.argsort(seen.pose, kind="stable")
+        self.seen = ObservationFactors(*(getattr(seen, item.name)[self.order] for item in fields(seen)))
+        self.by_landmark = np.argsort(self.seen.landmark, kind="stable")
+        self.poses, self.pose_starts = np.unique(self.seen.pose, return_index=True)
+        self.landmarks, self.landmark_starts = np.unique(self.seen.landmark[self.by_landmark], return_index=True)
+        self.columns = _columns(self.landmarks, landmarks)
+        rows = np.broadcast_to((3 * self.seen.pose[:, None] + np.arange(3))[:, :, None], (len(seen.pose), 3, 4))
+        columns = np.broadcast_to(_columns(self.seen.landmark, landmarks)[:, None], (len(seen.pose), 3, 4))
+        rows = np.concatenate([rows.ravel(), np.repeat(np.arange(3 * poses), 2)])
+        columns = np.concatenate([columns.ravel(), np.tile([self.size - 3, self.size - 2], 3 * poses)])
+        self.between_order = np.argsort(rows, kind="stable")
+        self.between_columns = columns[self.between_order]
+        self.between_starts = np.searchsorted(rows[self.between_order], np.arange(3 * poses + 1))
+
+
+def _columns(landmark: Rows, landmarks: int) -> Rows:
+    """Columns of the corner that an observation of a landmark has: position, range error, the mount's error, (N, 4)."""
+    mount = np.full_like(landmark, 3 * landmarks + 2)
+    return np.column_stack([2 * landmark, 2 * landmark + 1, 2 * landmarks + landmark, mount])
 
 
 class _System:
     """Normal equations: poses' band (6, 3 K), what lies between poses and corner (sparse), and the corner, dense: all
     landmarks, each one's range error, the odometry's gains, the mount's."""
 
-    def __init__(self, problem: Problem, poses: Array, landmarks: Array, biases: Array) -> None:
+    def __init__(self, problem: Problem, layout: _Layout, poses: Array, landmarks: Array, biases: Array) -> None:
         self._poses, self._landmarks, self._biases = poses, landmarks, biases
-        self._count, self._size = len(poses), 3 * len(landmarks) + 3
-        self.band, self.rhs = np.zeros((BAND + 1, 3 * self._count)), np.zeros((self._count, 3))
+        self._count, self._size, self._layout = len(poses), layout.size, layout
+        self.rhs, self._diagonal = np.zeros((self._count, 3)), np.zeros((self._count, 3, 3))
         self.corner, self.rhs_corner = np.zeros((self._size, self._size)), np.zeros(self._size)
         own = np.arange(2 * len(landmarks), self._size)
         self.corner[own, own], self.rhs_corner[own] = 1.0, -biases
         self.cost = 0.5 * float(biases @ biases)
         self._add_odometry(problem.odometry, problem.freedom)
-        self._add_observations(problem.observations, problem.kernel)
+        self._add_observations(layout.seen, problem.kernel)
         self._add_landmarks(problem.landmarks, problem.kernel)
+
+    @property
+    def chi2(self) -> Array:
+        """Of each observation, in the problem's order."""
+        chi2 = np.empty_like(self._chi2)
+        chi2[self._layout.order] = self._chi2
+        return chi2
 
     def step(self) -> tuple[Array, Array]:
         """Steps of the poses (3 K,) and of the corner (2 L + 1,)."""
-        self._factor = cholesky_banded(self.band)
+        self._factor = cholesky_banded(self._band(), check_finite=False)
         solved = cho_solve_banded(
             (self._factor, False), np.column_stack([self.rhs.ravel(), self.between.toarray()]), check_finite=False
         )
         own, self._tied = solved[:, 0], solved[:, 1:]
-        across = self.between.T.tocsr()
-        self.schur = cho_factor(self.corner - across @ self._tied)
-        steps = cho_solve(self.schur, self.rhs_corner - across @ own)
+        across = self.between.T @ solved
+        self.schur = cho_factor(self.corner - across[:, 1:], check_finite=False)
+        steps = cho_solve(self.schur, self.rhs_corner - across[:, 0], check_finite=False)
         return own - self._tied @ steps, steps
 
     def log_evidence(self) -> float:
         """Log-likelihood of all factors with every unknown integrated out (Laplace), after `step`."""
         factors = self._factor[BAND], np.diagonal(self.schur[0])
         return -self.cost - float(sum(np.log(factor).sum() for factor in factors))
+
+    def landmark_covariance(self) -> Array:
+        """Of all landmarks together, (2 L, 2 L), after `step`."""
+        size = 2 * len(self._landmarks)
+        return cho_solve(self.schur, np.eye(self._size), check_finite=False)[:size, :size]
 
     def pose_covariances(self) -> Array:
         """Marginal covariances of all poses, (K, 3, 3), after `step`: selected inverse of the band, which is block
@@ -164,32 +202,33 @@ class _System:
         own = own @ own.transpose(0, 2, 1)
         for row in range(self._count - 2, -1, -1):
             own[row] += gain[row] @ own[row + 1] @ gain[row].T
-        corner = cho_solve(self.schur, np.eye(self._size))
+        corner = cho_solve(self.schur, np.eye(self._size), check_finite=False)
         tied = self._tied.reshape(self._count, 3, -1)
         return own + (self._tied @ corner).reshape(tied.shape) @ tied.transpose(0, 2, 1)
 
-    def _add_blocks(self, row: Rows, column: Rows, blocks: Array) -> None:
-        """Blocks (N, 3, 3) of the poses' part, at pose rows and columns, column >= row; upper triangle kept."""
-        i, j = np.broadcast_arrays(np.arange(3)[:, None], np.arange(3)[None])
-        rows, columns = 3 * row[:, None, None] + i, 3 * column[:, None, None] + j
-        upper = columns >= rows
-        np.add.at(self.band, (BAND + rows[upper] - columns[upper], columns[upper]), blocks[upper])
+    def _band(self) -> Array:
+        """The poses' part (6, 3 K) as LAPACK keeps it: its upper triangle, diagonal by diagonal."""
+        band = np.zeros((BAND + 1, self._count, 3))
+        i, j = np.triu_indices(3)
+        band[BAND + i - j, :, j] = self._diagonal[:, i, j].T
+        i, j = np.indices((3, 3)).reshape(2, -1)
+        band[BAND - 3 + i - j, 1:, j] = self._beside[:, i, j].T
+        return band.reshape(BAND + 1, -1)
 
     def _add_odometry(self, odometry: OdometryFactors, freedom: float) -> None:
-        first, rows = np.array([0]), np.arange(self._count - 1)
-        self._add_blocks(first, first, odometry.first_information[None])
+        self._diagonal[0] += odometry.first_information
         residual = self._poses[0] - odometry.first
         residual[2] = np.angle(np.exp(1j * residual[2]))
         self.rhs[0] -= odometry.first_information @ residual
         self.cost += 0.5 * float(residual @ odometry.first_information @ residual)
         x, y, by_before, by_after = _seen_from(self._poses[:-1], self._poses[1:, :2])
         turn = self._poses[1:, 2] - self._poses[:-1, 2]
-        by_gain = np.zeros((len(rows), 3, 2))
+        by_gain = np.zeros((self._count - 1, 3, 2))
         by_gain[:, :2, 0] = -odometry.gains[0] * odometry.motions[:, :2]
         by_gain[:, 2, 1] = -odometry.gains[1] * odometry.motions[:, 2]
         residual = np.column_stack([x, y, turn]) - odometry.motions + by_gain @ self._biases[-3:-1]
         residual[:, 2] = np.angle(np.exp(1j * residual[:, 2]))
-        zero, one = np.zeros((len(rows), 2, 1)), np.tile([0.0, 0.0, 1.0], (len(rows), 1, 1))
+        zero, one = np.zeros((self._count - 1, 2, 1)), np.tile([0.0, 0.0, 1.0], (self._count - 1, 1, 1))
         by_before = np.concatenate([by_before, -one], axis=1)
         by_after = np.concatenate([np.concatenate([by_after, zero], axis=2), one], axis=1)
         chi2 = np.einsum("ni,nij,nj->n", residual, odometry.information, residual)
@@ -207,34 +246,36 @@ class _System:
         between[:-1] += by_before.transpose(0, 2, 1) @ information @ by_gain
         between[1:] += by_after.transpose(0, 2, 1) @ information @ by_gain
         self._by_gain = between.reshape(3 * self._count, 2)
-        for jacobian, at in ((by_before, rows), (by_after, rows + 1)):
+        for jacobian, at in ((by_before, slice(None, -1)), (by_after, slice(1, None))):
             transposed = jacobian.transpose(0, 2, 1)
-            self._add_blocks(at, at, transposed @ information @ jacobian)
+            self._diagonal[at] += transposed @ information @ jacobian
             self.rhs[at] -= (transposed @ weighted)[:, :, 0]
-        self._add_blocks(rows, rows + 1, by_before.transpose(0, 2, 1) @ information @ by_after)
+        self._beside = by_before.transpose(0, 2, 1) @ information @ by_after
 
     def _add_observations(self, seen: ObservationFactors, kernel: float) -> None:
         x, y, by_pose, by_landmark = _seen_from(self._poses[seen.pose], self._landmarks[seen.landmark])
         shared = self._biases[-1] * seen.bias_m + self._biases[seen.landmark][:, None] * seen.range_m
         residual = np.column_stack([x, y]) + shared - seen.position_m
-        self.chi2 = np.einsum("ni,nij,nj->n", residual, seen.information, residual)
-        information = seen.information * self._robust(self.chi2, kernel)[:, None, None]
-        weighted = information @ residual[:, :, None]
+        self._chi2 = np.einsum("ni,nij,nj->n", residual, seen.information, residual)
+        information = seen.information * self._robust(self._chi2, kernel)[:, None, None]
         by_corner = np.concatenate([by_landmark, seen.range_m[:, :, None], seen.bias_m[:, :, None]], axis=2)
-        from_pose, from_corner = by_pose.transpose(0, 2, 1), by_corner.transpose(0, 2, 1)
-        self._add_blocks(seen.pose, seen.pose, from_pose @ information @ by_pose)
-        np.subtract.at(self.rhs, seen.pose, (from_pose @ weighted)[:, :, 0])
-        at, ranges = 2 * seen.landmark, 2 * len(self._landmarks) + seen.landmark
-        columns = np.column_stack([at, at + 1, ranges, np.full_like(seen.pose, self._size - 1)])
-        np.subtract.at(self.rhs_corner, columns, (from_corner @ weighted)[:, :, 0])
-        np.add.at(self.corner, (columns[:, :, None], columns[:, None, :]), from_corner @ information @ by_corner)
-        rows = np.broadcast_to((3 * seen.pose[:, None] + np.arange(3))[:, :, None], (len(x), 3, 4)).ravel()
-        places = rows, np.broadcast_to(columns[:, None], (len(x), 3, 4)).ravel()
-        blocks = from_pose @ information @ by_corner
-        gains = np.repeat(np.arange(3 * self._count), 2), np.tile([self._size - 3, self._size - 2], 3 * self._count)
-        values = np.concatenate([blocks.ravel(), self._by_gain.ravel()])
-        places = tuple(np.concatenate(pair) for pair in zip(places, gains, strict=True))
-        self.between = csr_array((values, places), shape=(3 * self._count, self._size))
+        weighted = information @ np.concatenate([by_corner, by_pose, residual[:, :, None]], axis=2)
+        from_pose, from_corner = by_pose.transpose(0, 2, 1) @ weighted, by_corner.transpose(0, 2, 1) @ weighted
+        layout = self._layout
+        if len(x):
+            poses = np.add.reduceat(from_pose[:, :, 4:], layout.pose_starts)
+            self._diagonal[layout.poses] += poses[:, :, :3]
+            self.rhs[layout.poses] -= poses[:, :, 3]
+            own = np.add.reduceat(from_corner[layout.by_landmark], layout.landmark_starts)
+            rows, mount = layout.columns[:, :3], self._size - 1
+            self.corner[rows[:, :, None], layout.columns[:, None]] += own[:, :3, :4]
+            self.corner[mount, rows] += own[:, 3, :3]
+            self.corner[mount, mount] += own[:, 3, 3].sum()
+            self.rhs_corner[rows] -= own[:, :3, 7]
+            self.rhs_corner[mount] -= own[:, 3, 7].sum()
+        values = np.concatenate([from_pose[:, :, :4].ravel(), self._by_gain.ravel()])[layout.between_order]
+        places = layout.between_columns, layout.between_starts
+        self.between = csr_array((values, *places), shape=(3 * self._count, self._size))
 
     def _robust(self, chi2: Array, kernel: float) -> Array:
         """Weights of residuals (Cauchy), whose cost is counted."""
