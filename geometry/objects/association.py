@@ -45,15 +45,13 @@ class Estimate:
             self.sums.join(landmark.sums)
         self.saved = next((one.saved for one in landmarks if one.saved is not None), None)
         first = min(landmarks, key=lambda one: (one.saved is None, one.sums.first_seen_s))
-        drift_m2 = [
-            max(one.variance_m2 - (first.first_m2[0, 0] + first.first_m2[1, 1]) / 2.0, 0.0) for one in landmarks
-        ]
-        own_m2 = np.array([one.own_m2 for one in landmarks]) + np.array(drift_m2)[:, None, None] * np.eye(2)
-        information = np.linalg.inv(own_m2)
-        fused_m2 = np.linalg.inv(information.sum(axis=0))
-        positions_m = np.array([one.position_m for one in landmarks])
-        self.position_m: Array = fused_m2 @ np.einsum("nij,nj->i", information, positions_m)
-        shared = np.average([one.shared_m2 for one in landmarks], axis=0, weights=[one.sums.count for one in landmarks])
+        since_m2, information, vector, shared = float(np.trace(first.first_m2)) / 2.0, 0.0, 0.0, 0.0
+        for one in landmarks:
+            own = np.linalg.inv(one.own_m2 + np.eye(2) * max(one.variance_m2 - since_m2, 0.0))
+            information, vector = information + own, vector + own @ one.position_m
+            shared = shared + one.shared_m2 * (one.sums.count / self.sums.count)
+        fused_m2 = np.linalg.inv(information)
+        self.position_m: Array = fused_m2 @ vector
         self.covariance_m2: Array = fused_m2 + np.eye(2) * side_m2 + shared + first.first_m2
         self._landmarks = landmarks
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.map_object import MapObject
+from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.observations.class_extents import extent_m, footprint_m, shares_floor
 
-CELL_M = 1.0
 SAME_LABEL = 0.8  # smallest distance of two objects of one label, as a share of the smaller one's extent
 
 
@@ -76,7 +76,7 @@ class Overlaps:
         self.members: dict[str, list[Candidate]] = {}
         self._candidates: dict[str, Candidate] = {}
         self._near: dict[str, set[str]] = {}
-        self._cells: dict[tuple[int, int], dict[str, None]] = {}
+        self._cells = Cells[str]()
         self._best: dict[str, str] = {}
         self._changed: set[str] = set()
         self._largest_m = 0.0
@@ -97,7 +97,7 @@ class Overlaps:
         for other in near:
             self._near[other].add(candidate.id)
         self._candidates[candidate.id], self._near[candidate.id] = candidate, near
-        self._cells.setdefault(_cell(candidate.position_m), {})[candidate.id] = None
+        self._cells.set(candidate.id, candidate.position_m)
         self._changed |= {candidate.id, *near}
 
     def remove(self, identity: str) -> None:
@@ -108,20 +108,12 @@ class Overlaps:
         near = self._near.pop(identity)
         for other in near:
             self._near[other].discard(identity)
-        del self._cells[_cell(candidate.position_m)][identity]
+        self._cells.remove(identity)
         self._changed |= {identity, *near, *(item.id for item in self.members.get(self.best(identity), ()))}
 
     def within(self, point_m: Array, reach_m: float) -> list[Candidate]:
         """Candidates no farther than that from a point (2,), in no particular but a fixed order."""
-        (i, j), ring = _cell(point_m), math.ceil(reach_m / CELL_M)
-        found = []
-        for a in range(i - ring, i + ring + 1):
-            for b in range(j - ring, j + ring + 1):
-                for identity in self._cells.get((a, b), ()):
-                    x_m, y_m = self._candidates[identity].position_m - point_m
-                    if x_m * x_m + y_m * y_m <= reach_m * reach_m:
-                        found.append(self._candidates[identity])
-        return found
+        return [self._candidates[identity] for identity in self._cells.within(point_m, reach_m)]
 
     def settle(self) -> set[str]:
         """Decide again what is one object around all that changed; ids of objects that are others, or no more."""
@@ -169,7 +161,3 @@ def _extent_m(candidate: Candidate) -> float:
 
 def _side_m(candidate: Candidate) -> float:
     return min(footprint_m(candidate.label, candidate.width_m))
-
-
-def _cell(point_m: Array) -> tuple[int, int]:
-    return math.floor(point_m[0] / CELL_M), math.floor(point_m[1] / CELL_M)

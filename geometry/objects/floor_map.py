@@ -19,6 +19,7 @@ from edgemap.geometry.arrays import Array
 from edgemap.geometry.errors import MapError
 from edgemap.geometry.map_object import MapObject, id_order
 from edgemap.geometry.objects.association import AssociationRule, Estimate, grouped
+from edgemap.geometry.objects.cells import Cells
 from edgemap.geometry.objects.class_posterior import Candidate, Overlaps, label_posterior
 from edgemap.geometry.observations.sighting import PlacedSighting
 from edgemap.geometry.slam.landmarks import Landmark
@@ -54,7 +55,7 @@ class FloorMap:
         self.merged: dict[str, str] = {}
         self._objects: dict[str, _Object] = {}
         self._owner: dict[int, _Object] = {}  # by landmark
-        self._labels: defaultdict[str, dict[int, Landmark]] = defaultdict(dict)
+        self._cells: defaultdict[str, Cells[int]] = defaultdict(Cells)  # the landmarks of each label, by number
         self._issued: Counter[str] = Counter()
         self._frames = 0
         self._changed: dict[str, None] = {}
@@ -97,7 +98,7 @@ class FloorMap:
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
         for item in saved:
             landmark = floor_map.graph.add_saved(item)
-            floor_map._labels[item.label][landmark.number] = landmark
+            floor_map._cells[item.label].set(landmark.number, landmark.position_m)
             known = _Object(item.id, item.label, [landmark])
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = known
             floor_map._change(item.id)
@@ -111,7 +112,7 @@ class FloorMap:
         for label in dict.fromkeys(placed.label for placed in sightings):
             own = [one for one in landmarks if one.label == label]
             for one in own:
-                self._labels[label][one.number] = one
+                self._cells[label].set(one.number, one.position_m)
             changed = [one for one in own if before.get(one.number) != (one.last, len(one.beside))]
             if changed:
                 self._group(label, changed)
@@ -160,12 +161,15 @@ class FloorMap:
     def moved(self) -> None:
         """The trajectory moved, and everything with the keyframes that observed it: what is one object is decided
         again."""
-        for label, landmarks in self._labels.items():
-            own = [one for one in landmarks.values() if one.keyframes]
-            if own:
-                self._group(label, own)
-                for one in own:
-                    self._change(self._owner[one.number].id)
+        moved: defaultdict[str, list[Landmark]] = defaultdict(list)
+        for one in self.graph.landmarks.all.values():
+            if one.keyframes and one.number in self._owner:
+                moved[one.label].append(one)
+                self._cells[one.label].set(one.number, one.position_m)
+        for label, own in moved.items():
+            self._group(label, own)
+            for one in own:
+                self._change(self._owner[one.number].id)
 
     def set_presence(self, identity: str, probability: float) -> None:
         """Sets the probability that an object is still there, which scales its confidence."""
@@ -210,16 +214,13 @@ class FloorMap:
 
     def _around(self, label: str, changed: Sequence[Landmark]) -> list[Landmark]:
         """These landmarks, all within reach of one of them, and the rest of the objects that these are part of."""
-        landmarks = list(self._labels[label].values())
-        if len(landmarks) == len(changed):
-            return landmarks
-        reach_m = self.graph.rule.landmarks.reach_m
-        places, seeds = (np.array([one.position_m for one in these]) for these in (landmarks, changed))
-        near = (np.abs(places[:, None] - seeds[None]).max(axis=2) <= reach_m).any(axis=1)
-        found = {landmarks[row].number for row in np.flatnonzero(near).tolist()} | {one.number for one in changed}
+        if len(self._cells[label]) == len(changed):
+            return sorted(changed, key=lambda one: one.number)
+        reach_m, cells = self.graph.rule.landmarks.reach_m, self._cells[label]
+        found = {number for one in changed for number in cells.within(one.position_m, reach_m)}
         owners = {owner.id: owner for number in found if (owner := self._owner.get(number))}
         found |= {one.number for owner in owners.values() for one in owner.landmarks}
-        return [one for one in landmarks if one.number in found]
+        return [self.graph.landmarks.all[number] for number in sorted(found)]
 
     def _join_oldest(self, item: _Object, own: Sequence[Landmark]) -> bool:
         """The two oldest of these visits to an object become one; whether there were two."""
@@ -227,7 +228,8 @@ class FloorMap:
             if not kept.is_apart(gone):
                 self.graph.join(kept, gone)
                 item.landmarks.remove(gone)
-                del self._labels[item.label][gone.number], self._owner[gone.number]
+                self._cells[item.label].remove(gone.number)
+                del self._owner[gone.number]
                 self._change(item.id)
                 return True
         return False
@@ -262,7 +264,8 @@ class FloorMap:
         item = self._objects.pop(identity)
         for one in item.landmarks:
             one.gone = True
-            del self._owner[one.number], self._labels[item.label][one.number]
+            del self._owner[one.number]
+            self._cells[item.label].remove(one.number)
         self._change(identity)
 
     def _change(self, identity: str) -> None:

@@ -107,8 +107,10 @@ class KeyframeTrajectory:
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""
-        if len(self._vectors) != len(self.poses):
-            self._vectors = np.array([pose.vector() for pose in self.poses])
+        known = len(self._vectors)
+        if known != len(self.poses):
+            new = np.array([pose.vector() for pose in self.poses[known:]]).reshape(-1, 3)
+            self._vectors = np.concatenate([self._vectors, new])
         return self._vectors
 
     def set_poses(self, poses: Array, covariances: Array, now_s: float) -> TrajectoryCorrection:

@@ -119,23 +119,23 @@ class Landmark:
         self.beside |= other.beside
         self.seen_at_m, self.updated = max(self.seen_at_m, other.seen_at_m), max(self.updated, other.updated)
 
-    def rebase(self, onto: Mapping[int, tuple[int, Array]]) -> None:
+    def rebase(self, onto: Mapping[int, tuple[int, SE2 | None]]) -> None:
         """Keyframes change: each observation moves to another one's frame. onto: by old row, the new row and the old
-        keyframe's pose (3,) in that one's frame."""
+        keyframe's pose in that one's frame, None where it stays."""
         if not self.keyframes:
             return
         moved: dict[int, Array] = {}
         for keyframe, row in zip(self.keyframes, self.rows, strict=True):
             new, pose = onto[keyframe]
-            row = _rebased(row, pose) if pose.any() else row
+            row = row if pose is None else _rebased(row, pose)
             moved[new] = moved[new] + row if new in moved else row
         self.keyframes = sorted(moved)
         self.rows = np.array([moved[keyframe] for keyframe in self.keyframes])
         views = []
         for keyframe, *place in self.views:
             new, pose = onto[keyframe]
-            x_m, y_m = SE2(*pose).apply(place)
-            views.append((new, float(x_m), float(y_m)))
+            x_m, y_m = place if pose is None else pose.apply(place).tolist()
+            views.append((new, x_m, y_m))
         self.views = views  # in the order they were seen
 
 
@@ -299,13 +299,13 @@ def _rotations(yaw_rad: Array) -> Array:
     return np.stack([c, -s, s, c], axis=-1).reshape(-1, 2, 2)
 
 
-def _rebased(row: NDArray[np.float64], pose: Array) -> Array:
-    """An observation's sums in the frame in which its own has this pose (3,)."""
-    (rotation,), moved = _rotations(pose[2:3]), row.copy()
+def _rebased(row: NDArray[np.float64], pose: SE2) -> Array:
+    """An observation's sums in the frame in which its own has this pose."""
+    rotation, moved = pose.rotation(), row.copy()
     xx, xy, yy = row[INFORMATION]
     information = rotation @ np.array([[xx, xy], [xy, yy]]) @ rotation.T
     moved[INFORMATION] = information[0, 0], information[0, 1], information[1, 1]
-    moved[VECTOR] = rotation @ row[VECTOR] + information @ pose[:2]
+    moved[VECTOR] = rotation @ row[VECTOR] + information @ [pose.x_m, pose.y_m]
     for part in (BIAS, RANGE, TILTED):
         moved[part] = rotation @ row[part]
     moved[BY_TILT] = (rotation @ row[BY_TILT].reshape(2, 2)).ravel()

@@ -29,7 +29,7 @@ def drop_keyframes(graph: PoseGraph) -> None:
         while into[kept] != kept:
             kept = into[kept]
         relative = trajectory.poses[kept].inverse() @ trajectory.poses[row]
-        onto[row] = kept - sum(other < kept for other in dropped), relative.vector() * (row != kept)
+        onto[row] = kept - sum(other < kept for other in dropped), relative if row != kept else None
     trajectory.drop(dropped)
     for landmark in graph.landmarks.all.values():
         landmark.rebase(onto)

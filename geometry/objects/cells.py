@@ -1,0 +1,59 @@
+"""Points of the plane in a grid of cells: what is near a place, whatever the size of the map."""
+
+import math
+from collections.abc import Hashable
+from typing import Generic, TypeVar
+
+from edgemap.geometry.arrays import Array
+
+CELL_M = 1.0
+
+Key = TypeVar("Key", bound=Hashable)
+
+
+class Cells(Generic[Key]):
+    """Keys with a position each."""
+
+    def __init__(self) -> None:
+        self._cells: dict[tuple[int, int], dict[Key, None]] = {}
+        self._places: dict[Key, tuple[float, float]] = {}
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def set(self, key: Key, position_m: Array) -> None:
+        """Add a key at (2,), or move it there."""
+        x_m, y_m = position_m.tolist()
+        before, cell = self._places.get(key), _cell(x_m, y_m)
+        self._places[key] = x_m, y_m
+        if before is not None:
+            if _cell(*before) == cell:
+                return
+            self._leave(key, *before)
+        self._cells.setdefault(cell, {})[key] = None
+
+    def remove(self, key: Key) -> None:
+        """Remove a key that is there."""
+        self._leave(key, *self._places.pop(key))
+
+    def within(self, point_m: Array, reach_m: float) -> list[Key]:
+        """Keys no farther than that from a point (2,), in no particular but a fixed order."""
+        x_m, y_m = point_m.tolist()
+        (i, j), ring, found = _cell(x_m, y_m), math.ceil(reach_m / CELL_M), list[Key]()
+        for a in range(i - ring, i + ring + 1):
+            for b in range(j - ring, j + ring + 1):
+                for key in self._cells.get((a, b), ()):
+                    at_x_m, at_y_m = self._places[key]
+                    if (at_x_m - x_m) ** 2 + (at_y_m - y_m) ** 2 <= reach_m * reach_m:
+                        found.append(key)
+        return found
+
+    def _leave(self, key: Key, x_m: float, y_m: float) -> None:
+        cell = _cell(x_m, y_m)
+        del self._cells[cell][key]
+        if not self._cells[cell]:
+            del self._cells[cell]
+
+
+def _cell(x_m: float, y_m: float) -> tuple[int, int]:
+    return math.floor(x_m / CELL_M), math.floor(y_m / CELL_M)
