@@ -65,7 +65,7 @@ view: $(call installed,$(VIEW))
 # one they are skipped and say so.
 test: setup
 	@scripts/system-packages chromium mosquitto mosquitto-clients g++ libfastrtps-dev libfastcdr-dev
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # Two minutes on two idle cores, after an edit: lint beside the tests of the geometry, the metrics, the step and the pages.
 QUICK := tests/geometry tests/evaluation tests/runtime/test_pipeline.py tests/runtime/test_mapper.py \

@@ -1,4 +1,4 @@
-"""What a robot pays for the whole step on this processor: latency by stage, processor time, memory.
+"""Cost of the complete step on this processor: latency by stage, processor time, memory.
 
 The step is what `run` drives, over the source's frames in order. Decoding is outside every clock.
 """
@@ -41,7 +41,7 @@ def drive_chunks(open_drive: OpenDrive) -> Iterator[tuple[SemanticSlam, list[Fra
 
 
 def read_frames(camera: Camera, count: int = CHUNK) -> list[Frame]:
-    """The next frames of a camera, so many at most."""
+    """The next frames of a camera, at most `count`."""
     frames = []
     while len(frames) < count and (frame := next_frame(camera, lambda _: None)) is not None:
         frames.append(frame)

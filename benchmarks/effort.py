@@ -1,4 +1,4 @@
-"""What doing less costs the map, beside what it saves: `python -m edgemap.benchmarks.effort demo drive:DIR`.
+"""Map quality and processor time at each step of the budget: `python -m edgemap.benchmarks.effort demo drive:DIR`.
 
 Every step of the budget's ladder is kept to for a whole drive, unpaced, so the figures do not depend on the machine's
 load but for processor time, which is that of the step alone.

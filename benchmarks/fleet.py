@@ -119,11 +119,11 @@ def main() -> None:
         folder = chosen.out or Path(temporary)
         figures = drive_all(drive, firsts, chosen.frames, folder)
         for number, start in enumerate(starts):
-            told = figures["fleet"]["robots"][f"robot{number}"]
-            told["f1"] = _f1(load_map(folder / f"run{number}"), start, truth)
-            if "pose_place_map" in told:
-                off = (starts[0].inverse() @ start).inverse() @ SE2(*told["pose_place_map"])
-                told["alignment_off"] = [round(float(np.hypot(off.x_m, off.y_m)), 3), round(off.yaw_rad, 4)]
+            record = figures["fleet"]["robots"][f"robot{number}"]
+            record["f1"] = _f1(load_map(folder / f"run{number}"), start, truth)
+            if "pose_place_map" in record:
+                off = (starts[0].inverse() @ start).inverse() @ SE2(*record["pose_place_map"])
+                record["alignment_off"] = [round(float(np.hypot(off.x_m, off.y_m)), 3), round(off.yaw_rad, 4)]
         place = load_map(folder / "place")
         figures |= {"objects": len(place), "f1": _f1(place, starts[0], truth)}
     print(json.dumps(figures, indent=1))

@@ -26,7 +26,7 @@ TIMED = 200  # frames
 
 
 def sightings(numbers: list[int], side: int, frame: int, random: np.random.Generator) -> list[PlacedSighting]:
-    """What one frame shows of some of the objects."""
+    """One frame's sightings of some of the objects."""
     found = []
     for row, number in enumerate(numbers):
         place = APART_M * np.array([number % side, number // side]) + random.normal(0.0, SIGMA_M, 2)

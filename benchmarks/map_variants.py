@@ -87,8 +87,9 @@ class SideBySide:
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A drive, the bundle that sees it, and what all variants share. frames: the first ones, None for all. confidence:
-    the bundle's own where None. imu: whether the drive's may be used."""
+    """A drive, its bundle, and the data that all variants share. frames: the first ones, None for all. confidence: the
+    bundle's own where None. imu: whether the drive's may be used.
+    """
 
     drive: Drive
     bundle: Bundle

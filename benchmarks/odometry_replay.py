@@ -45,10 +45,9 @@ def follow(
     frames: int | None = None,
     progress: Callable[[], object] = lambda: None,
 ) -> Followed:
-    """Feed every `every`-th frame from `first` on, `frames` of them at most, to the front end, and add up the motions.
-
-    progress: called after each frame that is fed. Raises OdometryError where the camera brings no true poses or fewer
-    than two frames.
+    """Passes every `every`-th frame from `first` on, at most `frames`, through the front end, and integrates the
+    motions. progress: called after each frame. Raises OdometryError where the camera brings no true poses or fewer than
+    two frames.
     """
     if camera.truth is None:
         raise OdometryError(f"{camera.name} brings no true poses of its own to compare with")

@@ -116,10 +116,10 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     """Means and worst homes of every variant, a line each, and what loop closure gave at worst."""
     lines = [f"{'':<28} {'':<5} " + " ".join(f"{key:>14}" for key in FIGURES)]
     for variant in rows[0]["maps"]:
-        for told, over in (("mean", mean), ("worst", worst)):
+        for row_name, over in (("mean", mean), ("worst", worst)):
             figures = over(rows, variant)
-            name = variant if told == "mean" else ""
-            lines.append(f"{name:<28} {told:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
+            name = variant if row_name == "mean" else ""
+            lines.append(f"{name:<28} {row_name:<5} " + " ".join(f"{_number(figures[key]):>14}" for key in FIGURES))
     for closed, none in CLOSURES:
         if found := gains(rows, closed, none):
             home = min(found, key=lambda name: found[name])
@@ -139,7 +139,7 @@ def worst(rows: list[dict[str, Any]], variant: str) -> dict[str, float | None]:
 
 
 def gains(rows: list[dict[str, Any]], closed: str, none: str) -> dict[str, float]:
-    """By how much loop closure raises F1, home by home."""
+    """Gain in F1 by loop closure, per home."""
     both = {row["home"]: (row["maps"].get(closed), row["maps"].get(none)) for row in rows}
     return {
         home: round(a["f1"] - b["f1"], 4)

@@ -38,7 +38,7 @@ class SensitivityOptions:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """A number, a factor on it, and by how much that changes the mean and the lowest F1."""
+    """A parameter, a factor on it, and the change of the mean and the lowest F1."""
 
     field: str
     factor: float
@@ -65,7 +65,7 @@ def numbers_of(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
 
 
 def scaled(tree: Any, path: str, factor: float) -> Any:
-    """The tree with one number times a factor; a whole number stays one, and at least 1."""
+    """The tree with one parameter times a factor; integers are rounded, to at least 1."""
     name, _, rest = path.partition(".")
     before = getattr(tree, name)
     if rest:
@@ -74,7 +74,7 @@ def scaled(tree: Any, path: str, factor: float) -> Any:
 
 
 def sweep(config: Tree, wanted: Sequence[str], score: Callable[[Tree], list[float]]) -> Iterator[Sensitivity]:
-    """Each wanted number halved and doubled against the tree as it is. score: F1 of every map."""
+    """Halves and doubles each selected parameter, relative to the given tree. score: F1 of every map."""
     plain = score(config)
     for field, _ in numbers_of(config):
         if not any(field == part or field.startswith(f"{part}.") for part in wanted):

@@ -1,8 +1,8 @@
-"""What the live page costs a step: `python -m edgemap.benchmarks.view_cost [--bundle B] [--rounds N]`.
+"""Cost of the live page per step: `python -m edgemap.benchmarks.view_cost [--bundle B] [--rounds N]`.
 
-Blocks of steps in turn within one run: without the page, with the page and nobody looking, with one viewer who takes
-all that he is sent. The cost is a ratio of the mean step, `write` included; the median over rounds. The viewer is a
-process of its own on this machine, so that what it takes from the cores is in the cost as well.
+Blocks of steps in turn within one run: without the page, with the page without viewers, and with one viewer that reads
+every update. The cost is a ratio of the mean step, `write` included; the median over rounds. The viewer is a process of
+its own on this machine, so that what it takes from the cores is in the cost as well.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _block(slam: SemanticSlam, frames: Iterator[Frame], page: LivePage | None, r
 
 
 def look(port: int) -> None:
-    """The viewer: takes every update and asks for the next, on and off as standard input says; prints what came."""
+    """The viewer: takes every update and asks for the next, on and off by standard input; prints its counts."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 

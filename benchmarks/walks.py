@@ -1,7 +1,7 @@
-"""`python -m edgemap.benchmarks.walks c2w:DIR...`: carried cameras, each several times, as a single run is chance.
+"""`python -m edgemap.benchmarks.walks c2w:DIR...`: carried cameras, several runs each, since a single run varies.
 
-Every drive is followed and mapped once for each number of corners, so that runs differ as chance has it. Drift is over
-segments that start at every frame, as such drives are short. Figures are means over the runs and the worst one.
+Every drive is followed and mapped once for each number of corners, which randomises the runs. Drift is over segments
+that start at every frame, as such drives are short. Figures are means over the runs and the worst one.
 """
 
 from __future__ import annotations

@@ -58,7 +58,9 @@ def overview() -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Entry point. Exit code 0; 2 for wrong usage; 1 for a known failure (one line), 3 camera lost, 4 disk."""
+    """Entry point. Exit code 0; 2 for wrong usage; 1 for an EdgemapError (one line); 3 where the camera is lost; 4 for
+    the disk.
+    """
     try:
         _main(sys.argv[1:] if arguments is None else arguments)
     except MemoryError:

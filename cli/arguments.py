@@ -8,7 +8,7 @@ import tyro
 
 
 def arg(**options: Any) -> Any:
-    """`tyro.conf.arg` without a default that says nothing: None, True and False stand in the help text's own words."""
+    """`tyro.conf.arg` that hides the defaults None, True and False: the help text itself describes them."""
     return tyro.conf.arg(help_behavior_hint=_default, **options)
 
 

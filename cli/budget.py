@@ -37,7 +37,7 @@ def read_share(text: str | None) -> float | None:
 
 
 def budgeted(camera: Camera, share: float | None, config: Path | None) -> BudgetedCamera:
-    """The camera under a budget, or under what a run.json says that one decided. Raises ConfigError."""
+    """The camera under a budget, or under the budget's decisions recorded in a run.json. Raises ConfigError."""
     from edgemap.runtime.inputs.budget import Budget
     from edgemap.runtime.inputs.cameras.around import BudgetedCamera
     from edgemap.runtime.step.config import load_efforts

@@ -74,10 +74,10 @@ def _by_board(
     with open_described(camera, camera_file) as source:
         lens = known_lens(source, intrinsics)
         fit = fit_mount(views_of(source, chessboard, frames), chessboard, lens, thickness)
-        known = source.mount
+        prior = source.mount
     print(f"{fit.views} views, {fit.rms_px:.3f} px off (root mean square), {fit.worst_view_px:.3f} px in the worst")
     _print_result(fit.mount, *fit.sigma)
-    return lens, (_with_lever_arm(fit.mount, known), fit.record())
+    return lens, (_with_lever_arm(fit.mount, prior), fit.record())
 
 
 def _by_room(
@@ -92,7 +92,7 @@ def _by_room(
     from edgemap.runtime.step.loop import stop_on_signals
 
     with open_described(camera, camera_file) as source, stop_on_signals() as stop:
-        lens, known, wheel = known_lens(source, intrinsics), source.mount, source.wheel
+        lens, prior, wheel = known_lens(source, intrinsics), source.mount, source.wheel
         up = gravity(ImuSamples.joined([frame.imu for frame in frames_of(source, frames or PICTURES, stop.is_set)]))
     depth = depth_pictures(camera)
     if depth is not None:
@@ -105,13 +105,13 @@ def _by_room(
         )
         _print_result(fit.mount, *fit.sigma)
         _compare_gravity(fit.mount, up)
-        return lens, (_with_lever_arm(fit.mount, known), fit.record())
+        return lens, (_with_lever_arm(fit.mount, prior), fit.record())
     recorded = wheel if isinstance(wheel, Path) else None
-    return lens, _by_edges(camera, camera_file, lens, known, height, recorded, up, frames)
+    return lens, _by_edges(camera, camera_file, lens, prior, height, recorded, up, frames)
 
 
 def _by_edges(
-    camera: str, camera_file: Path | None, lens: Intrinsics, known: Mount | None, height: float | None,
+    camera: str, camera_file: Path | None, lens: Intrinsics, prior: Mount | None, height: float | None,
     wheel: Path | None, up: Any, frames: int | None,
 ) -> Fit:  # fmt: skip
     from dataclasses import replace
@@ -149,7 +149,7 @@ def _by_edges(
         angles, sigma = pitch_roll(up), (OFFSET_RAD, OFFSET_RAD)
         offset_deg = round(math.degrees(OFFSET_RAD), 4)
         record = {"method": "gravity", "sigma_pitch_deg": offset_deg, "sigma_roll_deg": offset_deg}
-    tilted = _with_lever_arm(Mount(height or 1.0, *angles), known)
+    tilted = _with_lever_arm(Mount(height or 1.0, *angles), prior)
     sigma_m = 0.0
     if height is None and wheel is not None:
         with open_described(camera, camera_file) as source:
@@ -162,10 +162,10 @@ def _by_edges(
     return tilted, record
 
 
-def _with_lever_arm(mount: Mount, known: Mount | None) -> Mount:
+def _with_lever_arm(mount: Mount, prior: Mount | None) -> Mount:
     from dataclasses import replace
 
-    return mount if known is None else replace(mount, forward_m=known.forward_m, left_m=known.left_m)
+    return mount if prior is None else replace(mount, forward_m=prior.forward_m, left_m=prior.left_m)
 
 
 def _print_result(mount: Mount, height_m: float, pitch_rad: float, roll_rad: float) -> None:

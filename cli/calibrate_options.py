@@ -37,7 +37,7 @@ def read_board(text: str, square_m: float = 1.0) -> Board:
 
 
 def views_of(source: Camera, board: Board, pictures: int | None) -> list[BoardView]:
-    """Different views of the board, said one by one; Ctrl-C ends the search with what there is."""
+    """Different views of the board, printed one by one; Ctrl-C ends the search with the views so far."""
     from edgemap.runtime.step.calibration.board import board_views
     from edgemap.runtime.step.loop import stop_on_signals
 
@@ -70,14 +70,14 @@ def check_out(out: Path, camera_file: Path | None) -> None:
 def write_yaml(
     out: Path, camera_file: Path | None, lens: Intrinsics, mount: Mount | None, part: str, record: dict[str, Any]
 ) -> None:
-    """Write what is known now; frame rate, axis and other calibrations of the camera file stay. Raises CameraError."""
+    """Writes the new calibration and keeps the camera file's rate, axis and other calibrations. Raises CameraError."""
     from edgemap.runtime.frames.errors import CameraError
     from edgemap.runtime.inputs.drives.camera_yaml import CameraFile, read_camera_yaml, write_camera_yaml
 
-    known = read_camera_yaml(camera_file) if camera_file else CameraFile(lens)
-    calibration = known.calibration | {part: record}
+    existing = read_camera_yaml(camera_file) if camera_file else CameraFile(lens)
+    calibration = existing.calibration | {part: record}
     try:
-        write_camera_yaml(out, lens, mount, known.rate_hz, known.world_up or "z", calibration)
+        write_camera_yaml(out, lens, mount, existing.rate_hz, existing.world_up or "z", calibration)
     except OSError as error:
         raise CameraError(f"{out}: cannot be written ({error.strerror})") from None
     print(f"written to {out}")

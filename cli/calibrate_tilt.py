@@ -43,7 +43,7 @@ def command(
         lens = known_lens(source, intrinsics)
         if height is None and source.mount is None:
             raise OptionError(f"{source.name} does not know its height above the floor: pass --height METRES")
-        known = source.mount or Mount(height or 1.0)
+        prior = source.mount or Mount(height or 1.0)
         count = min(frames or source.frame_count or 10 * ENOUGH, source.frame_count or 10 * ENOUGH)
         every = max(1, math.ceil(count / ENOUGH))
         pictures = [
@@ -52,7 +52,7 @@ def command(
             if frame.index % every == 0
         ]
     fit = fit_tilt(pictures)
-    mount = replace(known, height_m=height or known.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)
+    mount = replace(prior, height_m=height or prior.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)
     share = f"{100 * fit.share:.0f} % of all edges' length, {fit.rms_deg:.2f} deg off"
     print(f"{fit.pictures} pictures, {fit.vertical} vertical and {fit.level} level edges ({share})")
     print(f"  pitch {math.degrees(fit.pitch_rad):7.3f} +- {math.degrees(fit.sigma[0]):.3f} deg (positive down)")

@@ -13,9 +13,9 @@ OWN = ("config", "config-options")
 
 
 def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
-    """An argument list with the options of its `--config FILE` put before what was typed, which wins.
+    """An argument list with the options of its `--config FILE` before the typed ones, which take precedence.
 
-    Without `--config-options` a file sets tuned numbers alone, and its options are named as not used. command: whose
+    Without `--config-options` a file sets tuned parameters only, and its options are reported as unused. command: whose
     flags they are. Raises OptionError for an option that the command does not have, ConfigError for the file.
     """
     path = _value_of("--config", argv)
@@ -30,13 +30,13 @@ def config_arguments(argv: list[str], command: Callable[..., Any]) -> list[str]:
             named = ", ".join(str(name) for name in options)
             print_message(f"{path}: tuning only; its options ({named}) are used with --config-options")
         return argv
-    known = flags_of(command)
+    flags = flags_of(command)
     words: list[str] = []
     for name, value in options.items():
         flag = str(name).replace("_", "-")
-        if flag not in known or flag in OWN:
+        if flag not in flags or flag in OWN:
             raise OptionError(f"{path}: options: {name} is not an option of edgemap run")
-        default, spellings = known[flag]
+        default, spellings = flags[flag]
         if spellings & {word.partition("=")[0] for word in argv}:
             continue
         added = _words(flag, value, default, f"{path}: options: {name}")

@@ -165,8 +165,8 @@ def _print(own: dict[str, Any]) -> None:
         height = f"{fit['height_mean_m']:.2f} m, at most {fit['height_max_m']:.2f} m"
         print(f"  3 of 6    integrated, off the full poses: {off}; height left out: {height}")
     for member, shares in own["availability"].items():
-        told = ", ".join(f"{key.replace('_', ' ')} {100 * share:.1f} %" for key, share in shares.items())
-        print(f"  {member:<9} {told}")
+        line = ", ".join(f"{key.replace('_', ' ')} {100 * share:.1f} %" for key, share in shares.items())
+        print(f"  {member:<9} {line}")
     if attitude := own.get("attitude"):
         _print_attitude(attitude)
     if worst := own.get("worst"):

@@ -109,7 +109,7 @@ def command(
 
 
 def describe(folder: Path, manifest: object) -> None:
-    """Say what a bundle holds and how near its source it is."""
+    """Prints a bundle's contents and its deviation from the source."""
     from edgemap.runtime.network.manifest import Manifest
 
     assert isinstance(manifest, Manifest)

@@ -1,4 +1,4 @@
-"""Says which optional part of the installation a command lacks, before it starts."""
+"""Checks that the extras of a command are installed, before it starts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Groups of options that several commands share: each is a dataclass, a box of its own in `--help`, and knows what to
-open. No heavy imports here."""
+"""Groups of options that several commands share: each is a dataclass, has its own box in `--help`, and opens what its
+options name. No heavy imports here.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Optics:
-    """How the camera sits and sees: `run`, `bench`, `detect`."""
+    """Mount and intrinsics: `run`, `bench`, `detect`."""
 
     mount: MountText = None
     intrinsics: IntrinsicsText = None

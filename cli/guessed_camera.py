@@ -1,4 +1,4 @@
-"""`edgemap run` with a camera that nobody has measured: lens and mount are guessed from its first pictures."""
+"""`edgemap run` with an uncalibrated camera: intrinsics and mount are estimated from its first pictures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LIVE_S, LIVE_EVERY_S = 8.0, 0.2  # of a live camera, and between two pictures
 
 
 def floor_camera_of(camera: Source, source: Camera, bundle: Bundle) -> tuple[FloorCamera, CameraGuess | None]:
-    """Lens and mount as given, or guessed where either is not known; a guess is printed with its uncertainty.
+    """Intrinsics and mount as given, or guessed where either is missing; a guess is printed with its uncertainty.
 
     Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
     """

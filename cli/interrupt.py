@@ -1,4 +1,4 @@
-"""Ctrl-C while modules load: libraries make errors of their own of it, or lose it; so it waits for the import's end."""
+"""Delays Ctrl-C during imports, since some libraries swallow it or turn it into another error."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ AGAIN_AFTER_S = 0.02
 
 @contextmanager
 def interrupts_after_imports() -> Iterator[None]:
-    """In the block, a Ctrl-C that comes in the middle of an import raises KeyboardInterrupt when that is done.
+    """In the block, a Ctrl-C during an import raises KeyboardInterrupt when the import has finished.
 
     An extension module that is interrupted while it starts says "initialization failed", or prints a traceback and
-    goes on; interrupted clean-up code of the import system forgets the Ctrl-C. A second one is raised at once. Does
-    nothing off the main thread, and where Ctrl-C was given another meaning before.
+    goes on; interrupted clean-up code of the import system drops the Ctrl-C. A second one is raised at once. Has no
+    effect outside the main thread, or where another handler for Ctrl-C is installed.
     """
     waiting = False
 

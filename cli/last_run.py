@@ -8,7 +8,7 @@ from edgemap.cli.errors import OptionError
 
 
 def last_run(folder: Path = Path("runs")) -> Path:
-    """The newest run folder in `runs/`, by when its run.json was written. Raises OptionError where there is none."""
+    """The newest run folder in `runs/`, by the time of its run.json. Raises OptionError where there is none."""
     found = [path for path in folder.glob("*/run.json") if path.is_file()]
     if not found:
         raise OptionError(f"no run in {folder}/: give a map.json or a run folder, or make one with `edgemap run`")

@@ -1,4 +1,4 @@
-"""`edgemap run --view`: opens the live page beside a run, or nothing where none is asked for."""
+"""`edgemap run --view`: opens the live page of a run, or a null object without the flag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LOOK_EVERY_S = 0.1
 
 
 class NoPage:
-    """A run that nobody watches."""
+    """Null object for a run without a live page."""
 
     sinks: Sequence[Sink] = ()
 
@@ -37,13 +37,13 @@ class NoPage:
         return source
 
     def judged_by(self, verdict: Callable[[], Verdict]) -> None:
-        """Nobody is shown it."""
+        """Ignored."""
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
         """Nothing stays."""
 
     def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
-        """Nobody asks to go anywhere."""
+        """Ignored."""
 
 
 class OpenPage(NoPage):
@@ -123,7 +123,7 @@ def live_page(
 
 
 def about_run(source: Camera, bundle: Bundle, floor: FloorCamera, odometry: str, folder: Path) -> dict[str, Any]:
-    """What the page says of the run, and needs to know of the camera to draw."""
+    """Description of the run for the page, with the camera's calibration for drawing."""
     from edgemap.geometry.map_object import CHI2_95
     from edgemap.runtime.frames.colours import SHAPES, label_mark
     from edgemap.runtime.frames.reading import printable

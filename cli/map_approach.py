@@ -83,13 +83,13 @@ def _chosen(objects: list[MapObject], wanted: str | None, label: str | None, nea
         return found[0]
     found = nearest(objects, near_m, label, 1)
     if not found:
-        known = known_names([label or ""], [item.label for item in objects], "it has")
-        raise OptionError(f"--label {label}: no such object on the map; {known}")
+        hint = known_names([label or ""], [item.label for item in objects], "it has")
+        raise OptionError(f"--label {label}: no such object on the map; {hint}")
     return found[0][1]
 
 
 def publish_goal(pose: SE2) -> None:
-    """Publish a goal for whoever drives. Raises Ros2Error where nobody reads it within a while."""
+    """Publishes a goal for a navigation stack. Raises Ros2Error where no subscriber appears in time."""
     import time
 
     from edgemap.runtime.frames.errors import Ros2Error

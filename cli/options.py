@@ -143,14 +143,14 @@ def numbers(text: str, option: str, names: str) -> list[float]:
 
 
 def at_least(minimum: int, **values: int | None) -> None:
-    """Refuse whole numbers below `minimum`; keywords are option names, None passes. Raises OptionError."""
+    """Rejects integers below `minimum`; keywords are option names, None is accepted. Raises OptionError."""
     for name, value in values.items():
         if value is not None and value < minimum:
             raise OptionError(f"--{name} {value}: must be {minimum} or more")
 
 
 def in_unit(**values: float | None) -> None:
-    """Refuse numbers not above 0 and at most 1; keywords are option names, None passes. Raises OptionError."""
+    """Rejects numbers outside (0, 1]; keywords are option names, None is accepted. Raises OptionError."""
     for name, value in values.items():
         if value is not None and not 0.0 < value <= 1.0:
             raise OptionError(f"--{name} {value}: must be above 0 and at most 1")
@@ -162,15 +162,15 @@ def minimum_score(confidence: float | None, bundle: Bundle) -> float:
     return bundle.manifest.confidence if confidence is None else confidence
 
 
-def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
-    """`--mount HEIGHT_M,PITCH_DEG` over what is known already: roll and lever arm stay as they are."""
+def read_mount(text: str | None, prior: Mount | None = None) -> Mount | None:
+    """Applies `--mount HEIGHT_M,PITCH_DEG` to a prior mount: its roll and lever arm stay."""
     from dataclasses import replace
 
     from edgemap.geometry.camera.mount import Mount
     from edgemap.geometry.errors import GeometryError
 
     if text is None:
-        return known
+        return prior
     try:
         given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
     except GeometryError as error:
@@ -179,7 +179,7 @@ def read_mount(text: str | None, known: Mount | None = None) -> Mount | None:
         raise OptionError(
             f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m"
         )
-    return given if known is None else replace(known, height_m=given.height_m, pitch_rad=given.pitch_rad)
+    return given if prior is None else replace(prior, height_m=given.height_m, pitch_rad=given.pitch_rad)
 
 
 def read_numbers_of_lens(text: str | None) -> list[float] | None:
@@ -223,10 +223,9 @@ def find_bundle(
     engine: EngineChoice | Literal["default"] = "default",
     recorded: Decisions | None = None,
 ) -> Bundle:
-    """Load a bundle by folder or name; a known name that is not in the cache is pulled first.
-
-    specs: the sources that it is for, which choose where there is no name; standard error then says which, and why.
-    recorded: engine and precision of the run that made a recording, taken where none is asked for.
+    """Load a bundle by folder or name; a listed name that is not in the cache is pulled first. specs: the sources of
+    the run, which select the default bundle; standard error then names it with the reason. recorded: engine and
+    precision of the run that made a recording, taken where none is asked for.
     """
     at_least(1, threads=threads)
     if threads is not None and threads > MAXIMUM_THREADS:
@@ -286,8 +285,7 @@ def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions 
 
 
 def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
-    """`--classes chair,couch`: which of the classes that the bundle knows go on the map, instead of those that stand in
-    homes. Raises OptionError."""
+    """`--classes chair,couch`: the bundle's classes to map, instead of the household classes. Raises OptionError."""
     if text is None:
         return bundle.mapped
     chosen = frozenset(name.strip() for name in text.split(",") if name.strip())
@@ -299,7 +297,7 @@ def choose_classes(text: str | None, bundle: Bundle) -> frozenset[str]:
 
 
 def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str:
-    """What to type for names that are not known: the ones they come close to, else all that are known."""
+    """A hint for unknown names: similar valid names, or else all valid ones."""
     from difflib import get_close_matches
 
     names = sorted(set(known))
@@ -346,7 +344,7 @@ def open_described(
 
 
 def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
-    """What the run goes by: flags before what camera file and source say. Raises OptionError."""
+    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
     lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
     camera_mount = read_mount(mount, camera.mount)
     if lens is None:

@@ -84,7 +84,7 @@ def open_publishers(
 
 
 def host_and_port(text: str, option: str, port: int) -> tuple[str, int]:
-    """`HOST`, `HOST:PORT` or `[IPv6]:PORT`. port: where it says none. Raises OptionError."""
+    """`HOST`, `HOST:PORT` or `[IPv6]:PORT`. port: the default. Raises OptionError."""
     host, colon, digits = text.rpartition(":")
     if not colon or text.endswith("]"):
         host, digits = text, str(port)

@@ -55,9 +55,8 @@ def known(name: str) -> bool:
 
 
 def pull_known(name: str, given: str | None = None) -> Path:
-    """Fetch a known model and export it into the cache; gives the bundle's folder, at once where it is there already.
-
-    given: a file or URL instead of the known sources. Raises BundleError for an unknown name, MissingExtraError,
+    """Fetches a listed model and exports it into the cache. Returns the bundle's folder, at once where it is cached.
+    given: a file or URL instead of the listed sources. Raises BundleError for an unknown name, MissingExtraError,
     DownloadError or ExportError.
     """
     from edgemap.cli.extras import need_export

@@ -1,4 +1,4 @@
-"""`edgemap run --ros2`: what the flags say of publishing, and the sink that does it."""
+"""`edgemap run --ros2`: the flags for publishing, and the sink that publishes."""
 
 from __future__ import annotations
 

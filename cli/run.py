@@ -201,8 +201,8 @@ class _Drive:
         out, watch, odometry = self.options.outputs, self.options.watch, self.options.robot.odometry
         decided = Decisions(self.loaded.engine, self.loaded.precision)
         publishers = open_publishers(self.floor, watch.foxglove, watch.rerun, watch.rerun_pictures, out.mqtt, out.robot)
-        known = self.place.path if self.place and self.place.exists else None
-        fleet = fleet_sinks(out.fleet, out.robot, known)
+        saved = self.place.path if self.place and self.place.exists else None
+        fleet = fleet_sinks(out.fleet, out.robot, saved)
         tape = recording_sinks(out.recording, out.lossless, self.source, self.floor, odometry, decided)
         live = ros2_sinks(
             out.ros2, self.source, self.floor, namespace=out.ros2_namespace, frames=out.ros2_frames,

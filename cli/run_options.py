@@ -163,7 +163,7 @@ class RunOptions:
 
     @property
     def pace_files(self) -> bool:
-        """Whether files come by their stamps: asked for, or somebody follows the run as it goes."""
+        """Whether file sources are paced by their stamps: on request, or because a live output follows the run."""
         return self.camera.realtime or self.watch.foxglove is not None or self.outputs.ros2 or self.budgeted
 
     @property

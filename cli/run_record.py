@@ -1,4 +1,4 @@
-"""What run.json says of a run before its first frame."""
+"""The entries of run.json that are fixed before the first frame."""
 
 from __future__ import annotations
 

@@ -102,11 +102,11 @@ def _start_pose(start: str, annotations: Annotations, last: SE2 | None) -> SE2:
 
     from edgemap.geometry.se2 import SE2
 
-    known = {"dock": annotations.dock, "last": last}
-    if start not in known:
+    starts = {"dock": annotations.dock, "last": last}
+    if start not in starts:
         x_m, y_m, yaw_deg = numbers(start, "--start", "X,Y,YAW_DEG")
         return SE2(x_m, y_m, radians(yaw_deg))
-    pose = known[start]
+    pose = starts[start]
     if pose is None:
         lacks = {"dock": "dock (set it on the live page or with PUT /api/dock)", "last": "last pose"}[start]
         raise OptionError(f"--start {start}: the map has no {lacks}")

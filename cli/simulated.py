@@ -1,4 +1,4 @@
-"""`sim:SEED` as a camera and as data: the command line is the only room that knows both runtime and simulation."""
+"""`sim:SEED` as a camera and as data: only the command line imports both runtime and simulation."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Summary:
 
 @contextmanager
 def with_map_so_far(summary: Summary, folder: Path) -> Iterator[None]:
-    """A known failure in the block names the map that it leaves behind, where there is one."""
+    """Adds the location of the map so far to the message of an EdgemapError in the block."""
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.runtime.frames.errors import RunFolderError
 

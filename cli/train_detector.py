@@ -137,8 +137,8 @@ def command(
     )
     start = load_network(bundle, all_layers)
     network = start if weights is None else load_network(str(weights), all_layers)
-    known = start if keep in (None, "none") else load_network(str(keep))
-    for other, path in ((network, weights), (known, keep)):
+    reference = start if keep in (None, "none") else load_network(str(keep))
+    for other, path in ((network, weights), (reference, keep)):
         if other.names != start.names:
             raise OptionError(f"{path}: knows {len(other.names)} other classes than {bundle} with {len(start.names)}")
     print(f"reading {', '.join(data)} …", flush=True)
@@ -152,9 +152,9 @@ def command(
         f"{sum(map(len, held_back.values()))} to validate on",
         flush=True,
     )
-    if bare := [spec for spec, pictures in held_back.items() if not any(one.told.any() for one in pictures)]:
+    if bare := [spec for spec, pictures in held_back.items() if not any(one.complete.any() for one in pictures)]:
         raise OptionError(f"--validation {bare[0]}: pictures without labels need a --teacher")
-    trainer = Trainer(network, examples, held_back, output, settings, known)
+    trainer = Trainer(network, examples, held_back, output, settings, reference)
     if resume:
         trainer.resume()
     best = trainer.run()

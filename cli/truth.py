@@ -1,4 +1,4 @@
-"""What is known of the objects where a camera drives, and what that says of a map."""
+"""The true objects of a source, and the evaluation of a map against them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def judge_of(
 
 
 def object_lines(objects: Sequence[MapObject], evaluation_rows: Sequence[EvaluationRow]) -> list[str]:
-    """The map for a terminal, an object a line; where the truth is known also what it says, and what is missing."""
+    """The map for a terminal, one line per object, with its evaluation and the missed objects where there is truth."""
     import numpy as np
 
     from edgemap.geometry.objects.evaluation_row import tally

@@ -19,7 +19,7 @@ FRAME = re.compile(r"^[│╭╰─╮╯ ]?|[│╮╯]\s*$")
 
 
 def parse_and_call(command: Callable[..., Any], words: str, rest: list[str]) -> None:
-    """Call a command with what `rest` says. Wrong usage is one line on standard error, and exit code 2."""
+    """Calls a command with the arguments `rest`. Wrong usage prints one line to standard error; exit code 2."""
     import tyro
 
     said, real = io.StringIO(), sys.stderr

@@ -1,4 +1,4 @@
-"""Detections counted as the paper's Table 2 counts them: found, false, and not found."""
+"""Detection counts of the paper's Table 2: detected, false, and missed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INSIDE_SHARE = 0.5  # of a detection, within a true box that nobody is asked for
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """true: boxes asked for. found: of those, detected. false: detections of nothing. Missed are true less found."""
+    """true: boxes to detect. found: detected ones of these. false: false positives. Missed is true minus found."""
 
     true: int = 0
     found: int = 0
@@ -35,7 +35,7 @@ class Counts:
 def count_detections(pictures: Iterable[ScoredPicture], label: int) -> Counts:
     """Match the detections of one class picture by picture, best score first, one to one, at IoU 0.5 or more.
 
-    A detection of an ignored true box, or one that lies in it by more than half, is neither found nor false.
+    A detection of an ignored true box, or one that lies in it by more than half, is ignored.
     """
     return sum((_count(picture, label) for picture in pictures), Counts())
 

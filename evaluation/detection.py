@@ -24,7 +24,7 @@ class EvaluationError(EdgemapError):
 class ScoredPicture:
     """Truth and detections of one picture. Boxes (N, 4) xyxy px; labels index a common list; scores (N,).
 
-    ignored: true boxes that nobody is asked for, bool (N,); None where all count.
+    ignored: true boxes that are not scored, bool (N,); None where all are.
     """
 
     width: int
@@ -43,15 +43,23 @@ class ScoredPicture:
         true_boxes: NDArray[np.float64],
         true_labels: Sequence[str],
         ignored: NDArray[np.bool_],
-        found: Detections,
+        detections: Detections,
         numbers: Mapping[str, int],
     ) -> ScoredPicture:
         """A picture of `size` (width, height) px by the classes in `numbers`, name to class id; others are left out."""
-        known = [row for row, label in enumerate(true_labels) if label in numbers]
-        labels = np.array([numbers[true_labels[row]] for row in known], dtype=np.int64)
-        mine = np.isin(found.class_ids, list(numbers.values()))
-        boxes = true_boxes[known].reshape(-1, 4)
-        return cls(*size, boxes, labels, found.boxes[mine], found.class_ids[mine], found.scores[mine], ignored[known])
+        scored_rows = [row for row, label in enumerate(true_labels) if label in numbers]
+        labels = np.array([numbers[true_labels[row]] for row in scored_rows], dtype=np.int64)
+        mine = np.isin(detections.class_ids, list(numbers.values()))
+        boxes = true_boxes[scored_rows].reshape(-1, 4)
+        return cls(
+            *size,
+            boxes,
+            labels,
+            detections.boxes[mine],
+            detections.class_ids[mine],
+            detections.scores[mine],
+            ignored[scored_rows],
+        )
 
 
 def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -> dict[str, Any]:
@@ -65,7 +73,7 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
         from faster_coco_eval import COCO, COCOeval_faster
     except ImportError:
         raise EvaluationError("detection figures need faster-coco-eval (extra evaluation)") from None
-    truth, found = [], []
+    truth, results = [], []
     for number, picture in enumerate(pictures, start=1):
         ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
         for box, label, crowd in zip(picture.true_boxes, picture.true_labels, ignored, strict=True):
@@ -73,13 +81,13 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
             about = {"id": len(truth) + 1, "iscrowd": int(crowd), "area": record["bbox"][2] * record["bbox"][3]}
             truth.append(record | about)
         for box, label, score in zip(picture.boxes, picture.labels, picture.scores, strict=True):
-            found.append(_record(number, box, label) | {"score": float(score)})
+            results.append(_record(number, box, label) | {"score": float(score)})
     asked = [record for record in truth if not record["iscrowd"]]
     if not asked:
         raise EvaluationError(f"no true boxes in {len(pictures)} pictures: nothing to score")
     used = sorted({record["category_id"] for record in asked})
     counts = {"pictures": len(pictures), "boxes_true": len(asked), "boxes_ignored": len(truth) - len(asked)}
-    if not found:
+    if not results:
         none = {names[label - 1]: {"ap": 0.0, "ap50": 0.0} for label in used}
         return {"ap": 0.0, "ap50": 0.0, "per_class": none, **counts}
     document = {
@@ -90,7 +98,7 @@ def average_precision(pictures: Sequence[ScoredPicture], names: Sequence[str]) -
     }
     with contextlib.redirect_stdout(io.StringIO()):
         reference = COCO(document)
-        score = COCOeval_faster(reference, reference.loadRes(found), iouType="bbox")
+        score = COCOeval_faster(reference, reference.loadRes(results), iouType="bbox")
         score.evaluate()
         score.accumulate()
     precision = score.eval["precision"][:, :, :, 0, -1]  # IoU x recall x class, all sizes, 100 detections
@@ -114,14 +122,15 @@ def _record(number: int, box: NDArray[np.float64], label: int) -> dict[str, Any]
 
 
 def _mean(precision: NDArray[np.float64]) -> float:
-    known = precision[precision > -1]
-    return round(float(known.mean()), 6) if known.size else 0.0
+    valid = precision[precision > -1]
+    return round(float(valid.mean()), 6) if valid.size else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matches:
-    """What became of a picture's boxes at IoU 0.5. hit: (N,) of the detections; free: (N,), neither hit nor false, as
-    they lie in an ignored box; found: (G,) of the true boxes."""
+    """Matches of a picture's boxes at IoU 0.5. hit: (N,), detections that match; free: (N,), detections in an ignored
+    box, which are not scored; found: (G,), true boxes that are matched.
+    """
 
     hit: NDArray[np.bool_]
     free: NDArray[np.bool_]
@@ -129,7 +138,7 @@ class Matches:
 
 
 def match_boxes(picture: ScoredPicture, overlap: float = 0.5) -> Matches:
-    """Each detection, best score first, takes the true box of its class that it overlaps most and nobody has yet."""
+    """Matches each detection, best score first, to the free true box of its class with the greatest overlap."""
     ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
     hit, free = (np.zeros(len(picture.boxes), bool) for _ in range(2))
     found = np.zeros(len(picture.true_boxes), bool)

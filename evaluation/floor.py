@@ -29,26 +29,27 @@ class FloorScore:
         """One picture: the mask, the true labels (H, W) of all its pixels, and its camera where a mount is known."""
         rows, columns = truth.shape
         v, u = np.mgrid[0:rows, 0:columns]
-        found = mask.at(np.column_stack([u.ravel(), v.ravel()])).reshape(rows, columns) >= 0.5
-        true, known = truth == FLOOR, truth != UNKNOWN
-        self._overlap += int((found & true & known).sum())
-        self._union += int(((found | true) & known).sum())
+        predicted = mask.at(np.column_stack([u.ravel(), v.ravel()])).reshape(rows, columns) >= 0.5
+        true, labelled = truth == FLOOR, truth != UNKNOWN
+        self._overlap += int((predicted & true & labelled).sum())
+        self._union += int(((predicted | true) & labelled).sum())
         self.pictures += 1
-        expected, columns_px = contacts(true, known)
-        seen = contact_rows(found)[columns_px]
-        self._errors_px.append(np.abs(seen - expected))
+        expected, columns_px = contacts(true, labelled)
+        predicted_contacts = contact_rows(predicted)[columns_px]
+        self._errors_px.append(np.abs(predicted_contacts - expected))
         if camera is None:
             return
         self._mounted = True
         at = camera.floor_points(np.column_stack([columns_px, expected]))
         near = np.hypot(at[:, 0], at[:, 1]) <= NEAR_M  # NaN is not
-        other = camera.floor_points(np.column_stack([columns_px, seen])[near])
+        other = camera.floor_points(np.column_stack([columns_px, predicted_contacts])[near])
         gap = np.hypot(*(other - at[near]).T)
         self._errors_m.append(np.where(np.isfinite(gap), gap, np.inf))
 
     def row(self) -> dict[str, float | int | None]:
         """iou, pooled over pixels; boundary_px and contact_m, medians over columns where the truth has a contact; None
-        where nothing was to be scored, or no mount is known."""
+        where nothing could be scored, or without a mount.
+        """
         return {
             "iou": round(self._overlap / self._union, 4) if self._union else None,
             "boundary_px": _median(self._errors_px),
@@ -68,13 +69,14 @@ def contact_rows(floor: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.where(floor.any(axis=0), top + 0.5, rows - 0.5)
 
 
-def contacts(floor: NDArray[np.bool_], known: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Rows and columns of the contacts in true labels: where floor ends at something else that is known, not at the
-    picture's upper border."""
+def contacts(floor: NDArray[np.bool_], labelled: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Rows and columns of the contacts in true labels: where floor ends at another labelled class, not at the picture's
+    upper border.
+    """
     rows = contact_rows(floor)
     columns = np.flatnonzero(floor.any(axis=0) & (rows > 0.0))
     beyond = np.floor(rows[columns]).astype(np.intp)
-    fine = known[beyond, columns]
+    fine = labelled[beyond, columns]
     return rows[columns][fine], columns[fine]
 
 

@@ -34,9 +34,9 @@ class TrueFloor:
 def score_grid(grid: OccupancyGrid | None, truth: TrueFloor) -> dict[str, Any]:
     """`free`: precision (cells that are floor without furniture), precision_10cm (within 10 cm of such), recall (of all
     such floor). `occupied`: precision_10cm (within 10 cm of a wall or furniture). `walls`: recall, of the wall's edge
-    within 25 cm of floor that the grid has as free, how much has an occupied cell within 10 cm. None where nothing
-    is to be judged. No alignment; a footprint is furniture's bounding rectangle, so the floor under a table is none.
-    Of a grid that is None nothing is known.
+    within 25 cm of floor that the grid has as free, how much has an occupied cell within 10 cm. None where nothing can
+    be scored. No alignment; a footprint is furniture's bounding rectangle, so the floor under a table does not count as
+    floor. A grid of None is entirely unknown.
     """
     grid = grid or OccupancyGrid(np.zeros((1, 1), np.int8), 0.0, 0.0, GridRule().cell_m)
     cells, kinds = _on_one_lattice(grid, truth)

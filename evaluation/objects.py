@@ -19,7 +19,8 @@ CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away says nothi
 
 @dataclass(frozen=True, slots=True)
 class TrueObject:
-    """What stands in the room. x_m, y_m: centre of the footprint, start-pose frame. frames: in how many it was seen.
+    """A true object. x_m, y_m: centre of the footprint, start-pose frame. frames: number of frames in which it is
+    visible.
 
     footprint_m: its corners, same frame; empty where unknown.
     """
@@ -33,7 +34,7 @@ class TrueObject:
 
 
 def scored(truth: Sequence[TrueObject], minimum_frames: int = MINIMUM_FRAMES) -> list[TrueObject]:
-    """Those that a map must hold: on the floor, and seen often enough."""
+    """The objects that a map must contain: on the floor, and visible often enough."""
     return [item for item in truth if item.on_floor and item.frames >= minimum_frames]
 
 
@@ -54,18 +55,18 @@ def score_map(
     labels = sorted({item.label for item in objects} | {item.label for item in truth})
     matches = {label: _match(label, objects, truth, radius_m, minimum_frames) for label in labels}
     figures = _figures(list(matches.values()))
-    figures["reliability"] = reliability([told for match in matches.values() for told in match.told])
+    figures["reliability"] = reliability([outcome for match in matches.values() for outcome in match.outcomes])
     figures["per_class"] = {label: _figures([match]) for label, match in matches.items() if match.counts}
     return figures
 
 
-def reliability(told: Sequence[tuple[float, bool]]) -> dict[str, Any]:
+def reliability(outcomes: Sequence[tuple[float, bool]]) -> dict[str, Any]:
     """How true confidences are, from (confidence, whether it was matched) of mapped objects.
 
     Gives `bins`, those with any objects: from and to, how many there are, how many of them are real, and their mean
     confidence; and `ece`, the expected calibration error (Guo et al. 2017), null without objects.
     """
-    confidences, real = np.array(told, dtype=np.float64).reshape(-1, 2).T
+    confidences, real = np.array(outcomes, dtype=np.float64).reshape(-1, 2).T
     places = np.clip(np.searchsorted(CONFIDENCE_BINS, confidences, side="right") - 1, 0, len(CONFIDENCE_BINS) - 2)
     bins = [
         {
@@ -78,19 +79,19 @@ def reliability(told: Sequence[tuple[float, bool]]) -> dict[str, Any]:
         for place in sorted(set(places.tolist()))
     ]
     error = sum(abs(one["real"] - one["objects"] * one["mean_confidence"]) for one in bins)
-    return {"ece": round(error / len(told), 4) if told else None, "bins": bins}
+    return {"ece": round(error / len(outcomes), 4) if outcomes else None, "bins": bins}
 
 
 @dataclass(frozen=True, slots=True)
 class _Match:
     """Errors and coverage of the pairs found; mapped and true: how many count. nees and ellipses_m2: of every mapped
-    object near a true one. told: confidence of every mapped object that counts, and whether it was matched."""
+    object near a true one. outcomes: confidence of every mapped object that counts, and whether it was matched."""
 
     errors_m: list[float]
     covered: list[bool]
     nees: list[float]
     ellipses_m2: list[float]
-    told: list[tuple[float, bool]]
+    outcomes: list[tuple[float, bool]]
     mapped: int
     true: int
 
@@ -106,8 +107,8 @@ def _match(
     standing = [item for item in truth if item.label == label and item.on_floor]
     wanted = scored(standing, minimum_frames)
     pairs = pairs_within(mapped, wanted, radius_m)
-    found = {row for row, _ in pairs}
-    left = [item for row, item in enumerate(mapped) if row not in found]
+    matched = {row for row, _ in pairs}
+    left = [item for row, item in enumerate(mapped) if row not in matched]
     ignored = pairs_within(left, [item for item in standing if item.frames < minimum_frames], radius_m)
     errors = [float(np.linalg.norm(_offset_m(mapped[row], wanted[column]))) for row, column in pairs]
     covered = [_mahalanobis2(mapped[row], wanted[column]) <= CHI2_95 for row, column in pairs]
@@ -115,8 +116,8 @@ def _match(
     nees = [_mahalanobis2(item, real) / 2.0 for item, real in near]
     ellipses = [np.pi * CHI2_95 * float(np.sqrt(np.linalg.det(item.covariance_m2))) for item, _ in near]
     unjudged = {id(left[row]) for row, _ in ignored}
-    told = [(item.confidence, row in found) for row, item in enumerate(mapped) if id(item) not in unjudged]
-    return _Match(errors, covered, nees, ellipses, told, len(mapped) - len(ignored), len(wanted))
+    outcomes = [(item.confidence, row in matched) for row, item in enumerate(mapped) if id(item) not in unjudged]
+    return _Match(errors, covered, nees, ellipses, outcomes, len(mapped) - len(ignored), len(wanted))
 
 
 def _offset_m(item: MapObject, real: TrueObject) -> NDArray[np.float64]:

@@ -60,12 +60,12 @@ def errors_of(
     (N,)."""
     if len(true) < 2:
         raise ValueError(f"{len(true)} poses: a motion needs two")
-    steps_true, steps_found = motions(true), motions(estimated)
-    steps = motion_errors(steps_true, steps_found)
+    steps_true, steps_estimated = motions(true), motions(estimated)
+    steps = motion_errors(steps_true, steps_estimated)
     starts = [true[0].inverse() @ pose for pose in true], [estimated[0].inverse() @ pose for pose in estimated]
     still = [
-        (math.hypot(found.x_m, found.y_m), abs(found.yaw_rad))
-        for wanted, found in zip(steps_true, steps_found, strict=True)
+        (math.hypot(motion.x_m, motion.y_m), abs(motion.yaw_rad))
+        for wanted, motion in zip(steps_true, steps_estimated, strict=True)
         if math.hypot(wanted.x_m, wanted.y_m) < STILL_M and abs(wanted.yaw_rad) < STILL_RAD
     ]
     windows: dict[float, Array] = {}
@@ -84,9 +84,9 @@ def errors_of(
 
 
 def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
-    """The figures of drives put together: every segment, frame and pose counts once, whichever drive it is of.
+    """The figures of all drives pooled: every segment, frame and pose counts once.
 
-    A length that fits in none is null. `paper_rmse` is the paper's equation 9: integrated x and y against the truth
+    A length that fits no drive is null. `paper_rmse` is the paper's equation 9: integrated x and y against the truth
     from a common start, in metres, without alignment; the yaw apart. `nees` is three on average where the covariances
     are consistent, and null without them; `window_nees`, by seconds, is that of motions summed over such a time, null
     where none fits. `still`: what is estimated while the base stands still, null where it never does.
@@ -98,8 +98,8 @@ def figures(drives: Sequence[DriveErrors]) -> dict[str, Any]:
     every = np.vstack([*relative.values(), np.zeros((0, 2))])
     steps, from_start = (np.vstack([getattr(d, name) for d in drives]) for name in ("steps", "from_start"))
     forward, left, yaw = (float(value) for value in np.sqrt((steps**2).mean(axis=0)))
-    known = [drive.nees for drive in drives if drive.nees is not None]
-    nees = np.concatenate(known) if known else None
+    available = [drive.nees for drive in drives if drive.nees is not None]
+    nees = np.concatenate(available) if available else None
     windows = {length_s: [d.window_nees[length_s] for d in drives if d.window_nees] for length_s in WINDOWS_S}
     still = np.vstack([drive.still for drive in drives])
     return {

@@ -1,4 +1,4 @@
-"""Object by object: what of a map is found, misplaced, missed or extra, by the same rule as `score_map`."""
+"""Evaluation rows of a map: each object is found, misplaced, missed or extra, by the same rule as `score_map`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def evaluation_rows(
     """A row for each mapped object and for each true one that counts; ordered by state, then label.
 
     By class, one to one: within `found_m` is found; of what is left, within `misplaced_m` is misplaced. True objects
-    seen in fewer frames are not asked for, but a mapped object that stands within `found_m` of one is no extra.
+    visible in fewer frames are not scored, and a mapped object within `found_m` of one does not count as extra.
     """
     rows: list[EvaluationRow] = []
     for label in sorted({item.label for item in objects} | {item.label for item in truth}):

@@ -19,7 +19,7 @@ WINDOW_SLACK_S = 0.01  # by which a window may be shorter: stamps are rounded
 
 
 def path_m(poses: Sequence[SE2]) -> Array:
-    """Way gone until each pose, metres, (N,), starting at zero."""
+    """Path length up to each pose, metres, (N,), starting at zero."""
     places = np.array([(pose.x_m, pose.y_m) for pose in poses]).reshape(-1, 2)
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
 
@@ -50,8 +50,8 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
         end = int(np.searchsorted(way_m, way_m[start] + length_m, side="right"))
         if end >= len(true):
             break
-        wanted, found = true[start].inverse() @ true[end], estimated[start].inverse() @ estimated[end]
-        error = found.inverse() @ wanted
+        wanted, estimate = true[start].inverse() @ true[end], estimated[start].inverse() @ estimated[end]
+        error = estimate.inverse() @ wanted
         errors.append((math.hypot(error.x_m, error.y_m), abs(error.yaw_rad)))
     return np.array(errors).reshape(-1, 2)
 
@@ -59,8 +59,8 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
 def aligned_errors_m(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
     """How far each position is off after the best rigid alignment, metres, (N,)."""
     _same_length(true, estimated)
-    wanted, found = (np.array([(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
-    aligned = fit_se2(found, wanted, np.ones(len(found))).apply(found)
+    wanted, estimate = (np.array([(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
+    aligned = fit_se2(estimate, wanted, np.ones(len(estimate))).apply(estimate)
     return np.linalg.norm(aligned - wanted, axis=1)
 
 
@@ -90,7 +90,7 @@ def window_errors(
     """
     _same_length(true, estimated)
     steps = motions(estimated)
-    found: dict[float, list[float]] = {length_s: [] for length_s in windows_s}
+    errors: dict[float, list[float]] = {length_s: [] for length_s in windows_s}
     for start in range(0, len(true) - 1, SEGMENT_STEP):
         ends = np.searchsorted(stamps_s, stamps_s[start] + np.asarray(windows_s) - WINDOW_SLACK_S)
         wanted = {int(end): length_s for end, length_s in zip(ends, windows_s, strict=True) if end < len(true)}
@@ -100,8 +100,8 @@ def window_errors(
             pose = pose @ steps[end - 1]
             if end in wanted:
                 error = motion_errors([true[start].inverse() @ true[end]], [pose])
-                found[wanted[end]].append(float(normalised_errors(error, covariance[None])[0]))
-    return {length_s: np.array(values) for length_s, values in found.items()}
+                errors[wanted[end]].append(float(normalised_errors(error, covariance[None])[0]))
+    return {length_s: np.array(values) for length_s, values in errors.items()}
 
 
 def _same_length(true: Sequence[SE2], estimated: Sequence[SE2]) -> None:

@@ -75,7 +75,8 @@ def static_tensors(model: ModelProto) -> list[Tensor4]:
 def find_tap(tensors: list[Tensor4], stride: int, width: int, height: int) -> Tensor4:
     """The best feature tensor of a stride: the last of the widest activations before the next coarser grid.
 
-    At the coarsest stride nothing coarser follows, so the neck's last wide activation is found. Raises ExportError.
+    The coarsest stride has no coarser grid after it, so the result is the neck's last wide activation. Raises
+    ExportError.
     """
     grid = (height // stride, width // stride)
     found: list[Tensor4] = []
@@ -125,15 +126,15 @@ def tapped(model: ModelProto, detector: DetectorSpec, path: Path, feature: str |
     feature: as for `adopt`, or `head` for the raw coarsest map. Raises ExportError.
     """
     coarsest = max(detector.heads, key=lambda head: head.strides[-1])
-    known = next((f for f in detector.features if feature in (f.name, f"stride{f.stride}")), None)
+    spec = next((f for f in detector.features if feature in (f.name, f"stride{f.stride}")), None)
     if feature == "head" and len(coarsest.shape) == 4:
-        known = FeatureSpec(name=coarsest.name, shape=coarsest.shape, stride=coarsest.strides[0])
-    shown = {head.name for head in detector.heads} | ({known.name} if known else set())
+        spec = FeatureSpec(name=coarsest.name, shape=coarsest.shape, stride=coarsest.strides[0])
+    shown = {head.name for head in detector.heads} | ({spec.name} if spec else set())
     for value in [value for value in model.graph.output if value.name not in shown]:
         model.graph.output.remove(value)
-    if known is None and feature is not None:
-        known = _tap(model, path, feature, detector.input)
-    return msgspec.structs.replace(detector, features=() if known is None else (known,))
+    if spec is None and feature is not None:
+        spec = _tap(model, path, feature, detector.input)
+    return msgspec.structs.replace(detector, features=() if spec is None else (spec,))
 
 
 def with_outputs(path: Path, names: Sequence[str]) -> bytes:

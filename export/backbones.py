@@ -86,7 +86,7 @@ def darknet_backbone(
             tensors = network(torch.from_numpy(picture) / 255.0)
         return {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
 
-    known = KNOWN.get(backbone)
+    entry = KNOWN.get(backbone)
     return Backbone(
         name=name,
         model=backbone_to_onnx(network, detector),
@@ -95,7 +95,7 @@ def darknet_backbone(
         reference=reference,
         exact=False,
         measured={"weights": about},
-        licence=known.licence if known else "not stated",
+        licence=entry.licence if entry else "not stated",
         sources=sources or (f"{about['file']} sha256 {about['sha256']}",),
     )
 
@@ -185,11 +185,11 @@ def _darknet_detector(network: Darknet, wanted: list[str]) -> tuple[DetectorSpec
 
 def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sources: tuple[str, ...]) -> Backbone:
     """An ONNX detector by name or file, one feature tapped. Raises ExportError or DownloadError."""
-    known = KNOWN.get(backbone)
-    path, name = (Path(backbone), Path(backbone).stem) if known is None else (weights, backbone)
+    entry = KNOWN.get(backbone)
+    path, name = (Path(backbone), Path(backbone).stem) if entry is None else (weights, backbone)
     if path is None:
-        assert known is not None
-        path, sources = obtain(known)
+        assert entry is not None
+        path, sources = obtain(entry)
     if len(set(wanted)) != 1:
         raise ExportError(f"{path}: heads that read different features ({', '.join(wanted)}) do not fit one ONNX file")
     model, detector = adopt(path, wanted[0])
@@ -207,8 +207,8 @@ def adopted_backbone(backbone: str, weights: Path | None, wanted: list[str], sou
         reference=reference,
         exact=exact,
         measured={"weights": {"file": path.name, "sha256": sha256_file(path)}},
-        licence=known.licence if known else "not stated",
+        licence=entry.licence if entry else "not stated",
         sources=sources or (f"{path.name} sha256 {sha256_file(path)}",),
-        confidence=known.confidence if known else 0.3,
-        sure_confidence=known.sure_confidence if known else 0.0,
+        confidence=entry.confidence if entry else 0.3,
+        sure_confidence=entry.sure_confidence if entry else 0.0,
     )

@@ -81,7 +81,7 @@ class Darknet(nn.Module):
         return self.width // width
 
     def feature_layer(self, feature: str) -> int:
-        """The layer that a feature's name means.
+        """The layer of a feature name.
 
         `head`: the coarsest head's raw logits (the paper's 13x13x255). `neck`: the last layer before that head with its
         grid and at most 512 channels (the paper's 13x13x512). `stride8`, `stride16`, …: the last layer of that stride

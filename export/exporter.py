@@ -58,9 +58,9 @@ def export_backbone(
     backbone: yolov3, yolov3-tiny, yolox-nano, a Darknet .cfg, an .onnx file, or the best.pt of a detector that was
     trained here, whose bundle is named after its folder. weights: its .weights (for yolox-nano its .onnx) file;
     without one a known name's is fetched. heads: checkpoints of trained heads; without any, an untrained paper head
-    on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is made and marked so, but none for
-    a detector trained here unless `feature` is given. size: (width, height) in px of a Darknet input.
-    random_seed: random weights instead of a file, for timing.
+    on `feature` (default `head`, the raw coarse map; for ONNX files `stride32`) is created and marked as untrained,
+    except for a detector trained here without `feature`. size: (width, height) in px of a Darknet input. random_seed:
+    random weights instead of a file, for timing.
     sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
     ExportError or another EdgemapError; then nothing is left at `out`.
     """
@@ -162,10 +162,10 @@ def _join(part: Backbone, floor: FloorCheckpoint) -> None:
 
 
 def _tensors(part: Backbone, names: Sequence[str]) -> list[Tensor4]:
-    known = {tensor.name: tensor for tensor in static_tensors(part.model)}
-    if missing := [name for name in names if name not in known]:
+    tensors = {tensor.name: tensor for tensor in static_tensors(part.model)}
+    if missing := [name for name in names if name not in tensors]:
         raise ExportError(f"floor head: {part.name} has no tensor {', '.join(missing)}; it is of another network")
-    return [known[name] for name in names]
+    return [tensors[name] for name in names]
 
 
 def _head_record(checkpoint: HeadCheckpoint, part: Backbone) -> OdometryHead:

@@ -152,8 +152,9 @@ class _Chain:
 
 
 def random_geometry(generator: np.random.Generator, record: OdometryHead, unit_m: float = 1.0) -> Tensors:
-    """What a head that knows its camera is told, for some camera as robots carry; nothing for another head. unit_m: the
-    head's unit of length, in which the camera is as high: a head far from what it knows multiplies rounding."""
+    """Random geometry inputs of a head that takes the camera's geometry; empty for other heads. unit_m: the head's unit
+    of length, by which the camera's height is scaled: far from its training range a head amplifies rounding.
+    """
     spec = record.geometry
     if spec is None:
         return {}

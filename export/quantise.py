@@ -94,8 +94,9 @@ def float_nodes(model: ModelProto, detector: DetectorSpec) -> list[str]:
     """Names of the nodes that stay float32: the first convolution, the last ones of the heads, all that leads to a
     feature.
 
-    The first one sees the picture, the others make logits and box sizes, which need more than 256 levels. An odometry
-    was trained on float features, and gets the same bit for bit; a feature that is a head itself (the paper's) cannot.
+    The first one reads the picture, the others produce logits and box sizes, which need more than 256 levels. An
+    odometry was trained on float features and gets identical ones; that is impossible for a feature that is itself a
+    head (the paper's).
     """
     makers = {name: node for node in model.graph.node for name in node.output}
     heads = _last(detector)

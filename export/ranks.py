@@ -45,8 +45,8 @@ class Ranks:
         distributed.all_reduce(total)
         return total / self.count
 
-    def told(self, value: Any) -> Any:
-        """What the first process has for this value."""
+    def broadcast(self, value: Any) -> Any:
+        """The first process's value, on all processes."""
         if self.count == 1:
             return value
         box = [value]

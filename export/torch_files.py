@@ -1,4 +1,4 @@
-"""Torch files of plain values and tensors: read with every failure named, written whole."""
+"""Torch files of plain values and tensors: read with specific errors, written atomically."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def read_torch(path: Path) -> dict[str, Any]:
 def read_record(document: dict[str, Any], kind: type[T], path: Path) -> T:
     """The plain values of a checkpoint, checked; others are left out. Raises ExportError."""
     names = {field.encode_name for field in msgspec.structs.fields(kind)}  # type: ignore[arg-type]
-    known = {key: value for key, value in document.items() if key in names}
-    return convert(known, kind, f"{path}: checkpoint", ExportError)
+    fields = {key: value for key, value in document.items() if key in names}
+    return convert(fields, kind, f"{path}: checkpoint", ExportError)
 
 
 def read_weights(document: dict[str, Any], path: Path) -> dict[str, Tensor]:

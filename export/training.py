@@ -80,7 +80,7 @@ class Training(ABC):
         )
         try:
             for _ in self.take_steps():
-                self.trained_s = self.ranks.told(before_s + time.perf_counter() - began)
+                self.trained_s = self.ranks.broadcast(before_s + time.perf_counter() - began)
                 self._show(bar)
                 if self.trained_s - validated >= self._every_s:
                     validated = self.trained_s
@@ -116,7 +116,7 @@ class Training(ABC):
         save_whole({"format": self.resume_format, **self.state(), **kept}, self.folder / "last.pt")
 
     def add(self, parts: Mapping[str, float | Tensor]) -> None:
-        """Count one step's losses; a GPU's are looked at now and then only. Raises ExportError where not finite."""
+        """Adds one step's losses; on a GPU they are read only at intervals. Raises ExportError where not finite."""
         for name, value in parts.items():
             self.sums[name] = self.sums.get(name, 0.0) + value
         self.count += 1

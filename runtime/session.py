@@ -1,4 +1,4 @@
-"""The whole product as one object: a camera, the front end and the back end, to iterate over or to push pictures to."""
+"""A camera, the front end and the back end as one object, to iterate over or to push pictures to."""
 
 from collections.abc import Callable, Collection, Generator, Iterable, Sequence
 from dataclasses import replace

@@ -1,1 +1,1 @@
-"""The live page: what a run sees and maps, served by the robot to any browser."""
+"""The live page: pictures and map of a run, served by the robot to any browser."""

@@ -1,4 +1,4 @@
-"""What the page and the API say of a run, as plain JSON values: one wording for the socket and for every request."""
+"""State of a run as plain JSON values, the same for the page's socket and for the API."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from edgemap.runtime.outputs.verdict.causes import cause_of_fault
 from edgemap.runtime.outputs.verdict.verdict import is_doubtful
 from edgemap.runtime.step.map_file import object_record, wall_records, zone_record
 from edgemap.runtime.step.slam import StepResult
-from edgemap.view.page import Fault, LivePage, Moment
+from edgemap.view.page import Fault, LivePage, PageSnapshot
 from edgemap.view.status import pose_sigma, status, step_ms
 
 ENCODER = msgspec.json.Encoder(enc_hook=float)  # numpy's numbers
 
 
-def health_answer(page: LivePage, vitals: dict[str, float | None]) -> dict[str, Any]:
+def health_answer(page: LivePage, usage: dict[str, float | None]) -> dict[str, Any]:
     """Status, camera, speed and load."""
-    moment = page.newest
+    snapshot = page.newest
     return {
         "state": page.state,
         "camera_state": page.camera_state(),
         "status": status(page),
         "rate_hz": page.rate_hz(),
-        "step_ms": round(step_ms(moment.result), 3) if moment else None,
-        "age_s": round(time.monotonic() - moment.arrived_s, 3) if moment else None,
-        "vitals": vitals,
+        "step_ms": round(step_ms(snapshot.result), 3) if snapshot else None,
+        "age_s": round(time.monotonic() - snapshot.arrived_s, 3) if snapshot else None,
+        "vitals": usage,
         "fault_count": page.faults.total,
     }
 
@@ -56,7 +56,7 @@ def pose_answer(result: StepResult) -> dict[str, Any]:
 
 
 def frame_answer(result: StepResult) -> dict[str, Any]:
-    """What the newest picture shows, and how long each stage took."""
+    """The detections of the newest picture, and its stage times."""
     return {
         "frame": result.frame.index,
         "stamp_s": result.frame.stamp_s,
@@ -76,19 +76,19 @@ def map_object_answer(item: MapObject) -> dict[str, Any]:
     }
 
 
-def object_answer(item: MapObject, moment: Moment) -> dict[str, Any]:
-    """One object with its distance from the robot and the time since it was last seen."""
-    pose = moment.result.pose_map_base
+def object_answer(item: MapObject, snapshot: PageSnapshot) -> dict[str, Any]:
+    """One object with its distance from the robot and the time since its last sighting."""
+    pose = snapshot.result.pose_map_base
     away_m = math.hypot(item.position_m[0] - pose.x_m, item.position_m[1] - pose.y_m)
-    age_s = max(0.0, moment.result.frame.stamp_s - item.last_seen_s)
-    seen = item.id in moment.result.object_ids
+    age_s = max(0.0, snapshot.result.frame.stamp_s - item.last_seen_s)
+    seen = item.id in snapshot.result.object_ids
     return map_object_answer(item) | {"distance_m": round(away_m, 3), "age_s": round(age_s, 3), "in_view": seen}
 
 
-def objects_answer(moment: Moment | None) -> list[dict[str, Any]]:
+def objects_answer(snapshot: PageSnapshot | None) -> list[dict[str, Any]]:
     """All objects, the nearest to the robot first."""
-    found = [object_answer(item, moment) for item in moment.objects] if moment else []
-    return sorted(found, key=lambda item: item["distance_m"])
+    rows = [object_answer(item, snapshot) for item in snapshot.objects] if snapshot else []
+    return sorted(rows, key=lambda item: item["distance_m"])
 
 
 def zones_answer(page: LivePage) -> list[dict[str, Any]]:
@@ -100,9 +100,10 @@ def zones_answer(page: LivePage) -> list[dict[str, Any]]:
 
 
 def floor_answer(grid: OccupancyGrid | None) -> dict[str, Any]:
-    """The floor as it was seen: `runs` of cells row by row, each a value (0 free, 100 obstacle, -1 unknown) and how
-    many follow one another; row 0 has the smallest y, its first cell the smallest x. `walls` as in map.json. No rows
-    before any floor is known."""
+    """The observed floor: `runs` of cells row by row, each a value (0 free, 100 obstacle, -1 unknown) and how many
+    follow one another; row 0 has the smallest y, its first cell the smallest x. `walls` as in map.json. No rows before
+    the first observed floor.
+    """
     if grid is None:
         return {"x_m": 0.0, "y_m": 0.0, "cell_m": 0.05, "rows": 0, "columns": 0, "runs": [], "walls": []}
     cells = grid.cells.ravel()
@@ -121,7 +122,7 @@ def floor_answer(grid: OccupancyGrid | None) -> dict[str, Any]:
 
 
 def rooms_answer(grid: OccupancyGrid | None) -> list[dict[str, Any]]:
-    """The rooms of the floor as it was seen: their corners, counter-clockwise, as a zone has them, and their area."""
+    """The rooms of the observed floor: their corners, counter-clockwise, as a zone has them, and their area."""
     rooms = () if grid is None else rooms_of(grid)
     return [
         {"corners_m": [[round(x, 3), round(y, 3)] for x, y in room.corners_m], "area_m2": round(room.area_m2, 2)}
@@ -130,7 +131,7 @@ def rooms_answer(grid: OccupancyGrid | None) -> list[dict[str, Any]]:
 
 
 def fault_answer(fault: Fault) -> dict[str, Any]:
-    """A fault with the frame it began at, and what to do about it: empty where nothing is known to help."""
+    """A fault with the frame at which it began, and the remedy: empty where none is known."""
     cause = cause_of_fault(fault.text)
     return {"frame": fault.frame, "text": fault.text, "remedy": cause.remedy if cause else ""}
 
@@ -146,12 +147,12 @@ def boxes(result: StepResult) -> list[dict[str, Any]]:
         item.sighting.detection: (round(float(np.linalg.norm(item.sighting.position_base_m)), 3), identity)
         for item, identity in zip(result.sightings, result.object_ids, strict=True)
     }
-    found = result.detections
+    detections = result.detections
     rows = []
-    for index, label in enumerate(found.labels):
+    for index, label in enumerate(detections.labels):
         distance_m, identity = placed.get(index, (None, ""))
-        box = [round(float(v), 1) for v in found.boxes[index]]
-        score = round(float(found.scores[index]), 3)
+        box = [round(float(v), 1) for v in detections.boxes[index]]
+        score = round(float(detections.scores[index]), 3)
         rows.append({"box": box, "label": label, "score": score, "distance_m": distance_m, "object": identity})
     return rows
 

@@ -1,4 +1,4 @@
-"""The HTTP API of a run: what it maps and how it goes, to be read by any program. docs/http-api.md documents it."""
+"""The HTTP API of a run: its map and its state, for any program. docs/http-api.md documents it."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from edgemap.view.approach_api import ApproachApi
 from edgemap.view.edit_api import EditApi
 from edgemap.view.page import LivePage
 from edgemap.view.questions import Answer, Nothing, Questions, Refused, as_json, body_of, guarded
-from edgemap.view.updates import Pictures, Vitals
+from edgemap.view.updates import Pictures, ProcessUsage
 
 OPENAPI = Path(__file__).parent / "openapi.yaml"
 
 
-class PauseWish(msgspec.Struct, forbid_unknown_fields=True):
+class PauseRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/pause."""
 
     paused: bool
 
 
-class MountWish(msgspec.Struct, forbid_unknown_fields=True):
+class MountRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PUT /api/mount."""
 
     height_m: Annotated[float, msgspec.Meta(ge=0.05, le=3.0)]
@@ -38,8 +38,8 @@ class MountWish(msgspec.Struct, forbid_unknown_fields=True):
 class Api:
     """Answers for one page. Every failure is JSON with one line: `{"error": "…"}`."""
 
-    def __init__(self, page: LivePage, pictures: Pictures, vitals: Vitals) -> None:
-        self._ask, self._pictures, self._vitals = Questions(page), pictures, vitals
+    def __init__(self, page: LivePage, pictures: Pictures, usage: ProcessUsage) -> None:
+        self._ask, self._pictures, self._usage = Questions(page), pictures, usage
         self._editing = EditApi(self._ask)
 
     def routes(self) -> list[Route]:
@@ -71,8 +71,8 @@ class Api:
         return as_json(self._ask.page.about | {"state": self._ask.page.state})
 
     async def health(self, request: Request) -> Response:  # noqa: ARG002
-        """How the run goes."""
-        return as_json(answers.health_answer(self._ask.page, self._vitals.now()))
+        """State of the run."""
+        return as_json(answers.health_answer(self._ask.page, self._usage.now()))
 
     async def faults(self, request: Request) -> Response:  # noqa: ARG002
         """The last faults, oldest first."""
@@ -84,15 +84,15 @@ class Api:
 
     async def pose(self, request: Request) -> Response:  # noqa: ARG002
         """Where the robot is."""
-        return as_json(answers.pose_answer(self._ask.moment().result))
+        return as_json(answers.pose_answer(self._ask.snapshot().result))
 
     async def frame(self, request: Request) -> Response:  # noqa: ARG002
         """Boxes of the newest picture, and the time of every stage."""
-        return as_json(answers.frame_answer(self._ask.moment().result))
+        return as_json(answers.frame_answer(self._ask.snapshot().result))
 
     async def picture(self, request: Request) -> Response:  # noqa: ARG002
         """The newest picture."""
-        frame = self._ask.moment().result.frame
+        frame = self._ask.snapshot().result.frame
         return Response(self._pictures.jpeg(frame), media_type="image/jpeg", headers={"X-Frame": str(frame.index)})
 
     async def map(self, request: Request) -> Response:  # noqa: ARG002
@@ -101,12 +101,12 @@ class Api:
         return Response(self._ask.page.map_text(), media_type="application/json", headers=headers)
 
     async def floor(self, request: Request) -> Response:  # noqa: ARG002
-        """The floor as it was seen, at most a second old."""
-        return as_json(answers.floor_answer(self._ask.moment().result.grid))
+        """The observed floor, at most a second old."""
+        return as_json(answers.floor_answer(self._ask.snapshot().result.grid))
 
     async def rooms(self, request: Request) -> Response:  # noqa: ARG002
         """The rooms that walls and doors close, the largest first; POST /api/zones names one."""
-        return as_json(await asyncio.to_thread(answers.rooms_answer, self._ask.moment().result.grid))
+        return as_json(await asyncio.to_thread(answers.rooms_answer, self._ask.snapshot().result.grid))
 
     async def objects(self, request: Request) -> Response:  # noqa: ARG002
         """All objects, nearest first."""
@@ -126,12 +126,12 @@ class Api:
 
     async def pause(self, request: Request) -> Response:
         """Hold or resume a run of files."""
-        wish = await body_of(request, PauseWish)
+        body = await body_of(request, PauseRequest)
         if self._ask.page.pause is None:
             raise Refused(409, "the camera is live: it cannot be paused")
         if self._ask.page.state == "finished":
             raise Refused(409, "the run is over")
-        self._ask.page.set_paused(wish.paused)
+        self._ask.page.set_paused(body.paused)
         return as_json({"state": self._ask.page.state})
 
     async def save(self, request: Request) -> Response:
@@ -141,14 +141,14 @@ class Api:
 
     async def put_mount(self, request: Request) -> Response:
         """Keep a mount in the run's camera.yaml, for the next run."""
-        wish, page = await body_of(request, MountWish), self._ask.page
+        body, page = await body_of(request, MountRequest), self._ask.page
         if page.keep_mount is None:
             raise Refused(409, "this run keeps no camera.yaml")
         try:
-            path = await asyncio.to_thread(page.keep_mount, wish.height_m, wish.pitch_deg)
+            path = await asyncio.to_thread(page.keep_mount, body.height_m, body.pitch_deg)
         except GeometryError as error:
             raise Refused(400, str(error)) from None
-        page.about["mount"] |= {"height_m": wish.height_m, "pitch_deg": wish.pitch_deg}
+        page.about["mount"] |= {"height_m": body.height_m, "pitch_deg": body.pitch_deg}
         return as_json({"path": str(path)})
 
     async def openapi(self, request: Request) -> Response:  # noqa: ARG002

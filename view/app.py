@@ -17,7 +17,7 @@ from edgemap.view import answers
 from edgemap.view.api import Api
 from edgemap.view.guard import Guard
 from edgemap.view.page import LivePage
-from edgemap.view.updates import Pictures, Vitals
+from edgemap.view.updates import Pictures, ProcessUsage
 from edgemap.view.viewer import Bell, Viewer
 
 STATIC = Path(__file__).parent / "static"
@@ -30,7 +30,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
     """The page as an ASGI application. token: demanded of every request; empty for none."""
     files = {f"/{path.name}": (path.read_bytes(), KINDS[path.suffix]) for path in STATIC.iterdir()}
     files["/"] = files["/index.html"]
-    pictures, vitals, bell = Pictures(), Vitals(), Bell(page)
+    pictures, usage, bell = Pictures(), ProcessUsage(), Bell(page)
     viewers: set[Viewer] = set()
 
     async def file(request: Request) -> Response:
@@ -42,7 +42,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
             await websocket.accept()
             await websocket.close(TRY_AGAIN_LATER, f"{MAXIMUM_VIEWERS} viewers are looking already")
             return
-        viewer = Viewer(websocket, page, bell, pictures, vitals)
+        viewer = Viewer(websocket, page, bell, pictures, usage)
         viewers.add(viewer)
         try:
             await viewer.serve()
@@ -50,7 +50,7 @@ def make_app(page: LivePage, token: str = "", cookie: str = "edgemap") -> ASGIAp
             viewers.discard(viewer)
 
     routes = [Route(path, file) for path in files]
-    routes += [*Api(page, pictures, vitals).routes(), WebSocketRoute("/api/stream", socket)]
+    routes += [*Api(page, pictures, usage).routes(), WebSocketRoute("/api/stream", socket)]
     return Guard(_Sealed(Starlette(routes=routes, exception_handlers={HTTPException: _refused})), token, cookie)
 
 

@@ -1,4 +1,4 @@
-"""The part of the HTTP API that goes somewhere: poses from which objects can be approached."""
+"""The HTTP API's goal poses: poses from which objects can be approached."""
 
 from __future__ import annotations
 
@@ -30,38 +30,38 @@ class ApproachApi:
         ]
 
     async def approach(self, request: Request) -> Response:
-        """Where the robot goes to reach an object."""
+        """The goal pose for an object."""
         return as_json(self._record(request, self._found(request)))
 
     async def go(self, request: Request) -> Response:
         """Send the robot there: publishes the pose as a goal."""
         await body_of(request, Nothing)
         page = self._ask.page
-        found = self._found(request)
+        goal = self._found(request)
         if not page.goals:
             raise Refused(409, "nobody takes goals: run with --ros2, where Nav2 reads /goal_pose")
         if page.state != "running":
             raise Refused(409, f"the run is {page.state}: goals are published with its steps")
         for send in page.goals:
-            send(found.pose)
-        return as_json(self._record(request, found))
+            send(goal.pose)
+        return as_json(self._record(request, goal))
 
     def _found(self, request: Request) -> Approach:
-        identity, moment = self._ask.object(request)["id"], self._ask.moment()
+        identity, snapshot = self._ask.object(request)["id"], self._ask.snapshot()
         rule = ApproachRule(
             _metres(request, "standoff_m", USUAL.standoff_m),
             _metres(request, "robot_radius_m", USUAL.robot_radius_m),
         )
-        pose = moment.result.pose_map_base
-        item = next(item for item in moment.objects if item.id == identity)
+        pose = snapshot.result.pose_map_base
+        item = next(item for item in snapshot.objects if item.id == identity)
         try:
-            return approach(item, moment.objects, self._ask.page.grid, (pose.x_m, pose.y_m), rule)
+            return approach(item, snapshot.objects, self._ask.page.grid, (pose.x_m, pose.y_m), rule)
         except MapError as error:
             raise Refused(409, str(error)) from None
 
-    def _record(self, request: Request, found: Approach) -> dict[str, Any]:
-        own = {"object": request.path_params["id"], "standoff_m": round(found.standoff_m, 3), "floor": found.floor}
-        return own | pose_record(found.pose)
+    def _record(self, request: Request, goal: Approach) -> dict[str, Any]:
+        own = {"object": request.path_params["id"], "standoff_m": round(goal.standoff_m, 3), "floor": goal.floor}
+        return own | pose_record(goal.pose)
 
 
 def _metres(request: Request, name: str, usual: float) -> float:

@@ -1,4 +1,4 @@
-"""Connections that say nothing: so many wait for a request at most, and the oldest gives way to the newest."""
+"""Limits the number of idle connections: a new one closes the oldest."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ _Base: Any = H11Protocol  # uvicorn's other one, taken where httptools is instal
 
 
 class WaitingLimited(_Base):
-    """uvicorn's HTTP protocol. A connection waits while no request of it is being answered, also when its headers come
-    drop by drop; whoever comes and asks at once is answered, however many others are silent."""
+    """uvicorn's HTTP protocol. A connection is idle while none of its requests is being answered, also while its
+    headers arrive slowly. A client that sends its request at once is answered, no matter how many idle connections
+    there are.
+    """
 
     def connection_made(self, transport: asyncio.Transport) -> None:
         """As the base class; closes the oldest of too many that wait."""

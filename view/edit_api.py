@@ -22,7 +22,7 @@ Label = Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)]
 SIGMA_M, SIGMA_RAD = 0.10, math.radians(3.0)  # of a pose that a person sets, where the body gives none
 
 
-class ObjectWish(msgspec.Struct, forbid_unknown_fields=True):
+class ObjectRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PATCH /api/objects/{id}: what is to change."""
 
     name: GivenName | None = None
@@ -36,7 +36,7 @@ class ObjectWish(msgspec.Struct, forbid_unknown_fields=True):
     yaw_rad: Yaw | None = None
 
 
-class NewObjectWish(msgspec.Struct, forbid_unknown_fields=True):
+class NewObjectRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/objects."""
 
     label: Label
@@ -49,20 +49,20 @@ class NewObjectWish(msgspec.Struct, forbid_unknown_fields=True):
     yaw_rad: Yaw | None = None
 
 
-class MergeWish(msgspec.Struct, forbid_unknown_fields=True):
+class MergeRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/objects/{id}/merge."""
 
     into: GivenName
 
 
-class ZoneWish(msgspec.Struct, forbid_unknown_fields=True):
+class ZoneRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of POST /api/zones and PUT /api/zones/{id}."""
 
     name: GivenName
     corners_m: Annotated[list[tuple[Coordinate, Coordinate]], Meta(min_length=3, max_length=MAXIMUM_CORNERS)]
 
 
-class PoseWish(msgspec.Struct, forbid_unknown_fields=True):
+class PoseRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PUT /api/pose."""
 
     x_m: Coordinate
@@ -72,7 +72,7 @@ class PoseWish(msgspec.Struct, forbid_unknown_fields=True):
     sigma_yaw_rad: Annotated[float, Meta(gt=0.0, le=math.pi)] = SIGMA_RAD
 
 
-class DockWish(msgspec.Struct, forbid_unknown_fields=True):
+class DockRequest(msgspec.Struct, forbid_unknown_fields=True):
     """Body of PUT /api/dock: a pose, or `{}` for where the robot is now."""
 
     x_m: Coordinate | None = None
@@ -106,30 +106,30 @@ class EditApi:
         ]
 
     async def add_object(self, request: Request) -> Response:
-        """Put an object on the map that nobody has detected."""
-        wish = await body_of(request, NewObjectWish)
-        usual = (wish.width_m, wish.depth_m, wish.height_m)
+        """Adds an object that was not detected."""
+        body = await body_of(request, NewObjectRequest)
+        usual = (body.width_m, body.depth_m, body.height_m)
         if any(usual) and not all(usual):
             raise Refused(400, "a size is width_m, depth_m and height_m together")
         size_m = (
-            (wish.width_m, wish.depth_m, wish.height_m) if wish.width_m and wish.depth_m and wish.height_m else None
+            (body.width_m, body.depth_m, body.height_m) if body.width_m and body.depth_m and body.height_m else None
         )
-        edit = Edit("add", label=wish.label, place_m=(wish.x_m, wish.y_m), size_m=size_m, yaw_rad=wish.yaw_rad)
+        edit = Edit("add", label=body.label, place_m=(body.x_m, body.y_m), size_m=size_m, yaw_rad=body.yaw_rad)
         identity = await self._ask.edit(edit)
-        if wish.name:
-            await self._ask.edit(Edit("rename", identity, name=wish.name))
+        if body.name:
+            await self._ask.edit(Edit("rename", identity, name=body.name))
         return as_json(self._ask.find(identity), 201)
 
     async def change_object(self, request: Request) -> Response:
         """Name an object, confirm it, or correct its class, position, size or facing."""
-        wish, item = await body_of(request, ObjectWish), self._ask.object(request)
-        correction = _correction(wish, item)
+        body, item = await body_of(request, ObjectRequest), self._ask.object(request)
+        correction = _correction(body, item)
         if correction is not None:
             await self._ask.edit(correction)
-        if wish.name is not None:
-            await self._ask.edit(Edit("rename", item["id"], name=wish.name))
-        if wish.confirmed is not None:
-            await self._ask.edit(Edit("confirm", item["id"], on=wish.confirmed))
+        if body.name is not None:
+            await self._ask.edit(Edit("rename", item["id"], name=body.name))
+        if body.confirmed is not None:
+            await self._ask.edit(Edit("confirm", item["id"], on=body.confirmed))
         return as_json(self._ask.object(request))
 
     async def preview_merge(self, request: Request) -> Response:
@@ -137,19 +137,19 @@ class EditApi:
         item, into = self._ask.object(request)["id"], request.query_params.get("into", "")
         if self._ask.find(into)["id"] == item:
             raise Refused(409, f"{item!r} cannot be merged with itself")
-        found = {one.id: one for one in self._ask.page.objects}
-        return as_json(answers.object_answer(joined([found[into], found[item]]), self._ask.moment()))
+        by_id = {one.id: one for one in self._ask.page.objects}
+        return as_json(answers.object_answer(joined([by_id[into], by_id[item]]), self._ask.snapshot()))
 
     async def delete_object(self, request: Request) -> Response:
         """Take an object off the map, and keep it off."""
         return as_json({"id": await self._ask.edit(Edit("delete", self._ask.object(request)["id"]))})
 
     async def merge_object(self, request: Request) -> Response:
-        """Say that two objects are one."""
-        wish = await body_of(request, MergeWish)
-        self._ask.find(wish.into)
-        await self._ask.edit(Edit("merge", self._ask.object(request)["id"], into=wish.into))
-        return as_json(self._ask.find(wish.into))
+        """Merges two objects."""
+        body = await body_of(request, MergeRequest)
+        self._ask.find(body.into)
+        await self._ask.edit(Edit("merge", self._ask.object(request)["id"], into=body.into))
+        return as_json(self._ask.find(body.into))
 
     async def restore_object(self, request: Request) -> Response:
         """Take back that an object was deleted or merged."""
@@ -162,10 +162,10 @@ class EditApi:
 
     async def put_zone(self, request: Request) -> Response:
         """Draw a zone, or change one."""
-        wish, identity = await body_of(request, ZoneWish), request.path_params.get("id", "")
+        body, identity = await body_of(request, ZoneRequest), request.path_params.get("id", "")
         if identity and identity not in {zone.id for zone in self._ask.page.annotations.zones}:
             raise Refused(404, f"no zone {identity[:60]!r}")
-        made = await self._ask.edit(Edit("zone", identity, name=wish.name, corners_m=tuple(wish.corners_m)))
+        made = await self._ask.edit(Edit("zone", identity, name=body.name, corners_m=tuple(body.corners_m)))
         zone = next(zone for zone in answers.zones_answer(self._ask.page) if zone["id"] == made)
         return as_json(zone, 200 if identity else 201)
 
@@ -177,11 +177,11 @@ class EditApi:
         return as_json({"id": await self._ask.edit(Edit("drop_zone", identity))})
 
     async def put_pose(self, request: Request) -> Response:
-        """Say where the robot is."""
-        wish = await body_of(request, PoseWish)
-        sigmas = (wish.sigma_m, wish.sigma_m, wish.sigma_yaw_rad)
-        await self._ask.edit(Edit("pose", pose=(wish.x_m, wish.y_m, wish.yaw_rad), sigmas=sigmas))
-        return as_json({"x_m": wish.x_m, "y_m": wish.y_m, "yaw_rad": wish.yaw_rad})
+        """Sets the robot's pose."""
+        body = await body_of(request, PoseRequest)
+        sigmas = (body.sigma_m, body.sigma_m, body.sigma_yaw_rad)
+        await self._ask.edit(Edit("pose", pose=(body.x_m, body.y_m, body.yaw_rad), sigmas=sigmas))
+        return as_json({"x_m": body.x_m, "y_m": body.y_m, "yaw_rad": body.yaw_rad})
 
     async def dock(self, request: Request) -> Response:  # noqa: ARG002
         """Where the dock is."""
@@ -192,12 +192,12 @@ class EditApi:
 
     async def put_dock(self, request: Request) -> Response:
         """Set the dock to a pose, or to where the robot is now."""
-        wish = await body_of(request, DockWish)
-        here = self._ask.moment().result.pose_map_base
+        body = await body_of(request, DockRequest)
+        here = self._ask.snapshot().result.pose_map_base
         pose = (float(here.x_m), float(here.y_m), float(here.yaw_rad))
-        if wish.x_m is not None and wish.y_m is not None and wish.yaw_rad is not None:
-            pose = (wish.x_m, wish.y_m, wish.yaw_rad)
-        elif wish != DockWish():
+        if body.x_m is not None and body.y_m is not None and body.yaw_rad is not None:
+            pose = (body.x_m, body.y_m, body.yaw_rad)
+        elif body != DockRequest():
             raise Refused(400, "a dock is x_m, y_m and yaw_rad together, or {} for the robot's pose now")
         await self._ask.edit(Edit("dock", pose=pose))
         return await self.dock(request)
@@ -208,15 +208,15 @@ class EditApi:
         return as_json({"id": await self._ask.edit(Edit("drop_dock"))})
 
 
-def _correction(wish: ObjectWish, item: dict) -> Edit | None:
+def _correction(body: ObjectRequest, item: dict) -> Edit | None:
     """What a body corrects of an object, as an edit; None for nothing. Raises Refused."""
-    if (wish.x_m is None) != (wish.y_m is None):
+    if (body.x_m is None) != (body.y_m is None):
         raise Refused(400, "a position is x_m and y_m together")
-    place_m = None if wish.x_m is None or wish.y_m is None else (wish.x_m, wish.y_m)
+    place_m = None if body.x_m is None or body.y_m is None else (body.x_m, body.y_m)
     size_m = None
-    if not wish.width_m is wish.depth_m is wish.height_m is None:
+    if not body.width_m is body.depth_m is body.height_m is None:
         width_m, depth_m = item["footprint_m"]
-        size_m = (wish.width_m or width_m, wish.depth_m or depth_m, wish.height_m or max(item["height_m"], SMALLEST_M))
-    if place_m is size_m is wish.yaw_rad is wish.label is None:
+        size_m = (body.width_m or width_m, body.depth_m or depth_m, body.height_m or max(item["height_m"], SMALLEST_M))
+    if place_m is size_m is body.yaw_rad is body.label is None:
         return None
-    return Edit("correct", item["id"], label=wish.label or "", place_m=place_m, size_m=size_m, yaw_rad=wish.yaw_rad)
+    return Edit("correct", item["id"], label=body.label or "", place_m=place_m, size_m=size_m, yaw_rad=body.yaw_rad)

@@ -1,4 +1,4 @@
-"""Who may look: the check of every request's Host, Origin and token before anything else sees it."""
+"""Access control: every request's Host, Origin and token are checked before it is handled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sink behind the live page: keeps the newest result for whoever looks, and what a late viewer has missed."""
+"""The sink behind the live page: keeps the newest result for viewers, and the history for late ones."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RATE_OVER = 20  # frames over which the frame rate is averaged
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What went wrong, in one line, and the number of the frame at which it began. reported_s: `time.monotonic`."""
+    """A fault, in one line, and the number of the frame at which it began. reported_s: `time.monotonic`."""
 
     frame: int
     text: str
@@ -41,7 +41,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class PageSnapshot:
     """One step as the page keeps it: references, no copies. arrived_s: `time.monotonic`."""
 
     result: StepResult
@@ -53,9 +53,9 @@ class Moment:
 class LivePage:
     """A sink that never waits: `write` puts references into a slot and wakes the server's thread if a viewer waits.
 
-    about: what the page says of the run (plain JSON values). folder: where `save` writes. pause: None for live cameras.
-    camera_state: running, degraded or lost. crops: the objects' best pictures, which the report gathers. edits: where
-    viewers' edits go.
+    about: description of the run for the page (plain JSON values). folder: where `save` writes. pause: None for live
+    cameras. camera_state: running, degraded or lost. crops: the objects' best pictures, collected by the report. edits:
+    receives viewers' edits.
     """
 
     name = "live page"
@@ -78,7 +78,7 @@ class LivePage:
         self.keep_mount: Callable[[float, float], Path] | None = None  # height, m, and pitch, degrees, into camera.yaml
         self.goals: list[Callable[[SE2], None]] = []  # who drives to a pose
         self.effort: Callable[[], Effort] = Effort  # what a budget has the run do
-        self.newest: Moment | None = None
+        self.newest: PageSnapshot | None = None
         self.revision = 0
         self.epoch = 0  # counts how often everything sent before has moved
         self.finished = False
@@ -109,7 +109,7 @@ class LivePage:
             self.sightings.append((placed.label, identity, float(x_m), float(y_m)))
             x_base_m, y_base_m = placed.sighting.position_base_m
             self._sightings_base.append((result.frame.stamp_s, float(x_base_m), float(y_base_m)))
-        self.newest = Moment(result, objects, result.annotations, now_s)
+        self.newest = PageSnapshot(result, objects, result.annotations, now_s)
         for event in self._zone_watch.update(objects, result.annotations.zones, result.frame.stamp_s):
             self.events.append(event)
         fault = "; ".join(result.observed.faults)
@@ -132,7 +132,7 @@ class LivePage:
         self._changed()
 
     def close(self) -> None:
-        """The run is over; the page goes on showing its end."""
+        """Marks the run as ended; the page keeps showing its last state."""
         self.finished = True
         self._changed()
 

@@ -13,7 +13,7 @@ from starlette.responses import Response
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.objects.edits import Edit, EditError
 from edgemap.view import answers
-from edgemap.view.page import LivePage, Moment
+from edgemap.view.page import LivePage, PageSnapshot
 
 BODY_BYTES = 16_384
 BODY_LIMIT_S = 5.0  # for a body to come: one that never does holds a connection
@@ -32,7 +32,7 @@ class Refused(Exception):
 
 
 class Nothing(msgspec.Struct, forbid_unknown_fields=True):
-    """A body that says nothing: `{}`."""
+    """An empty body: `{}`."""
 
 
 class Questions:
@@ -41,7 +41,7 @@ class Questions:
     def __init__(self, page: LivePage) -> None:
         self.page = page
 
-    def moment(self) -> Moment:
+    def snapshot(self) -> PageSnapshot:
         """The newest step."""
         if self.page.newest is None:
             raise Refused(503, "no picture yet")
@@ -53,15 +53,15 @@ class Questions:
 
     def find(self, identity: str) -> dict:
         """An object by its id."""
-        moment = self.moment()
-        for item in moment.objects:
+        snapshot = self.snapshot()
+        for item in snapshot.objects:
             if item.id == identity:
-                return answers.object_answer(item, moment)
+                return answers.object_answer(item, snapshot)
         raise Refused(404, f"no object {identity[:60]!r} on the map")
 
     async def edit(self, edit: Edit) -> str:
         """Have the run take an edit between two steps; the id of its object or zone."""
-        self.moment()
+        self.snapshot()
         future = asyncio.wrap_future(self.page.edits.submit(edit))
         try:
             return await asyncio.wait_for(future, EDIT_LIMIT_S)

@@ -23,10 +23,9 @@ START_LIMIT_S = 10.0
 
 
 class PageServer:
-    """Serves a page until `close`. host: a name or address of this machine; beyond loopback a token is demanded.
-
-    port: 0 for any free one. report: called with one line where the server dies; the run goes on.
-    Raises ViewError, one line, where the address cannot be had.
+    """Serves a page until `close`. host: a name or address of this machine; beyond loopback a token is required. port:
+    0 for any free one. report: called with one line when the server fails; the run continues. Raises ViewError, one
+    line, where the address cannot be bound.
     """
 
     def __init__(
@@ -63,7 +62,7 @@ class PageServer:
         return mine.user_time + mine.system_time if mine else math.nan
 
     def close(self) -> None:
-        """Say goodbye to the viewers and let go of the port; may be called twice."""
+        """Closes the viewers' connections and releases the port; may be called twice."""
         self._server.should_exit = True
         self._thread.join(timeout=3.0)
         self._socket.close()
@@ -98,7 +97,7 @@ def _bind(host: str, port: int) -> socket.socket:
 
 
 def reachable(address: str) -> str:
-    """The address to show for one that the server is bound to: of `any`, the one that the network sees."""
+    """The address to display for a bound one: for the wildcard address, the one reachable from the network."""
     if not ipaddress.ip_address(address).is_unspecified:
         return address
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

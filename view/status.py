@@ -1,4 +1,4 @@
-"""How the run goes, in words: what a person must know first, worst first."""
+"""State of the run in words: the problems that need attention, most severe first."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ LEVELS: dict[str, Level] = {"good": "ok", "care": "degraded", "unreliable": "fau
 
 @dataclass(frozen=True, slots=True)
 class Alert:
-    """level: fault (nothing is mapped) or degraded (the map goes on, worse). what: camera, picture, speed, odometry,
-    pose or report. text: one sentence for people."""
+    """level: fault (nothing is mapped) or degraded (mapping continues with lower quality). what: camera, picture,
+    speed, odometry, pose or report. text: one sentence.
+    """
 
     level: Level
     what: str
@@ -37,34 +38,34 @@ class Alert:
 
 def problems(page: LivePage) -> list[Alert]:
     """What is wrong now, faults first; empty while all is well or the run is held or over."""
-    moment = page.newest
-    if page.state != "running" or moment is None:
+    snapshot = page.newest
+    if page.state != "running" or snapshot is None:
         return []
-    age_s, found = time.monotonic() - moment.arrived_s, []
+    age_s, alerts = time.monotonic() - snapshot.arrived_s, []
     camera = page.camera_state()
     if camera == "lost":
-        found.append(Alert("fault", "camera", "The camera is lost. The map so far is saved."))
+        alerts.append(Alert("fault", "camera", "The camera is lost. The map so far is saved."))
     elif camera != "running":
-        found.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s. The camera is being restarted."))
+        alerts.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s. The camera is being restarted."))
     elif age_s > SILENT_S:
-        found.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s."))
-    found += _of_step(page, moment.result)
+        alerts.append(Alert("fault", "camera", f"No picture for {age_s:.0f} s."))
+    alerts += _of_step(page, snapshot.result)
     if page.searching():
         text = "Looking for the robot's place in the saved map. Until it is found, this map stands alone."
-        found.append(Alert("degraded", "pose", text))
+        alerts.append(Alert("degraded", "pose", text))
     last = page.last_fault
     if last is not None and time.monotonic() - last.reported_s < NEWS_S:
-        found.append(Alert("degraded", "report", _sentence(last.text)))
-    return sorted(found, key=lambda problem: problem.level != "fault")
+        alerts.append(Alert("degraded", "report", _sentence(last.text)))
+    return sorted(alerts, key=lambda problem: problem.level != "fault")
 
 
 def status(page: LivePage) -> dict[str, Any]:
-    """level, the problems in order, and one headline that says it all."""
-    found, verdict = problems(page), page.verdict()
-    level: Level = found[0].level if found else "ok"
+    """level, the problems in order of severity, and a headline."""
+    alerts, verdict = problems(page), page.verdict()
+    level: Level = alerts[0].level if alerts else "ok"
     if page.state == "finished" and verdict is not None:
         level = LEVELS[verdict.level]
-    answer = {"level": level, "headline": found[0].text if found else _calm(page), "problems": found}
+    answer = {"level": level, "headline": alerts[0].text if alerts else _calm(page), "problems": alerts}
     return answer | ({"verdict": verdict.document()} if verdict else {})
 
 
@@ -83,25 +84,25 @@ def step_ms(result: StepResult) -> float:
 
 
 def _of_step(page: LivePage, result: StepResult) -> list[Alert]:
-    found = []
+    alerts = []
     if result.health.blind:
         level: Level = "degraded" if result.health.stale else "fault"
-        found.append(Alert(level, "picture", f"The picture has no information: {result.health.reason}."))
+        alerts.append(Alert(level, "picture", f"The picture has no information: {result.health.reason}."))
     if result.motion.fault:
-        found.append(Alert("degraded", "odometry", f"Odometry: {result.motion.fault}."))
+        alerts.append(Alert("degraded", "odometry", f"Odometry: {result.motion.fault}."))
     effort, rate_hz = page.effort(), page.rate_hz()
     if not effort.full:
-        found.append(Alert("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
+        alerts.append(Alert("degraded", "speed", f"Less is done, to stay within the run's budget: {effort}."))
     wanted_hz = (page.about.get("rate_hz") or 0.0) / effort.take_every
     if rate_hz and page.rate_known and rate_hz < SLOW_SHARE * wanted_hz:
         text = f"Overloaded: {rate_hz:.1f} of {wanted_hz:.0f} pictures a second, {step_ms(result):.0f} ms each."
-        found.append(Alert("degraded", "speed", text))
+        alerts.append(Alert("degraded", "speed", text))
     away_m, turned_rad = pose_sigma(result)
     if away_m > UNSURE_M or turned_rad > UNSURE_RAD:
         heading = "heading unknown" if turned_rad > UNKNOWN_RAD else f"± {math.degrees(turned_rad):.0f}°"
         text = f"The position is uncertain: ± {away_m:.1f} m, {heading}."
-        found.append(Alert("degraded", "pose", text))
-    return found
+        alerts.append(Alert("degraded", "pose", text))
+    return alerts
 
 
 def _calm(page: LivePage) -> str:

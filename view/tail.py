@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class Tail(Generic[T]):
-    """The last `limit` of all items ever appended, numbered from 0."""
+    """The last `limit` of all appended items, numbered from 0."""
 
     def __init__(self, limit: int) -> None:
         self._items: deque[T] = deque(maxlen=limit)
@@ -20,13 +20,13 @@ class Tail(Generic[T]):
         self._lock = threading.Lock()
 
     def append(self, item: T) -> None:
-        """Add an item; the oldest goes where there are too many."""
+        """Adds an item, and drops the oldest beyond the limit."""
         with self._lock:
             self._items.append(item)
             self._total += 1
 
     def replace(self, change: Callable[[T], T]) -> None:
-        """Put a changed item in the place of each one."""
+        """Replaces each item by its changed version."""
         with self._lock:
             self._items = deque(map(change, self._items), maxlen=self._items.maxlen)
 
@@ -36,11 +36,11 @@ class Tail(Generic[T]):
 
     @property
     def total(self) -> int:
-        """How many were ever appended."""
+        """Number of items appended so far."""
         return self._total
 
     def since(self, number: int, most: int) -> tuple[list[T], int]:
-        """At most so many items from `number` on, oldest first, and the number to ask for next."""
+        """At most `most` items from `number` on, oldest first, and the number of the next one."""
         with self._lock:
             oldest = self._total - len(self._items)
             first = min(max(number, oldest), self._total)

@@ -1,4 +1,4 @@
-"""What goes over the wire: one binary message per update, JSON first and the picture's JPEG behind it."""
+"""The socket's messages: one binary message per update, JSON followed by the picture's JPEG."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MAXIMUM_ITEMS = 4000  # of a history in one update; the rest follows in the next
 
 
 class Pictures:
-    """JPEGs of frames; each frame is encoded once, however many look at it."""
+    """JPEGs of frames; each frame is encoded once for all viewers."""
 
     def __init__(self) -> None:
         self._frame: Frame | None = None
@@ -53,8 +53,8 @@ class Pictures:
         return self._jpeg
 
 
-class Vitals:
-    """This process's processor time and memory, looked up at most once a second."""
+class ProcessUsage:
+    """This process's processor time and memory, read at most once a second."""
 
     def __init__(self) -> None:
         self._process = psutil.Process()
@@ -93,13 +93,13 @@ class Cursor:
         """Send every sighting from the first on, or none."""
         self._with_sightings, self._sightings, self.revision = wanted, 0, -1
 
-    def update(self, page: LivePage, pictures: Pictures, vitals: Vitals, number: int) -> bytes:
+    def update(self, page: LivePage, pictures: Pictures, usage: ProcessUsage, number: int) -> bytes:
         """The next message: all that changed since the one before."""
         self.revision = page.revision
         moved, self._epoch = self._epoch != page.epoch, page.epoch
         if moved:
             self._trail, self._sightings, self._objects, self._zones, self._grid = 0, 0, {}, None, None
-        moment = page.newest
+        snapshot = page.newest
         trail, self._trail = page.trail.since(self._trail, MAXIMUM_ITEMS)
         faults, self._faults = page.faults.since(self._faults, MAXIMUM_ITEMS)
         events, self._events = page.events.since(
@@ -109,24 +109,24 @@ class Cursor:
             "number": number, "state": page.state, "camera_state": page.camera_state(), "moved": moved,
             "status": status(page), "trail": trail, "faults": [fault_answer(fault) for fault in faults],
             "events": [event_answer(event) for event in events],
-            "vitals": vitals.now(),
+            "vitals": usage.now(),
         }  # fmt: skip
         if self._with_sightings:
             document["sightings"], self._sightings = page.sightings.since(self._sightings, MAXIMUM_ITEMS)
         jpeg = b""
-        if moment is not None:
+        if snapshot is not None:
             zones = zones_answer(page)
             if zones != self._zones:
                 document["zones"] = self._zones = zones
             dock = page.annotations.dock
             if moved or self._dock == "unsent" or dock != self._dock:
                 self._dock, document["dock"] = dock, dock and list(dock.vector())
-            if (grid := moment.result.grid) is not None and grid is not self._grid:
+            if (grid := snapshot.result.grid) is not None and grid is not self._grid:
                 document["floor"], self._grid = floor_answer(grid), grid
-            document |= _step(moment.result) | self._object_changes(moment.objects)
-            document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - moment.arrived_s}
-            if moment.result.frame is not self._frame:
-                self._frame = moment.result.frame
+            document |= _step(snapshot.result) | self._object_changes(snapshot.objects)
+            document |= {"rate_hz": page.rate_hz(), "age_s": time.monotonic() - snapshot.arrived_s}
+            if snapshot.result.frame is not self._frame:
+                self._frame = snapshot.result.frame
                 jpeg = pictures.jpeg(self._frame)
         head = plain(document)
         return struct.pack("<I", len(head)) + head + jpeg

@@ -11,7 +11,7 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from edgemap.view.page import LivePage
-from edgemap.view.updates import Cursor, Pictures, Vitals
+from edgemap.view.updates import Cursor, Pictures, ProcessUsage
 
 HIGHEST_RATE_HZ = 20.0
 IN_FLIGHT = 4  # updates sent and not yet shown: a picture every 100 ms over a link that takes 300 ms, there and back
@@ -19,14 +19,14 @@ SIGN_OF_LIFE_S = 1.0  # an update at least this often, so that the page sees a s
 
 
 class Ask(msgspec.Struct):
-    """What a page says. shown: an update was drawn. stream: whether it wants any (off while hidden)."""
+    """A page's message. shown: an update was drawn. stream: whether it wants updates (off while hidden)."""
 
     do: Literal["shown", "stream", "sightings"]
     on: bool = True
 
 
 class Bell:
-    """Wakes the viewers' tasks when the page changes; costs the run nothing while nobody waits."""
+    """Wakes the viewers' tasks when the page changes; costs the run nothing without waiting viewers."""
 
     def __init__(self, page: LivePage) -> None:
         self._page = page
@@ -50,16 +50,16 @@ class Bell:
 class Viewer:
     """One WebSocket. It gets the newest state whenever it has room for one; nothing queues, a slow one skips frames."""
 
-    def __init__(self, socket: WebSocket, page: LivePage, bell: Bell, pictures: Pictures, vitals: Vitals) -> None:
+    def __init__(self, socket: WebSocket, page: LivePage, bell: Bell, pictures: Pictures, usage: ProcessUsage) -> None:
         self._socket, self._page, self._bell = socket, page, bell
-        self._pictures, self._vitals = pictures, vitals
+        self._pictures, self._usage = pictures, usage
         self._cursor = Cursor()
         self._streams = False
         self._in_flight = 0
         self._room = asyncio.Event()
 
     async def serve(self) -> None:
-        """Talk until the browser goes."""
+        """Serves the browser until it disconnects."""
         await self._socket.accept()
         await self._socket.send_text(msgspec.json.encode({"type": "hello"} | self._page.about).decode())
         tasks = {asyncio.create_task(self._send()), asyncio.create_task(self._listen())}
@@ -81,7 +81,7 @@ class Viewer:
             if not self._room.is_set():
                 continue
             began_s = time.monotonic()
-            message = self._cursor.update(self._page, self._pictures, self._vitals, number)
+            message = self._cursor.update(self._page, self._pictures, self._usage, number)
             self._in_flight += 1
             self._make_room()
             await self._socket.send_bytes(message)

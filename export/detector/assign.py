@@ -17,18 +17,18 @@ IOU_COST = 6.0  # of the overlap against the class, as in PicoDet
 
 @dataclass(frozen=True)
 class Targets:
-    """True boxes of a batch, padded: boxes (B, G, 4) xyxy px, labels (B, G), valid and ignored (B, G) bool, and how
-    sure each is, certainty (B, G): 1 where it is true, else the score of the network that predicted it.
+    """Target boxes of a batch, padded: boxes (B, G, 4) xyxy px, labels (B, G), valid and ignored (B, G) bool, certainty
+    (B, G): 1 for a label, or the score of the network that predicted the box.
 
-    told: (B, C) bool, the classes that a picture's labels tell all of. kept: (B, C) bool, the classes of which training
-    stays with what another network says of the picture.
+    complete: (B, C) bool, the classes that a picture's labels cover fully. kept: (B, C) bool, the classes
+    for which training keeps another network's predictions.
     """
 
     boxes: Tensor
     labels: Tensor
     valid: Tensor
     ignored: Tensor
-    told: Tensor
+    complete: Tensor
     kept: Tensor
     certainty: Tensor
 
@@ -51,8 +51,8 @@ class Assignment:
 def assign(rows: Rows, targets: Targets) -> Assignment:
     """Give every true box its cheapest cells near its centre, as many as its best overlaps sum up to.
 
-    A cell that two boxes want goes to the cheaper. Cells that are nobody's and overlap an ignored box are exempt from
-    the loss of scores.
+    A cell claimed by two boxes goes to the cheaper one. Unassigned cells that overlap an ignored box are exempt from
+    the score loss.
     """
     centres, iou = rows.centres, overlap(targets.boxes, rows.boxes)
     middle = (targets.boxes[..., :2] + targets.boxes[..., 2:]) / 2.0

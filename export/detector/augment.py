@@ -44,7 +44,7 @@ def single(example: Example, size: int, generator: Generator) -> Example:
 
 
 def plain(example: Example, size: int, stretched: bool = True) -> Example:
-    """As the robot sees it, stretched to the square, or top left on grey."""
+    """The picture as at inference: stretched to the square, or at the top left on grey."""
     canvas = np.full((size, size, 3), PAD, dtype=np.uint8)
     sides = np.array(example.image.shape[1::-1], dtype=np.float64)
     scale = size / (sides if stretched else np.full(2, sides.max()))

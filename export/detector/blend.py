@@ -1,7 +1,7 @@
-"""Between the start and what training made of it: weight-space averages (WiSE-FT; Wortsman et al. 2022).
+"""Weight-space averages of the start and the trained network (WiSE-FT; Wortsman et al. 2022).
 
-Fine-tuning on rendered pictures forgets photographs; on the straight line back to the start most of that returns
-before much of what was learnt is lost.
+Fine-tuning on rendered pictures degrades the network on photographs; interpolating back towards the start restores most
+of that before much of the gain is lost.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""An ONNX network that torch can train: its operators carried out one by one, its weights parameters, and back."""
+"""An ONNX network as a trainable torch module, operator by operator, and back to ONNX."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Graph(nn.Module):
     """The network of an ONNX file: pictures (B, C, H, W) as its input wants them, to its outputs in the file's order.
 
     Weights and biases of its convolutions are the parameters, under the file's names with ':' before them and for '.'.
-    Any batch goes, and any size that is a multiple of 32. Raises ExportError for operators that it does not know.
+    Accepts any batch size, and any picture size that is a multiple of 32. Raises ExportError for unsupported operators.
     """
 
     def __init__(self, model: ModelProto) -> None:
@@ -65,7 +65,7 @@ class Graph(nn.Module):
         return tuple(found[name] for name in self.outputs)
 
     def before(self, feature: str) -> list[str]:
-        """Names of the parameters that an inner value depends on. Raises ExportError where there is none such."""
+        """Names of the parameters that an inner value depends on. Raises ExportError for an unknown name."""
         makers = {name: node for node in self._model.graph.node for name in node.output}
         if feature not in makers:
             raise ExportError(f"{feature!r} is no value of the network")

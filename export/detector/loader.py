@@ -32,8 +32,8 @@ class Batches:
 
     mosaic_share: of pictures made of four. size: side of the square input, px; a batch is of that size or down to three
     quarters of it, for variety and a fifth less work. mix: share of pictures of each source, whatever it holds; empty
-    for every picture once. rank, ranks: this process shows every ranks-th batch of the same
-    epoch, from `rank` on. workers: processes that make pictures; in a thread, Python's lock makes the network wait.
+    for every picture once. rank, ranks: this process takes every ranks-th batch of the epoch, from `rank` on. workers:
+    processes that prepare pictures; a thread would block the network through Python's global lock.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Batches:
             made = plain(example, size, generator.random() < 0.5)
         if generator.random() < 0.5:
             made = flip(made)
-        return replace(made, image=recolour(made.image, generator), told=example.told, kept=example.kept)
+        return replace(made, image=recolour(made.image, generator), complete=example.complete, kept=example.kept)
 
     def _fill(self, queue: Queue, epoch: int, first: int) -> None:
         """What one process does: every so many batches one, handed over in shared memory."""
@@ -135,7 +135,7 @@ def _next(queue: Queue, worker: BaseProcess) -> tuple[Tensor, Targets]:
 def rarity(examples: Sequence[Example]) -> NDArray[np.float64]:
     """How often to add each picture to mosaics, 1 or more: sqrt(common / share of its rarest class), at most 4.
 
-    Repeat factors (Gupta et al. 2019): without them a home's one oven is drowned by its chairs.
+    Repeat factors (Gupta et al. 2019) balance rare classes (one oven) against frequent ones (chairs).
     """
     shown = [set(example.labels[~example.ignored()].tolist()) for example in examples]
     counts = Counter(label for labels in shown for label in labels)
@@ -153,7 +153,7 @@ def collate(examples: Sequence[Example]) -> tuple[Tensor, Targets]:
         torch.zeros(shape, dtype=torch.int64),
         torch.zeros(shape, dtype=torch.bool),
         torch.zeros(shape, dtype=torch.bool),
-        torch.from_numpy(np.stack([example.told for example in examples])),
+        torch.from_numpy(np.stack([example.complete for example in examples])),
         torch.from_numpy(np.stack([example.kept for example in examples])),
         torch.zeros(shape),
     )

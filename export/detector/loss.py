@@ -31,10 +31,10 @@ def detection_loss(
     """Rows and truth to `total`, `scores`, `box`, `bins`, each per unit of overlap reached at positive cells.
 
     Scores: varifocal loss (Zhang et al. 2021) or, of heads with an objectness, cross entropy towards the overlap, times
-    the box's certainty where a network predicted it; where a cell speaks for no box, only for classes that this
-    picture's labels tell (`Targets.told`), and not where it is exempt. Box: 1 - GIoU. Bins: distribution focal loss (Li
-    et al. 2020), of heads that have them. mean: of a number over all processes that train together. least: that much
-    overlap is divided by where less is reached. Gives the assignment, too.
+    the box's certainty where a network predicted it; for a cell without a box, only for classes that this picture's
+    labels cover (`Targets.complete`), and not where it is exempt. Box: 1 - GIoU. Bins: distribution focal loss (Li et
+    al. 2020), of heads that have them. mean: of a number over all processes that train together. least: lower bound of
+    the overlap that losses are divided by. Also returns the assignment.
     """
     found = assign(rows, targets)
     truth = targets.boxes.gather(1, found.box[..., None].expand(-1, -1, 4))
@@ -44,7 +44,7 @@ def detection_loss(
     count = mean(quality.sum()).clamp(min=least)
 
     wanted = torch.zeros_like(rows.scores).scatter_(-1, label[..., None], quality[..., None])
-    counts = found.positive[..., None] | (targets.told[:, None] & ~found.exempt[..., None])
+    counts = found.positive[..., None] | (targets.complete[:, None] & ~found.exempt[..., None])
     weight = counts.float()
     if rows.bins is not None:
         negative = NEGATIVE_WEIGHT * rows.scores.detach().sigmoid() ** NEGATIVE_POWER
@@ -59,20 +59,19 @@ def detection_loss(
     return {"total": total, "scores": scores.detach(), "box": box.detach(), "bins": bins.detach()}, found
 
 
-def distance_loss(rows: Rows, known: Rows, kept: Tensor) -> tuple[Tensor, Tensor]:
-    """How far rows are from those of a network that knows these pictures, summed, and how much that one sees in them.
-
-    kept: (B, N, C), what to stay with. Of scores and bins the Kullback-Leibler divergence; of boxes without bins how
-    far their edges moved, strides; both as far as the other network sees anything there.
+def distance_loss(rows: Rows, reference: Rows, kept: Tensor) -> tuple[Tensor, Tensor]:
+    """Summed distance of rows to those of a reference network, and the sum of that network's scores. kept: (B, N, C),
+    the entries that count. Of scores and bins the Kullback-Leibler divergence; of boxes without bins how far their
+    edges moved, strides; both as far as the other network sees anything there.
     """
-    probability = known.scores.sigmoid()
+    probability = reference.scores.sigmoid()
     seen, sure = probability.amax(-1), torch.where(kept, probability, 0.0).amax(-1)
     cross = functional.binary_cross_entropy_with_logits(rows.scores, probability, reduction="none")
-    own = functional.binary_cross_entropy_with_logits(known.scores, probability, reduction="none")
-    if rows.bins is None or known.bins is None:
-        moved = ((rows.boxes - known.boxes) / rows.strides[:, None]).abs().sum(-1)
+    own = functional.binary_cross_entropy_with_logits(reference.scores, probability, reduction="none")
+    if rows.bins is None or reference.bins is None:
+        moved = ((rows.boxes - reference.boxes) / rows.strides[:, None]).abs().sum(-1)
     else:
-        ours, theirs = rows.bins.log_softmax(-1), known.bins.log_softmax(-1)
+        ours, theirs = rows.bins.log_softmax(-1), reference.bins.log_softmax(-1)
         moved = functional.kl_div(ours, theirs, reduction="none", log_target=True).sum((-1, -2))
     return ((cross - own) * kept).sum() + (moved * sure).sum(), torch.where(seen > SEEN_SCORE, seen, 0.0).sum()
 

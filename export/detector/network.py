@@ -21,9 +21,9 @@ from edgemap.runtime.network.manifest import Manifest
 class TorchNetwork(nn.Module):
     """BGR pictures (B, 3, H, W), 0..255, to the outputs of a bundle's heads.
 
-    Batch normalisation is folded into the convolutions of a bundle's graph: there are no statistics, and a batch of any
-    size will do. all_layers: else the layers before the features that odometry heads read keep their weights, so that
-    those heads fit whatever comes of it.
+    Batch normalisation is folded into the convolutions of a bundle's graph: there are no statistics, and any batch size
+    works. all_layers: if false, the layers before the features that odometry heads read keep their weights, so that
+    those heads still fit.
     """
 
     _factor: Tensor

@@ -1,4 +1,4 @@
-"""Training pictures in memory: decoded once, at the size that the network sees, with their boxes."""
+"""Training pictures in memory: decoded once, at the network's input size, with their boxes."""
 
 from __future__ import annotations
 
@@ -25,11 +25,10 @@ SMALLEST_PX = 10.0  # longer side at the network's input; what is smaller is no 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Example:
-    """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the share of each that is seen (N,).
-
-    unasked: boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None once a picture was changed.
-    source: which of the training's sources it is from. told: (C,) bool, the classes that its labels tell all of.
-    kept: (C,) bool, the classes of which training stays with what another network says of this picture.
+    """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the visible share of each (N,). unasked:
+    boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None after augmentation. source: which of the
+    training's sources it is from. complete: (C,) bool, the classes that its labels cover fully. kept: (C,) bool, the
+    classes of which training stays with what another network says of this picture.
     scores: of a network that predicted the boxes, (N,); None where they are true.
     """
 
@@ -39,7 +38,7 @@ class Example:
     visible: NDArray[np.float32]
     unasked: NDArray[np.bool_] | None = None
     source: int = 0
-    told: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    complete: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     kept: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     scores: NDArray[np.float32] | None = None
 
@@ -58,9 +57,9 @@ def load_examples(
 ) -> list[Example]:
     """All pictures of `KIND:DIR...`, longer side `size` px; boxes of other classes than `names` are left out.
 
-    Labels tell all of a class where any label of the source names it; the other classes are kept. Boxes that a network
-    predicted tell all classes, and all are kept. A plain folder holds pictures without labels: `teach` predicts them,
-    where there is a teacher; else no class is told. limit: at most so many, evenly over each folder. Raises
+    Labels are complete for a class if any label of the source names it; the other classes are kept. Predicted boxes are
+    complete for all classes, and all are kept. A plain folder holds unlabelled pictures: a teacher's predictions label
+    them (`teach`); without one, no class is complete. limit: maximum number, taken evenly from each folder. Raises
     CameraError, or ExportError where labels hold no box at all.
     """
     number = {name: index for index, name in enumerate(names)}
@@ -68,10 +67,10 @@ def load_examples(
     for source, spec in enumerate(specs):
         found = list(_load(spec, number, size, limit, teach))
         predicted = any(example.scores is not None for example in found)
-        told = np.full(len(names), predicted)
-        told[[label for example in found for label in example.labels]] = True
-        kept = ~told | predicted
-        examples += [replace(example, source=source, told=told, kept=kept) for example in found]
+        complete = np.full(len(names), predicted)
+        complete[[label for example in found for label in example.labels]] = True
+        kept = ~complete | predicted
+        examples += [replace(example, source=source, complete=complete, kept=kept) for example in found]
     labelled = teach is not None or not all(map(is_unlabelled, specs))
     if labelled and not any(len(example.boxes) for example in examples):
         raise ExportError(f"{', '.join(specs)}: no true box of {', '.join(names)} in {len(examples)} pictures")

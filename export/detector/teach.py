@@ -1,4 +1,4 @@
-"""Boxes of pictures that nobody labelled: what teachers see in them, averaged, and what they doubt."""
+"""Pseudo-labels of unlabelled pictures: the averaged predictions of teachers, and the uncertain ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trains a bundle's detector: batches, loss, moving average, validation, and files that a resume goes on from."""
+"""Trains a bundle's detector: batches, loss, moving average, validation, and checkpoints to resume from."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ PANELS = (
 class DetectorSettings:
     """How to train. rate: highest learning rate.
 
-    size: side of the square pictures, px; None for the bundle's. keep: weight of staying with what the network that is
-    kept to says where labels say nothing: of classes that they do not name, and of unlabelled pictures. mix: share of
-    pictures of each source; empty for every picture once an epoch.
+    size: side of the square pictures, px; None for the bundle's. keep: weight of the distance to the reference network
+    where there are no labels: for classes that they do not name, and for unlabelled pictures. mix: share of pictures of
+    each source; empty for every picture once an epoch.
     validate_minutes: between two validations; None: after every epoch.
     bfloat16: convolutions in half the width, weights and losses in full: 1.7 times as fast on a processor with
     AVX512-BF16.
@@ -64,7 +64,7 @@ class DetectorSettings:
 class Trainer(Training):
     """One run in a folder: `best.pt`, `last.pt`, `curves.csv`, `curves.png`.
 
-    start: the network to train. known: the reference network to stay close to without labels; the start by default.
+    start: the network to train. reference: the reference network to stay close to without labels; the start by default.
     train: examples as `load_examples` gives. validation: sets of them by name; the network with the highest mean of
     their AP50 is the best. Under `torchrun` every process takes its share of each epoch.
     """
@@ -78,12 +78,12 @@ class Trainer(Training):
         validation: Mapping[str, Sequence[Example]],
         folder: Path,
         settings: DetectorSettings,
-        known: TorchNetwork | None = None,
+        reference: TorchNetwork | None = None,
     ) -> None:
         super().__init__(folder, settings.validate_minutes, settings.threads, settings.device)
         self.settings, self.train, self.validation = settings, train, validation
         self.network = start.copy().to(self.device)
-        self.known = (known or start).copy().to(self.device).requires_grad_(False)
+        self.reference = (reference or start).copy().to(self.device).requires_grad_(False)
         self.learning = [parameter for parameter in self.network.parameters() if parameter.requires_grad]
         self.forward = self.ranks.wrap(self.network)
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
@@ -166,8 +166,8 @@ class Trainer(Training):
         if not self.settings.keep:
             return torch.zeros((), device=self.device)
         with torch.no_grad(), self._narrow():
-            known = self.known.read(self.known(images), images)
-        distance, seen = distance_loss(rows, known, targets.kept[:, None] & ~found.positive[..., None])
+            reference = self.reference.read(self.reference(images), images)
+        distance, seen = distance_loss(rows, reference, targets.kept[:, None] & ~found.positive[..., None])
         return distance / self.ranks.mean(seen + found.positive.sum()).clamp(min=1.0 / self.ranks.count)
 
     def _narrow(self) -> torch.autocast:
@@ -186,7 +186,7 @@ class Trainer(Training):
     def validate(self) -> None:
         """With the averaged weights, on every validation set, in the first process."""
         means = self.means(4)
-        row = self.ranks.told(self._validated(means) if self.ranks.first else None)
+        row = self.ranks.broadcast(self._validated(means) if self.ranks.first else None)
         if not self.ranks.first:
             self.rows.append(row)
 

@@ -32,16 +32,16 @@ def validate(network: TorchNetwork, examples: Sequence[Example]) -> dict[str, An
         for row, (example, (_, placement)) in enumerate(zip(chunk, prepared, strict=True)):
             height, width = example.image.shape[:2]
             found = decode({name: value[row : row + 1] for name, value in outputs.items()}, placement)
-            told = example.told[found.class_ids]
+            complete = example.complete[found.class_ids]
             scored.append(
                 ScoredPicture(
                     width,
                     height,
                     example.boxes.astype(np.float64),
                     example.labels,
-                    found.boxes[told],
-                    found.class_ids[told],
-                    found.scores[told],
+                    found.boxes[complete],
+                    found.class_ids[complete],
+                    found.scores[complete],
                     example.unasked,
                 )
             )

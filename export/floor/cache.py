@@ -22,9 +22,8 @@ Records = NDArray[np.void]
 
 
 def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: Path) -> Records:
-    """So many varied views of each labelled picture, (len(pairs) * views,), memory-mapped, computing those that the
-    folder lacks: s0 to s3, the features (C, H, W) float16, finest first; truth (2, H, W) and known (H, W), shares of
-    cells in 255ths.
+    """Varied views of each labelled picture, (len(pairs) * views,), memory-mapped; missing ones are computed: s0 to s3,
+    the features (C, H, W) float16, finest first; truth (2, H, W) and known (H, W), shares of cells in 255ths.
 
     A view depends on its number and its picture's only, so more views keep those that are there. Raises ExportError,
     CameraError or OSError.
@@ -45,9 +44,9 @@ def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: 
             record = np.zeros(1, kind)
             image, labels = varied(*load(pairs[number % len(pairs)]), np.random.default_rng([7, number]))
             maps, placement = features(image)
-            truth, known = targets(labels, placement, STRIDE, shape)
+            truth, labelled = targets(labels, placement, STRIDE, shape)
             for level, one in enumerate(maps):
                 record[f"s{level}"] = one
-            record["truth"], record["known"] = np.rint(truth * FULL), np.rint(known * FULL)
+            record["truth"], record["known"] = np.rint(truth * FULL), np.rint(labelled * FULL)
             file.write(record.tobytes())
     return np.memmap(path, kind, "r", shape=(count,))

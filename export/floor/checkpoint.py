@@ -22,8 +22,9 @@ Four = tuple[Channels, Channels, Channels, Channels]
 
 @dataclass(frozen=True)
 class FloorCheckpoint:
-    """A head with the facts that a bundle holds of it. backbone: whose features it reads. taps: names of those tensors,
-    strides 4 to 32. measured: figures with their data. sources: where its labels came from."""
+    """A head with its metadata for a bundle. backbone: the network whose features it reads. taps: names of those
+    tensors, strides 4 to 32. measured: figures with their data. sources: where its labels came from.
+    """
 
     head: FloorHead
     backbone: str
@@ -52,7 +53,7 @@ def save_floor(checkpoint: FloorCheckpoint, path: Path) -> None:
 
 
 def load_floor(path: Path) -> FloorCheckpoint:
-    """Read a checkpoint. Raises ExportError where it is none or is damaged."""
+    """Reads a checkpoint. Raises ExportError where it is invalid or damaged."""
     document = read_torch(path)
     if document.get("format") != FORMAT:
         raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")

@@ -42,8 +42,8 @@ class FloorHead(nn.Module):
     """Features (B, C, H, W) of strides 4, 8, 16, 32 to logits (B, 2, H, W) of stride 4: floor, wall.
 
     It works at stride 8, where features of stride 4 come in by a convolution of 2x2 and each cell gives 2x2 of the
-    output: the fine maps are never computed with. At stride 16 it knows the row of the picture and the mean of the
-    coarsest features: what room this is. channels: of the four features. rows: of those of stride 16.
+    output: no convolution runs on the fine maps. At stride 16 its inputs include the row of the picture and the mean of
+    the coarsest features, as context of the room. channels: of the four features. rows: of those of stride 16.
     """
 
     def __init__(

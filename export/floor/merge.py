@@ -28,7 +28,9 @@ NECKS = (
 
 
 def floor_taps(model: ModelProto, detector: DetectorSpec) -> tuple[Tensor4, ...]:
-    """The features that a floor head reads, strides 4 to 32: a known neck's, else the widest of each stride."""
+    """The features that a floor head reads, strides 4 to 32: those of a listed backbone's neck, else the widest of each
+    stride.
+    """
     tensors = static_tensors(model)
     by_name = {tensor.name: tensor for tensor in tensors}
     for neck in NECKS:
@@ -42,8 +44,8 @@ def with_floor(
     model: ModelProto, detector: DetectorSpec, head: FloorHead, taps: Sequence[str]
 ) -> tuple[ModelProto, DetectorSpec]:
     """The model with the head's probabilities as its output `floor`, and its contract. Raises ExportError."""
-    known = {tensor.name: tensor for tensor in static_tensors(model)}
-    if (found := tuple(known[name].channels for name in taps)) != head.channels:
+    tensors = {tensor.name: tensor for tensor in static_tensors(model)}
+    if (found := tuple(tensors[name].channels for name in taps)) != head.channels:
         raise ExportError(f"floor head: reads features of {head.channels} channels, the network's have {found}")
     merged, graph = copy.deepcopy(model), _Emitter()
     stride = STRIDES[1] // FINE

@@ -35,7 +35,7 @@ def load(pair: tuple[Path, Path]) -> tuple[Image, Image]:
 
 
 def varied(image: Image, labels: Image, rng: np.random.Generator) -> tuple[Image, Image]:
-    """Another picture of the same: part of it, perhaps mirrored, in other light, perhaps on another floor."""
+    """A random augmentation of a picture: a crop, possibly mirrored, in other light, possibly with another floor."""
     if rng.random() > WHOLE:
         image, labels = _cut(image, labels, rng)
     if rng.random() < 0.5:
@@ -58,11 +58,12 @@ def varied(image: Image, labels: Image, rng: np.random.Generator) -> tuple[Image
 
 
 def targets(labels: Image, placement: Placement, stride: int, shape: tuple[int, int]) -> tuple[Float, Float]:
-    """What the head should give for a picture placed in the input: shares of floor and wall (2, rows, columns) of each
-    cell's known part, and that part's share of the cell (rows, columns), 0 in the padding."""
+    """The head's targets for a picture placed in the input: shares of floor and wall (2, rows, columns) in each cell's
+    labelled part, and that part's share of the cell (rows, columns), 0 in the padding.
+    """
     where = placement
-    known = (labels != UNKNOWN).astype(np.float32)
-    planes = np.stack([known, (labels == FLOOR).astype(np.float32), (labels == WALL).astype(np.float32)], axis=2)
+    labelled = (labels != UNKNOWN).astype(np.float32)
+    planes = np.stack([labelled, (labels == FLOOR).astype(np.float32), (labels == WALL).astype(np.float32)], axis=2)
     placed = np.zeros((shape[0] * stride, shape[1] * stride, 3), dtype=np.float32)
     small = cv2.resize(planes, (where.width, where.height), interpolation=cv2.INTER_AREA)
     placed[where.top : where.top + where.height, where.left : where.left + where.width] = small

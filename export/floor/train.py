@@ -35,7 +35,7 @@ NOISE = 0.05  # of the features' channels, each multiplied by 1 + so much
 
 @dataclass(frozen=True)
 class FloorSettings:
-    """How to train. mix: shares of each source. minutes goes before epochs."""
+    """How to train. mix: shares of each source. minutes takes precedence over epochs."""
 
     batch: int = 16
     rate: float = 3e-3
@@ -86,8 +86,8 @@ class FloorTrainer(Training):
             for group in self._optimiser.param_groups:
                 group["lr"] = self._settings.rate * self._schedule.rate(progress)
             self.head.train()
-            features, truth, known = self._batch()
-            loss, parts = floor_loss(self.head(*features), truth, known)
+            features, truth, labelled = self._batch()
+            loss, parts = floor_loss(self.head(*features), truth, labelled)
             self._optimiser.zero_grad()
             loss.backward()
             self._optimiser.step()
@@ -104,8 +104,10 @@ class FloorTrainer(Training):
         mirrored = self._rng.random(len(chosen)) < 0.5
         maps = [_stacked([kept[f"s{level}"] for kept in chosen], mirrored) for level in range(len(STRIDES))]
         noisy = [one.mul_(1.0 + NOISE * torch.randn(*one.shape[:2], 1, 1)) for one in maps]
-        truth, known = (_stacked([kept[part] for kept in chosen], mirrored).div_(FULL) for part in ("truth", "known"))
-        return [one.contiguous(memory_format=torch.channels_last) for one in noisy], truth, known
+        truth, labelled = (
+            _stacked([kept[part] for kept in chosen], mirrored).div_(FULL) for part in ("truth", "known")
+        )
+        return [one.contiguous(memory_format=torch.channels_last) for one in noisy], truth, labelled
 
     def validate(self) -> None:
         """Add a row, and write `best.pt` where it is the best one."""
@@ -165,19 +167,22 @@ def averaged(head: FloorHead, weights: dict[str, Tensor]) -> FloorHead:
     return copy.eval()
 
 
-def floor_loss(logits: Tensor, truth: Tensor, known: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+def floor_loss(logits: Tensor, truth: Tensor, labelled: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
     """Cross-entropy of both labels, the floor's edge counting more, and one minus the floor's overlap (Dice).
 
-    logits, truth: (B, 2, H, W); known: (B, H, W), the share of each cell that is labelled.
+    logits, truth: (B, 2, H, W); labelled: (B, H, W), the share of each cell that is labelled.
     """
     floor, padding = truth[:, :1], EDGE // 2
     edge = functional.max_pool2d(floor, EDGE, 1, padding) + functional.max_pool2d(-floor, EDGE, 1, padding)
-    weight = known[:, None] * (1.0 + EDGE_WEIGHT * edge)
+    weight = labelled[:, None] * (1.0 + EDGE_WEIGHT * edge)
     entropy = functional.binary_cross_entropy_with_logits(logits, truth, reduction="none")
     entropy = (entropy * weight).sum((0, 2, 3)) / weight.sum().clamp(min=1.0)
-    found = logits[:, :1].sigmoid() * known[:, None]
-    both = (found * floor).sum((1, 2, 3))
-    dice = 1.0 - ((2.0 * both + 1.0) / (found.sum((1, 2, 3)) + (floor * known[:, None]).sum((1, 2, 3)) + 1.0)).mean()
+    predicted = logits[:, :1].sigmoid() * labelled[:, None]
+    both = (predicted * floor).sum((1, 2, 3))
+    dice = (
+        1.0
+        - ((2.0 * both + 1.0) / (predicted.sum((1, 2, 3)) + (floor * labelled[:, None]).sum((1, 2, 3)) + 1.0)).mean()
+    )
     loss = entropy[0] + 0.5 * entropy[1] + DICE * dice
     return loss, {"loss": loss.detach(), "floor": entropy[0].detach(), "wall": entropy[1].detach()}
 
@@ -187,9 +192,9 @@ def scored(head: FloorHead, features: Features, pairs: Sequence[Pair]) -> dict[s
     score = FloorScore()
     for pair in pairs:
         image, labels = load(pair)
-        found, placement = features(image)
+        levels, placement = features(image)
         with torch.no_grad():
-            mask = head(*map(torch.from_numpy, found)).sigmoid().numpy()
+            mask = head(*map(torch.from_numpy, levels)).sigmoid().numpy()
         shape = (1, len(LABELS), *mask.shape[2:])
         spec = FloorSpec(name="floor", shape=shape, stride=STRIDE, labels=LABELS)
         seen = floor_mask({"floor": mask}, placement, spec)

@@ -22,11 +22,9 @@ Kind = Literal["paper", "flow"]
 
 @dataclass(frozen=True)
 class HeadCheckpoint:
-    """A head with the facts that a bundle holds of it.
-
-    feature: which tensor of the backbone it reads, in export's words (`head`, `neck`, `stride4`, …). sigma: standard
-    deviations of forward_m, left_m, yaw_rad of one step. envelope, measured, window: as in the manifest. trained: false
-    for random weights.
+    """A head with its metadata for a bundle. feature: tensor of the backbone that it reads, named as in export (`head`,
+    `neck`, `stride4`, …). sigma: standard deviations of forward_m, left_m, yaw_rad of one step. envelope, measured,
+    window: as in the manifest. trained: false for random weights.
     """
 
     head: PaperHead | FlowHead
@@ -83,7 +81,7 @@ def save_head(checkpoint: HeadCheckpoint, path: Path) -> None:
 
 
 def load_head(path: Path) -> HeadCheckpoint:
-    """Read a checkpoint. Raises ExportError where it is none, is damaged, or exceeds the paper's parameter count."""
+    """Reads a checkpoint. Raises ExportError where it is invalid, damaged, or exceeds the paper's parameter count."""
     document = read_torch(path)
     if document.get("format") != FORMAT:
         raise ExportError(f"{path}: format {one_line(repr(document.get('format')), 60)}, expected {FORMAT!r}")

@@ -74,9 +74,8 @@ class FeatureDrive:
 
 
 class FeatureStore:
-    """Features in a folder, keyed by what makes them: the backbone's bytes, its input rule, the feature's name.
-
-    What was computed stays and is used again; a drive that was interrupted goes on where it stopped.
+    """Cached features in a folder, keyed by the backbone's bytes, its input rule and the feature's name. An interrupted
+    drive is continued.
     """
 
     def __init__(self, part: Backbone, feature: str, folder: Path, threads: int = 2) -> None:
@@ -128,8 +127,8 @@ class FeatureStore:
             cells *= view.shows(grid, drive.intrinsics)
         angles = None
         if drive.attitudes is not None:
-            known = [drive.attitudes.at(float(stamp), drive.mount.height_m) for stamp in stamps]
-            angles = np.array([(side * one.roll_rad, one.pitch_rad, one.height_m) for one in known])
+            attitudes = [drive.attitudes.at(float(stamp), drive.mount.height_m) for stamp in stamps]
+            angles = np.array([(side * one.roll_rad, one.pitch_rad, one.height_m) for one in attitudes])
         features = self._features(spec, drive, count, view)[first:]
         return FeatureDrive(spec, features, stamps, poses * [1.0, side, side], cells, mount, angles, view.rotation())
 
@@ -140,8 +139,8 @@ class FeatureStore:
         path, note = self.folder / f"{key}.npy", self.folder / f"{key}.json"
         self.folder.mkdir(parents=True, exist_ok=True)
         total = len(drive.stamps_s)
-        known: dict[str, Any] = json.loads(note.read_text()) if note.is_file() and path.is_file() else {}
-        done = int(known.get("frames", 0))
+        saved: dict[str, Any] = json.loads(note.read_text()) if note.is_file() and path.is_file() else {}
+        done = int(saved.get("frames", 0))
         if done < count:
             shape = (total, *self.shape[1:])
             kept = np.lib.format.open_memmap(path, "r+" if done else "w+", np.float16, None if done else shape)
@@ -180,8 +179,8 @@ def usual_views(specs: Sequence[str]) -> int:
 
 def _compute(store: FeatureStore, spec: str, first: int, frames: int | None, view: AugmentedView) -> None:
     """In a process of its own, which keeps its session from drive to drive."""
-    known = _STORES.setdefault(str(store.folder), store)
-    known.drive(spec, first, frames, view)
+    shared = _STORES.setdefault(str(store.folder), store)
+    shared.drive(spec, first, frames, view)
 
 
 _STORES: dict[str, FeatureStore] = {}

@@ -1,8 +1,8 @@
-"""Our odometry head: where every cell went since the previous picture, and the one motion that explains it.
+"""The flow odometry head: the displacement of every cell since the previous picture, and the motion that explains it.
 
-Correlation of the backbone's early features with the previous ones, coarse and wide first, then fine around what the
-coarse motion predicts; a ConvLSTM remembers; the motion is solved from the cells' displacements by least squares over
-the known geometry of lens, mount and floor (`rigid`), so that one head serves any of them.
+Correlation of the backbone's early features with the previous ones, first coarse over a wide range, then fine around
+the coarse motion's prediction; a ConvLSTM carries the memory. The motion follows from the cells' displacements by least
+squares with the geometry of lens, mount and floor (`rigid`), so that one head fits any of them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ SMALL = FlowSizes(16, 32, 32, 28, 16, 2)  # of one that `smaller` makes: half th
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What one search found. moved: displacements in cells to where things were, (B, 2, H, W). inverse_depth:
+    """Result of one search. moved: displacements, in cells, to the previous positions, (B, 2, H, W). inverse_depth:
     (B, 1, H, W), 1/unit. solution: the motion from it, in units."""
 
     moved: Tensor
@@ -71,10 +71,9 @@ class FilledConv(nn.Conv2d):
 class FlowHead(nn.Module):
     """Features of one frame, the geometry and the state to the base's motion, its covariance and the new state.
 
-    shape: (1, C, H, W) of the features, stride: theirs, 4 or 8 input px. unit_m: the unit in which the head counts
-    lengths, metres: what it learnt of depths and speeds of robots at home it then knows of a car's (`start.unit_of`).
-    Buffers, not trained by gradient: feature_mean and feature_std, (1, C, 1, 1). Raises ExportError for features that
-    do not fit.
+    shape: (1, C, H, W) of the features, stride: theirs, 4 or 8 input px. unit_m: the head's unit of length, metres, so
+    that depths and speeds learnt on indoor robots transfer to a car's scale (`start.unit_of`). Buffers, not trained by
+    gradient: feature_mean and feature_std, (1, C, 1, 1). Raises ExportError for features that do not fit.
     """
 
     def __init__(self, shape: Sequence[int], stride: int, sizes: FlowSizes | None = None, unit_m: float = 1.0) -> None:
@@ -142,9 +141,8 @@ class FlowHead(nn.Module):
         return _unit(fine), _unit(coarse)
 
     def describe_fine(self, feature: Tensor) -> Tensor:
-        """The finer description before its length is made one: (feature - mean) / std, convolved.
-
-        Mean and deviation are in weights and offset: the same, but no picture's worth of numbers is gone through twice.
+        """The fine descriptors before normalisation to unit length: (feature - mean) / std, convolved. Mean and
+        deviation are folded into weights and offset, which saves a pass over the feature map.
         """
         weight, stride = self.reduce.weight / self.feature_std, self.reduce.stride
         mean = functional.conv2d(self.feature_mean.expand(self.shape), weight, None, stride, 1)
@@ -221,21 +219,21 @@ class FlowHead(nn.Module):
         return first, second, hidden, cell
 
     def _read(
-        self, told: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: CellGeometry, sight: ShownCells,
+        self, outputs: Tensor, guess: Tensor, inverse_depth: Tensor, geometry: CellGeometry, sight: ShownCells,
         start: Tensor, prior: Tensor, prior_information: Tensor, stage: int,
     ) -> Look:  # fmt: skip
-        """What the network tells of each cell, and the motion that explains it best."""
-        told = told.float()
-        moved = guess + told[:, :2] * 4.0
-        weights = torch.exp((told[:, 2:4] * 4.0).clamp(-6.0, 6.0)) * geometry.shown.unflatten(2, told.shape[2:])
+        """The network's outputs of each cell, and the motion that explains them best."""
+        outputs = outputs.float()
+        moved = guess + outputs[:, :2] * 4.0
+        weights = torch.exp((outputs[:, 2:4] * 4.0).clamp(-6.0, 6.0)) * geometry.shown.unflatten(2, outputs.shape[2:])
         information = weights / SIGMA**2
         # The floor's depth is known but for the tilt; anything may stand before it or hang above it.
-        depth = inverse_depth * torch.exp((told[:, 4:].flatten(2) * 4.0).clamp(-2.5, 2.5))
+        depth = inverse_depth * torch.exp((outputs[:, 4:].flatten(2) * 4.0).clamp(-2.5, 2.5))
         bearings, slopes = sight.slopes(depth)
         measured = geometry.here + geometry.bearings_of(moved.flatten(2))
         used = information.flatten(2) * torch.exp(self.evidence[stage])
         solution = solve(slopes, measured - bearings, used, start, prior, prior_information)
-        return Look(moved, depth.unflatten(2, told.shape[2:]), solution)
+        return Look(moved, depth.unflatten(2, outputs.shape[2:]), solution)
 
     def _recall(self, x: Tensor, hidden: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
         """One ConvLSTM step (Shi et al. 2015)."""

@@ -40,11 +40,12 @@ class PaperHead(nn.Module):
     """Features of one frame and the state to the base's motion since the previous frame, and the new state.
 
     Two ConvLSTM layers of 64 channels (48 where kernels are 5x5) on the standardised map, then two dense layers over
-    ALL cells. Pooling over cells would be cheaper but forget where in the picture something moved, which is what tells
-    turning from driving. The first dense layer is as wide (up to 128) as the paper's parameter count leaves room for.
+    ALL cells. Pooling over cells would be cheaper, but it discards the position of a motion in the picture, which
+    distinguishes rotation from translation. The first dense layer is as wide (up to 128) as the paper's parameter count
+    allows.
 
     shape: (1, C, H, W) of the features. Buffers, not trained by gradient: feature_mean and feature_std, (1, C, 1, 1);
-    motion_scale (3,), metres, metres, radians per unit of output. Raises ExportError where the count cannot be kept.
+    motion_scale (3,), metres, metres, radians per unit of output. Raises ExportError where the count is exceeded.
     """
 
     def __init__(

@@ -67,10 +67,11 @@ class CellGeometry:
 
 @dataclass(frozen=True, slots=True)
 class ShownCells:
-    """How the previous picture shows what the cells show now, after one motion of the base. All is linear in rays and
-    inverse depths, which one small matrix says: a head's step costs what its operators cost to start, so few and large
-    ones are chosen. rays: (B, 3, N), optical. by: (B, 18, 4): x, y and z of the point and of its change by x, y, yaw,
-    roll and pitch, all divided by the depth now; by ray and inverse depth."""
+    """Projection of the current cells into the previous picture, for one motion of the base. It is linear in rays and
+    inverse depths, with one small matrix. The start-up of operators dominates the cost of a head's step, so there are
+    few large ones. rays: (B, 3, N), optical. by: (B, 18, 4): x, y and z of the point and of its change by x, y, yaw,
+    roll and pitch, all divided by the depth now; by ray and inverse depth.
+    """
 
     rays: Tensor
     by: Tensor

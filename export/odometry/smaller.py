@@ -1,8 +1,8 @@
 """A smaller flow head from a larger one by least squares, layer by layer: no gradient, a minute of one core.
 
-Each layer of the small head is fitted so that, from what the small head computed before it, it gives what the large
-head's layer gives; of channels those are kept that tell most (pivoted QR, weighted by who reads them). Channel pruning
-by reconstruction, after He, Zhang and Sun 2017, without its iterations.
+Each layer of the small head is fitted so that, from what the small head computed before it, it reproduces the large
+head's layer; the most informative channels are kept (pivoted QR, weighted by their readers). Channel pruning by
+reconstruction, after He, Zhang and Sun 2017, without its iterations.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def fit_smaller(
     small: FlowHead, large: FlowHead, pairs: Sequence[tuple[FeatureDrive, FeatureDrive]], every: int = EVERY
 ) -> None:
     """Fit the small head to the large one. pairs: the same drives as features that the small and the large one read,
-    cell by cell of the same places. every: so many steps one is looked at."""
+    cell by cell of the same places. every: stride of the sampled steps."""
     small.unit_m = large.unit_m
     steps = [
         step for index, pair in enumerate(pairs) for step in _steps(large, *pair, SKIPS[index % len(SKIPS)], every)
@@ -144,8 +144,8 @@ def _kept_channels(small: FlowHead, large: FlowHead, steps: Sequence[_Step]) -> 
         gave = torch.cat([step.gave[name] for step in steps])
         kept[name] = _telling(gave if name == "remember" else functional.leaky_relu(gave, SLOPE), convs, count)
     hidden = torch.cat([step.hidden for step in steps])
-    told = 3.0 * large.expect.weight.norm(dim=0)
-    kept["hidden"] = _telling(hidden, [(weights["search.0.weight"], memory)], sizes.hidden, told)
+    importance = 3.0 * large.expect.weight.norm(dim=0)
+    kept["hidden"] = _telling(hidden, [(weights["search.0.weight"], memory)], sizes.hidden, importance)
     kept["gates"] = torch.cat([kept["hidden"] + part * wide.hidden for part in range(4)])
     return kept
 

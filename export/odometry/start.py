@@ -78,23 +78,23 @@ def unit_of(drives: Sequence[FeatureDrive]) -> float:
 
 def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:
     """Raises ExportError where the larger one is no flow head, or of another grid."""
-    known = load_head(larger)
-    if not isinstance(known.head, FlowHead) or (known.head.rows, known.head.columns) != (head.rows, head.columns):
+    teacher = load_head(larger)
+    if not isinstance(teacher.head, FlowHead) or (teacher.head.rows, teacher.head.columns) != (head.rows, head.columns):
         raise ExportError(
-            f"{larger}: a {known.kind} head for features {tuple(known.head.shape)}, not a flow head to fit"
+            f"{larger}: a {teacher.kind} head for features {tuple(teacher.head.shape)}, not a flow head to fit"
         )
-    part = open_backbone(known.backbone, None, [known.feature])
+    part = open_backbone(teacher.backbone, None, [teacher.feature])
     same_place = msgspec.structs.replace(part.detector.input, resize=store.input.resize)
     part = replace(part, detector=msgspec.structs.replace(part.detector, input=same_place))
-    theirs = FeatureStore(part, known.feature, store.folder.parent, 1)
+    theirs = FeatureStore(part, teacher.feature, store.folder.parent, 1)
     if theirs.folder == store.folder:
-        head.feature_mean.copy_(known.head.feature_mean)
-        head.feature_std.copy_(known.head.feature_std)
+        head.feature_mean.copy_(teacher.head.feature_mean)
+        head.feature_std.copy_(teacher.head.feature_std)
         pairs = [(drive, drive) for drive in drives]
     else:
         pairs = list(zip(drives, theirs.load([drive.name for drive in drives]), strict=True))
     place = Ranks(device).device
-    fit_smaller(head.to(place), known.head.to(place), pairs)
+    fit_smaller(head.to(place), teacher.head.to(place), pairs)
     head.cpu()
 
 

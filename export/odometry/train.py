@@ -111,7 +111,7 @@ class HeadTraining(Training):
         return min(self.rows, key=lambda row: row["score"])
 
     def validate(self) -> None:
-        """With the averaged weights, on whole drives."""
+        """Validates the averaged weights on whole drives."""
         head = copy.deepcopy(self.head)
         head.load_state_dict(self.average)
         figures = validate(head.eval(), self.recipe.unroll, self.validation, self.recipe.window)

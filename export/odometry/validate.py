@@ -66,10 +66,10 @@ def validate(head: nn.Module, unroll: Unroll, drives: Sequence[FeatureDrive], wi
         errors.append(errors_of(true, integrated(steps), covariances, lengths_m))
     found = figures(errors)
     drifts = {f"t{length}_percent": value for length, value in found["t_rel_percent"].items()}
-    told: dict[str, Any] = {name: value for name, value in drifts.items() if value is not None}
+    summary: dict[str, Any] = {name: value for name, value in drifts.items() if value is not None}
     # Drift over the lengths that fit (short drives at high rates have no long ones), else the yaw, where it comes from.
-    score = sum(told.values()) / len(told) if told else found["rmse_yaw_rad"]
-    told |= {name: found[name] for name in ("rmse_forward_m", "rmse_left_m", "rmse_yaw_rad")}
+    score = sum(summary.values()) / len(summary) if summary else found["rmse_yaw_rad"]
+    summary |= {name: found[name] for name in ("rmse_forward_m", "rmse_left_m", "rmse_yaw_rad")}
     if found["nees"] is not None:
-        told |= {"nees_mean": found["nees"], "nees_median": found["nees_median"]}
-    return told | {"drives": len(drives), "path_m": round(found["path_m"], 1), "score": score}
+        summary |= {"nees_mean": found["nees"], "nees_median": found["nees_median"]}
+    return summary | {"drives": len(drives), "path_m": round(found["path_m"], 1), "score": score}

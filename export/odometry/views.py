@@ -1,4 +1,4 @@
-"""Further views of a drive, exact by geometry: what a rotated, zoomed or mirrored camera sees is a homography."""
+"""Geometrically exact augmentation of a drive: a rotated, zoomed or mirrored camera is a homography of the picture."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class AugmentedView:
         return FloorCamera(replace(lens, fx=lens.fx * self.zoom, fy=lens.fy * self.zoom), mount)
 
     def picture(self, picture: NDArray[np.uint8], lens: Intrinsics, grey: int) -> NDArray[np.uint8]:
-        """A picture of the camera's lens as the view shows it, grey where that sees beyond it."""
+        """The picture in this view, grey outside the camera's field of view."""
         levels = 255.0 * self.gain * np.linspace(0.0, 1.0, 256) ** self.gamma
         levels = np.rint(np.clip(levels, 0.0, 255.0)).astype(np.uint8)
         changed = np.asarray(levels[picture[:, ::-1] if self.mirrored else picture])

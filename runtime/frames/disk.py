@@ -1,4 +1,4 @@
-"""Files that are good at any moment, whatever the disk does: replaced at once, or longer by all of what is added."""
+"""Atomic writes: a file is replaced as a whole, or extended by complete records, even when the disk fails."""
 
 import errno
 import os
@@ -83,7 +83,7 @@ def _write(handle: int, blocks: Iterable[bytes]) -> int:
 
 
 class LineFile:
-    """Lines go to the file when `flush` is called, all or none. dropped: lines lost because too many waited."""
+    """Lines go to the file when `flush` is called, all or none. dropped: lines dropped because the queue was full."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -91,13 +91,13 @@ class LineFile:
         self._waiting: deque[str] = deque()
 
     def append(self, line: str) -> None:
-        """Take in a line, its end included."""
+        """Queues a line, newline included."""
         if len(self._waiting) >= MAX_WAITING:
             self._waiting.popleft()
             self.dropped += 1
         self._waiting.append(line)
 
     def flush(self) -> None:
-        """Write what waits. Raises DiskError and keeps it where the disk does not take all of it."""
+        """Writes the queued lines. Raises DiskError and keeps them where the disk cannot take all of them."""
         append(self.path, "".join(self._waiting).encode())
         self._waiting.clear()

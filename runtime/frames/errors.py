@@ -24,7 +24,7 @@ class RunFolderError(EdgemapError):
 
 
 class DiskError(MapError):
-    """A file that the disk does not take: full, read-only, or gone."""
+    """A file cannot be written: the disk is full, read-only, or missing."""
 
     exit_code = 4
 
@@ -34,7 +34,7 @@ class RecordingError(EdgemapError):
 
 
 class PublishError(EdgemapError):
-    """A live output that cannot be opened, or that has lost its peer."""
+    """A live output cannot be opened, or its peer has disconnected."""
 
 
 class Ros2Error(EdgemapError):

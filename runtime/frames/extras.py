@@ -1,4 +1,4 @@
-"""Optional parts of the installation: how to ask for one that is missing, from wherever this one came."""
+"""Optional extras of the installation, and the command that installs a missing one."""
 
 import json
 import shutil

@@ -24,7 +24,9 @@ class FaultKind(StrEnum):
 
 
 class CameraState(StrEnum):
-    """running: frames arrive. degraded: none arrive, and the supervisor recovers the camera. lost: it has given up."""
+    """running: frames arrive. degraded: none arrive, and the supervisor recovers the camera. lost: the supervisor has
+    given up.
+    """
 
     RUNNING = "running"
     DEGRADED = "degraded"

@@ -17,7 +17,7 @@ class Frame:
     imu: inertial samples since the previous delivered frame, up to this stamp; none where the source brings none.
     depth: (H, W) float32, metres along the optical axis of this picture's pixels, 0 where unknown; None without a depth
     camera.
-    search: whether its objects are looked for; a budget decides that, and a recording keeps it.
+    search: whether the detector runs on it; the budget decides that, and a recording stores the decision.
     Raises ValueError where the image is not (H, W, 3) uint8, or the depth not (H, W).
     """
 

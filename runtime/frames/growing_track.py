@@ -41,7 +41,7 @@ class GrowingTrack:
         return tuple(self._poses)
 
     def push(self, stamp_s: float, pose: SE2) -> None:
-        """Take in a pose; one that is not finite, or comes late, is left out."""
+        """Adds a pose; one that is not finite, or older than the last, is ignored."""
         if not math.isfinite(stamp_s) or not np.isfinite(pose.vector()).all():
             return
         if self._stamps:

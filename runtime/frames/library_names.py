@@ -1,8 +1,8 @@
-"""Names on their way to libraries that end the process at what is not UTF-8: OpenCV, PyAV, librealsense, engines.
+"""Checks file names for libraries that abort on names that are not UTF-8: OpenCV, PyAV, librealsense, engines.
 
-Every path that such a library opens goes through `library_path`; `reading.printable` is the same door for names that
-are shown. Python keeps bytes of a file name that are no UTF-8 as halves of characters (surrogates, PEP 383), of
-which OpenCV's bindings make a null pointer.
+Every path that such a library opens goes through `library_path`; `reading.printable` does the same for names that are
+displayed. Python represents bytes of a file name that are not UTF-8 as surrogates (PEP 383), which OpenCV's bindings
+turn into a null pointer.
 """
 
 import os
@@ -17,7 +17,7 @@ class FileNameError(EdgemapError):
 
 
 def library_path(path: str | Path) -> str:
-    """The path as the UTF-8 text that a library opens, whatever the locale. Raises FileNameError where it is none."""
+    """The path as UTF-8 text for a library, independent of the locale. Raises FileNameError where it is not UTF-8."""
     try:
         return os.fsencode(path).decode("utf-8")
     except UnicodeError:

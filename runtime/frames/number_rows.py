@@ -45,7 +45,7 @@ class NumberTable:
     header: bool = False
 
     def read(self, path: Path, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
-        """Line numbers, and the rows as (N, columns). Raises `error` with the line number; also where none is there."""
+        """Line numbers, and the rows as (N, columns). Raises `error` with the line number, also for an empty table."""
         return self.parse(read_bytes(path, TABLE_BYTES, error), str(path), error)
 
     def parse(self, data: bytes, path: str, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:

@@ -60,7 +60,7 @@ def printable(text: object) -> str:
 
 
 def print_message(text: object) -> None:
-    """Print a message to standard error, as `printable` makes it: all that edgemap says there comes from here."""
+    """Prints a message to standard error, escaped by `printable`. All of edgemap's messages go through it."""
     print(printable(text), file=sys.stderr)
 
 

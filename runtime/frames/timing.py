@@ -1,4 +1,4 @@
-"""Where the time of a step goes."""
+"""Stage times of a step."""
 
 from collections.abc import Sequence
 from time import perf_counter, thread_time

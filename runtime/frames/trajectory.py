@@ -107,9 +107,8 @@ def tum_line(stamp_s: float, pose: SE2) -> str:
 
 
 def trajectory_of(path: Path) -> Trajectory | None:
-    """The complete lines of `trajectory.tum` in a map's folder; None where there is none, or not one pose in it.
-
-    Raises OdometryError where it is damaged.
+    """The complete lines of `trajectory.tum` in a map's folder; None where the file is missing or has no pose. Raises
+    OdometryError where it is damaged.
     """
     path = (path if path.is_dir() else path.parent) / "trajectory.tum"
     if not path.is_file():

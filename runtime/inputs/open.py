@@ -35,7 +35,7 @@ def open_camera(
     topics: SensorTopics | None = None,
     depth: bool = True,
 ) -> Camera:
-    """Open what SPEC names. Given intrinsics and mount go before what the source knows of itself.
+    """Opens the camera that SPEC names. Intrinsics and mount given here override the source's own.
 
     realtime: pace a file source by its stamps; live devices need no pacing. recovery: of live devices. topics: further
     sensors, on ROS 2 topics. depth: whether frames bring their depth, where the source has any.

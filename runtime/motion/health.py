@@ -1,4 +1,4 @@
-"""Whether a picture shows anything: judged before detector, odometry and map trust it."""
+"""Whether a picture is usable, checked before detector, odometry and map use it."""
 
 import math
 from collections import deque
@@ -20,15 +20,13 @@ TILES = 16, 12  # across and down, of a picture that may be covered in part
 
 @dataclass(frozen=True, slots=True)
 class HealthRule:
-    """When a picture shows nothing.
-
-    dark: grey level; a picture whose 98th percentile is below is dark (demo: 52 at its darkest, photographs 151).
-    blown, blown_share: grey level that counts as saturated, and the share that is too much (photographs: 0.65).
-    covered: grey levels of coarse structure; a covered lens or a plain wall close by has less (photographs: 23).
-    sharp: fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63, photographs 0.77.
-    frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share: of the rows, at
-    the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels by which the
-    other rows changed. repeated_s: of stream, between two faults of one blindness.
+    """When a picture counts as unusable. dark: grey level; a picture whose 98th percentile is below is dark (demo: 52
+    at its darkest, photographs 151). blown, blown_share: grey level that counts as saturated, and the share that is too
+    much (photographs: 0.65). covered: grey levels of coarse structure; a covered lens or a plain wall close by has less
+    (photographs: 23). sharp: fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63,
+    photographs 0.77. frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share:
+    of the rows, at the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels
+    by which the other rows changed. repeated_s: of stream, between two faults of one blindness.
     part_every_s, part_s: of pictures that are compared for what covers a part of the lens: tiles that stay as plain as
     `covered` and change by less than part_still grey levels while others change by more. part_share, part_lasts_s: of
     the tiles, and for how long, from which on that is a fault (half a picture covered has 0.35 to 0.40; walls that
@@ -56,10 +54,9 @@ class HealthRule:
 
 @dataclass(frozen=True, slots=True)
 class PictureHealth:
-    """kind: dark, blown, covered, blurred, frozen, repeated or torn; empty for a picture that can be trusted.
-
-    reason: one line for people, the same as long as it lasts. fault: the reason where it is news, else empty. covered:
-    share of a picture that can be trusted that shows nothing.
+    """kind: dark, blown, covered, blurred, frozen, repeated or torn; empty for a usable picture. reason: one line,
+    unchanged while the condition lasts. fault: the reason in the frame where it begins, else empty. covered: unusable
+    share of a usable picture.
     """
 
     kind: str = ""

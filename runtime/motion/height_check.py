@@ -27,8 +27,9 @@ class HeightRule:
     every_s: between two pictures whose boxes count, as neighbours repeat each other. fewest, kept: boxes of a class, or
     depth pictures with a floor. loose: scatter of a class's boxes, as a share, above which they do not count: the
     camera is carried. window_m: that wheels roll between two comparisons with the camera; wheels_sigma: of their
-    radius; depth_sigma: of a depth camera's scale. judged_s: of stream, before anything is said. wrong_share, sigmas:
-    by which the height is wrong; wrong_depth_share: the same where depth shows it.
+    radius; depth_sigma: of a depth camera's scale. judged_s: stream time before the first report. wrong_share, sigmas:
+    least relative error, and least number of standard deviations, of a wrong height; wrong_depth_share: the same where
+    depth shows it.
     """
 
     every_s: float = 0.2
@@ -54,11 +55,11 @@ class _Witness:
 
 
 class HeightCheck:
-    """Estimates the lens's height, and reports once that it must be higher or lower than the mount has it.
+    """Estimates the lens's height, and reports once if it is higher or lower than the mount's.
 
-    Objects of a class are alike within a home, so each class counts as one witness with the scatter of its kind. Wheels
-    measure the camera's scale. Where they alone contradict the others, they are wrong, and not the height. Not judged:
-    a height that recorded poses give, and a camera that is carried. seen: None until anything shows the height.
+    Objects of a class are alike within a home, so each class is one measurement with the scatter of its heights. Wheels
+    measure the camera's scale; where they alone contradict the others, the wheels are wrong and not the height. A
+    height from recorded poses, and a carried camera, are not checked. seen: None before the first measurement.
     """
 
     def __init__(self, mount: Mount, rule: HeightRule | None = None) -> None:
@@ -69,7 +70,7 @@ class HeightCheck:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was gathered: the camera looks otherwise than was thought."""
+        """Discards all measurements, after the camera's attitude was corrected."""
         rule = self._rule
         self._sizes: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=rule.kept))
         self._ratios: deque[float] = deque(maxlen=KEPT_RATIOS)  # logarithms of wheels over camera

@@ -22,15 +22,14 @@ VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estim
 
 @dataclass(frozen=True, slots=True)
 class RestRule:
-    """When a robot is taken to stand still.
-
-    told_s, seen_s: of unchanged pictures, at least `frames`, where wheels or gyro say still too, and where the picture
-    alone does; 1e9 for never. changed: grey levels, RMS in a small tile; a sensor's noise of 5 a pixel leaves 1.4.
-    shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px wide), beyond what noise explains.
-    exposure, offset: largest change of gain, and of grey levels, that is taken for the camera's exposure. texture,
-    textured: squared grey levels per px, and how many large tiles must have that, or the picture alone shows nothing.
-    braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5); turned_rad: by a gyro, that
-    every picture shows. A picture that stands still in spite of either is frozen, though a sensor's noise changes it.
+    """When a robot counts as standing. told_s, seen_s: required span of unchanged pictures, at least `frames` of them,
+    where wheels or gyro confirm it, and for pictures alone; 1e9 for never. changed: grey levels, RMS in a small tile; a
+    sensor's noise of 5 a pixel leaves 1.4. shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px
+    wide), beyond what noise explains. exposure, offset: largest change of gain, and of grey levels, attributed to the
+    camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for a
+    decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5);
+    turned_rad: rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is
+    frozen, even if a sensor's noise changes it.
     """
 
     told_s: float = 0.3
@@ -78,9 +77,8 @@ class _Reference:
 
 
 class RestMonitor:
-    """Compares every picture with the first one that looked the same, so that no motion is too slow to be seen.
-
-    frozen_since_s: stamp of that first one where the robot cannot have stopped there, else None.
+    """Compares every picture with the first one that matched it, so that even slow motion is detected. frozen_since_s:
+    stamp of that first one where the robot cannot have stopped there, else None.
     """
 
     def __init__(self, rule: RestRule | None = None, health: HealthRule | None = None) -> None:

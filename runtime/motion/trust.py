@@ -18,8 +18,9 @@ INNOVATION_S, INNOVATION_SHARE, MOST_SQUARED = 1.0, 0.3, 30.0  # of a window; of
 
 
 class Trust(Enum):
-    """UNPROVEN: nothing has confirmed it, or nothing since it stood still or went backwards as the camera moved.
-    TRUSTED. DISTRUSTED: window after window speaks against it."""
+    """UNPROVEN: not confirmed yet, or not since it reported standstill or reverse while the camera moved. TRUSTED.
+    DISTRUSTED: several windows in a row contradict it.
+    """
 
     UNPROVEN = "unproven"
     TRUSTED = "trusted"
@@ -28,13 +29,11 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TrustRule:
-    """When a source's numbers are well formed and wrong.
-
-    least: of the reference's motion in a window that says something: yaw in rad, length in m. longest_s: of a window.
-    yaw_between, length_between: of the source's motion to the reference's, what is an error of scale at most and no
-    lie: of a lens or a wheel's track, and of a height or a wheel's radius. sigmas: standard deviations that both state,
-    beyond which a window speaks against it.
-    windows: in a row that decide, either way; 0 for sources that are believed whatever they tell.
+    """When a source with valid numbers counts as wrong. least: least motion of the reference in a conclusive window:
+    yaw in rad, length in m. longest_s: of a window. yaw_between, length_between: ratios of the source's motion to the
+    reference's that a scale error explains: of a lens or a wheel's track, and of a height or a wheel's radius. sigmas:
+    stated standard deviations beyond which a window contradicts the source. windows: number of consecutive windows that
+    decide, either way; 0 for sources that are always trusted.
     """
 
     least: tuple[float, float] = (0.12, 0.2)
@@ -47,10 +46,9 @@ class TrustRule:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Of one quantity (yaw or length) of a source with a reference; `seen` with each step.
-
-    own, reference, variance, span_s: of the window so far. ratio: of the last window that said something. row: windows
-    in a row that spoke for it, negative against it.
+    """Agreement of one quantity (yaw or length) of a source with a reference; call `seen` with each step. own,
+    reference, variance, span_s: of the current window. ratio: of the last conclusive window. row: number of consecutive
+    windows in favour of the source, negative for windows against it.
     """
 
     rule: TrustRule
@@ -92,7 +90,7 @@ class Agreement:
 
     @property
     def doubted(self) -> bool:
-        """Whether it stands still or goes backwards as the reference moves, or has nothing to its credit."""
+        """Whether it reports standstill or reverse while the reference moves, or was never confirmed."""
         return self._below(CONTRARY) or (self.row < 0 and self.state is Trust.UNPROVEN)
 
     def _judged(self) -> Agreement:
@@ -111,10 +109,9 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Innovation:
-    """By how much two sources differ more than both state; where they do, neither is as sure as it says.
-
-    difference (3,), covariance (3, 3), span_s: of the window so far. mean: of the squared Mahalanobis distances of
-    windows, per degree of freedom, the latest ones (innovation-based adaptive estimation: Mehra 1970).
+    """Consistency of two sources: their difference relative to both stated covariances, which are too small where it is
+    greater. difference (3,), covariance (3, 3), span_s: of the window so far. mean: of the squared Mahalanobis
+    distances of windows, per degree of freedom, the latest ones (innovation-based adaptive estimation: Mehra 1970).
     """
 
     difference: Array = field(default_factory=lambda: np.zeros(3))
@@ -128,7 +125,7 @@ class Innovation:
         return max(self.mean, 1.0)
 
     def seen(self, difference: Array, covariance: Array, span_s: float) -> Innovation:
-        """After one more step, by whose motions the sources differ so; covariance: of that, as both state it."""
+        """After one more step. covariance: of the difference of both motions, as the sources state it."""
         summed, together, span_s = self.difference + difference, self.covariance + covariance, self.span_s + span_s
         if span_s < INNOVATION_S:
             return Innovation(summed, together, span_s, self.mean)
@@ -147,7 +144,7 @@ class SourceTrust:
 
     @classmethod
     def of(cls, name: str, rule: TrustRule) -> SourceTrust:
-        """Nothing known."""
+        """The initial state: no evidence."""
         state = Trust.UNPROVEN if rule.windows else Trust.TRUSTED
         yaw = Agreement(rule, rule.least[0], rule.yaw_between, state)
         return cls(name, yaw, Agreement(rule, rule.least[1], rule.length_between, state))

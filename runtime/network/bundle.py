@@ -138,12 +138,13 @@ def load_bundle(
     pace: Pace = "camera",
     engine: EngineChoice = "onnxruntime",
 ) -> Bundle:
-    """Check and load a bundle folder. Raises BundleError, one line that names the file and what is wrong with it.
+    """Check and load a bundle folder. Raises BundleError, one line that names the file and the error.
 
     threads: of the backbone; None settles it by a short trial for the pace (`settle`). BLAS gets one thread.
-    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it, the processor
-    adds it up exactly and a trial of about a second finds it faster, else float32. engine: auto takes the one that a
-    trial on this processor found best, now or before. The outputs of another engine must agree with onnxruntime's.
+    precision: float32; int8, where the bundle has that variant; auto: int8 where its report allows it, the processor's
+    integer sums are exact and a trial of about a second shows that it is faster, else float32. engine: auto takes the
+    fastest in a trial on this processor, whose result is cached. The outputs of another engine must agree with
+    onnxruntime's.
     """
     one_blas_thread()
     if engine == "auto":

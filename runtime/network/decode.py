@@ -24,8 +24,8 @@ class Decoder:
     """Turns a backbone's heads into Detections, one label per box.
 
     confidence: minimum score (objectness times class probability) of a box. nms_iou: overlap above which the weaker of
-    two boxes of one class goes. These are two different thresholds. one_name: of boxes in one place with different
-    labels only that one stays which most cells vote for; average precision wants them all.
+    two boxes of one class is removed. These are two different thresholds. one_name: of overlapping boxes with different
+    labels keep only the one with the most cell votes; average precision needs them all.
     """
 
     def __init__(

@@ -55,12 +55,12 @@ def download(
     longest_s: float = LONGEST_S,
     progress: bool = True,
 ) -> Path:
-    """Fetch `url` into `target`; a broken transfer leaves `target.part` and goes on from there the next time.
+    """Fetch `url` into `target`; an interrupted transfer leaves `target.part`, and the next call resumes it.
 
     sums: SHA-256 values, one of which the file must have; empty takes any. label: what messages call the source
     (the URL by default). maximum_bytes, longest_s: limits of size and time; every SLOWEST_BYTES_S bytes that come in
     give it one second more. Only http and https are followed, redirects included, and https never to http.
-    Raises DownloadError, one line; `target` appears only when it is complete and right.
+    Raises DownloadError, one line; `target` appears only when it is complete and verified.
     """
     label = label or url
     part, notes = _part_of(target), _notes_of(target)

@@ -71,8 +71,9 @@ def agrees(network: Network, reference: Network, engine: Engine, int8: bool = Fa
 
 
 def available_engines() -> tuple[Engine, ...]:
-    """What `auto` tries, onnxruntime first; bf16 where the processor has it: it loses at most 0.006 AP50 on photographs
-    and nothing of odometry or map (benchmarks/README.md)."""
+    """The engines that `auto` tries, onnxruntime first; bf16 where the processor has it: it costs at most 0.006 AP50 on
+    photographs and leaves odometry and map unchanged (benchmarks/README.md).
+    """
     if find_spec("openvino") is None:
         return ("onnxruntime",)
     return ("onnxruntime", "openvino", "openvino-bf16") if computes_bf16() else ("onnxruntime", "openvino")

@@ -1,7 +1,7 @@
 """The bundle: what export writes and the robot loads, checked before anything runs.
 
 A bundle is a folder with `bundle.json` (this module's `Manifest`) beside ONNX files. Sums are checked before
-a file is parsed; the contract in each ONNX file's metadata must say the same as the manifest.
+a file is parsed; the contract in each ONNX file's metadata must equal the manifest's.
 """
 
 import hashlib
@@ -49,8 +49,9 @@ Span = tuple[Coordinate, Coordinate]
 
 
 class ClassEntry(Strict):
-    """One class of the detector. mapped: false for what is detected but never mapped: people and
-    pets, what is carried or lies on tables."""
+    """One class of the detector. mapped: false for classes that are detected but never mapped: people, pets, and small
+    things that are carried or lie on tables.
+    """
 
     name: Name
     mapped: bool = True
@@ -134,7 +135,7 @@ class DetectorSpec(Strict):
 
 
 class GeometrySpec(Strict):
-    """Names of further tensors of an odometry that knows lens, mount and time (`geometry.flow_cells`).
+    """Names of further tensors of an odometry that takes intrinsics, mount and time (`geometry.flow_cells`).
 
     cells: input, (1, 8, rows, columns), of cells of `stride` input px. mount: input, (1, 12). dt: input, (1, 1),
     seconds since the previous frame. covariance: output, (1, 3, 3), of the motion.
@@ -198,8 +199,8 @@ class Manifest(Strict):
 
     envelope: camera heights, pitches, fields of view, frame rates and speeds that an odometry was trained on
     (empty while none is trained). confidence: minimum score of a box unless --confidence is given;
-    sure_confidence: then of one that counts fully towards making an object. measured: figures with their data.
-    sources: where the weights came from.
+    sure_confidence: then of one with full weight for a new object. measured: figures with their data. sources: where
+    the weights came from.
     """
 
     format: str
@@ -219,7 +220,7 @@ class Manifest(Strict):
 
 
 def contract_metadata(record: DetectorSpec | OdometryHead) -> str:
-    """The contract as it stands in an ONNX file's metadata under `METADATA_KEY`: canonical JSON, file name left out."""
+    """The contract in an ONNX file's metadata under `METADATA_KEY`: canonical JSON without the file name."""
     document = msgspec.to_builtins(record)
     document.pop("file")
     if document.get("floor", "") is None:  # contracts from before there were floor heads
@@ -258,7 +259,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def check_shapes(path: Path, manifest: Manifest) -> None:
-    """Raises BundleError where a tensor cannot hold what the manifest says of it."""
+    """Raises BundleError where a tensor's shape contradicts the manifest."""
     detector = manifest.detector
     width, height, values = detector.input.width, detector.input.height, 5 + len(detector.classes)
     shapes = detector.outputs()
@@ -296,7 +297,7 @@ def check_shapes(path: Path, manifest: Manifest) -> None:
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write `bundle.json`, indented for people."""
+    """Writes `bundle.json`, indented."""
     text = msgspec.json.format(msgspec.json.encode(manifest), indent=2)
     (folder / MANIFEST_NAME).write_bytes(text + b"\n")
 

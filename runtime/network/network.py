@@ -1,4 +1,4 @@
-"""One network of a bundle, whichever engine runs it, and what was decided of that."""
+"""One network of a bundle behind a common interface to the engines, and the choice of engine."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What an ONNX file says of itself, read without loading its graph, so that the robot needs no onnx package."""
+"""Metadata of an ONNX file, read without loading its graph, so that the robot needs no onnx package."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -34,7 +34,7 @@ class Placement:
 
 
 def place(spec: InputSpec, image_width: int, image_height: int) -> Placement:
-    """Where a picture of this size goes under the input's resize rule (sizes cut to whole px, as in Darknet)."""
+    """Placement of a picture of this size in the input under its resize rule (sizes cut to whole px, as in Darknet)."""
     if spec.resize == "stretch":
         return Placement(spec.width, spec.height, 0, 0, image_width, image_height)
     scale = min(spec.width / image_width, spec.height / image_height)
@@ -51,8 +51,9 @@ EDGE_PX = 8  # of padding beside the picture that its features of stride 4 see, 
 
 def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -> tuple[int, int]:
     """The first row of the input that a picture of this size reaches and how many, in whole cells of a stride: the rest
-    is padding, but for some that show in the features of the picture's edge. Of a centred letterbox as many are left
-    out above as below, so that the picture stays in its middle."""
+    is padding, except for a margin that affects the features of the picture's edge. For a centred letterbox the same
+    number is cut above and below, so that the picture stays centred.
+    """
     if spec.resize == "stretch":
         return 0, spec.height
     where = place(spec, image_width, image_height)

@@ -39,8 +39,8 @@ def downloads_folder() -> Path:
 def bundle_folder(name: str) -> Path:
     """The folder that a `--bundle` text means: a folder that holds a bundle, any path, or a name.
 
-    A name is looked up among the bundles that come with the package, then in the cache: what was put there under a
-    shipped name may be of an earlier version (`passed_over`).
+    A name is looked up among the bundles that come with the package, then in the cache: a cached bundle with a shipped
+    name may belong to an earlier version (`passed_over`).
     """
     path = user_path(name)
     if (path / MANIFEST_NAME).is_file() or not _NAME.fullmatch(name):
@@ -118,9 +118,8 @@ def _written(path: Path) -> Iterator[None]:
 
 @contextmanager
 def staged(target: Path) -> Iterator[Path]:
-    """An empty folder beside `target` that takes its place in one rename when the block ends well, and else goes.
-
-    Raises BundleError where `target` holds something that is no bundle: that is never overwritten.
+    """An empty folder beside `target` that replaces it by one rename when the block succeeds and is removed otherwise.
+    Raises BundleError where `target` exists and is not a bundle; it is never overwritten.
     """
     if target.exists() and not (target.is_dir() and (not any(target.iterdir()) or (target / MANIFEST_NAME).is_file())):
         raise BundleError(f"{target} exists and is no bundle: left alone")

@@ -16,10 +16,10 @@ from edgemap.runtime.step.slam import SemanticSlam
 
 @dataclass(frozen=True, slots=True)
 class SlamOptions:
-    """What a run chooses, beside what is tuned. The defaults are those of `edgemap run`.
+    """Options of a run, as opposed to tuned parameters. The defaults are those of `edgemap run`.
 
-    odometry: a SPEC. wheels, imu: whether those that the source brings are used. clustering: default or paper. forgets:
-    whether objects that are gone leave the map. mapped, confidence: the bundle's own where None.
+    odometry: a SPEC. wheels, imu: whether the source's own are used. clustering: default or paper. forgets: whether
+    objects that have disappeared are removed from the map. mapped, confidence: the bundle's own where None.
     """
 
     odometry: str = "hybrid"

@@ -146,10 +146,10 @@ def _merged(default: Any, given: Any, where: str) -> Any:
     part = where.rpartition(".")[2]
     derived, renamed = DERIVED.get(part, ()), RENAMED.get(part, {})
     changed: dict[str, Any] = {}
-    for told, value in given.items():
-        if told in RETIRED.get(part, ()):
+    for key, value in given.items():
+        if key in RETIRED.get(part, ()):
             continue
-        here, name = f"{where}.{one_line(told, 40)}", renamed.get(told, told)
+        here, name = f"{where}.{one_line(key, 40)}", renamed.get(key, key)
         if name in changed:
             raise ConfigError(f"{here}: {name} is given twice, by this name and by its old one")
         if name not in known or name in derived:

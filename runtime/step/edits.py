@@ -51,10 +51,11 @@ class _Line(Strict):
 
 
 class Edits:
-    """A run's edits. path: edits.jsonl, to which each one is written as it is taken. recorded: (steps done, edit) of
-    an earlier run, taken at the same steps again. recorders: called with each line of edits.jsonl. listeners: called
-    whenever the map was edited. savers: called at most every `SAVE_EVERY_S`, the first edit after a pause at once: a
-    file that waits for the disk is not written for every one of many edits."""
+    """A run's edits. path: edits.jsonl, to which each edit is written when it is applied. recorded: (steps done, edit)
+    of an earlier run, applied at the same steps again. recorders: called with each line of edits.jsonl. listeners:
+    called whenever the map was edited. savers: called at most every `SAVE_EVERY_S`, and at once for the first edit
+    after a pause, so that a series of edits does not write the file each time.
+    """
 
     def __init__(self, path: Path | None = None, recorded: Sequence[tuple[int, Edit]] = ()) -> None:
         self.listeners: list[Edited] = []

@@ -19,12 +19,12 @@ class FrameObservations:
 
     motion: of the base since the frame before. stages_ms: time of each stage so far, in order. health: of the picture;
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
-    frame, None for the level robot's. searched: whether objects were detected in it, so that what is missing is gone.
-    at_rest: the robot stands still and nothing changed, so the boxes are those of the last picture that was searched.
-    mount_fault: one line where sizes, wheels or depth show that the mount's height is wrong, once. height_seen: the
-    lens's height as the drive shows it so far; None where nothing does. floor: where the floor is in this picture; None
-    where it was not searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there
-    is one and it was searched.
+    frame, None for the level robot's. searched: whether the detector ran on it, so that a missing detection is evidence
+    of absence. at_rest: the robot stands and nothing changed, so the boxes are those of the last searched picture.
+    mount_fault: one line, reported once, where sizes, wheels or depth contradict the mount's height. height_seen:
+    estimate of the lens's height so far; None without one. floor: the floor mask of this picture; None where it was not
+    searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it
+    was searched.
     """
 
     index: int
@@ -68,6 +68,6 @@ class FrameObservations:
 
     @property
     def mount_seen(self) -> MountSeen | None:
-        """What the drive has shown of the mount so far."""
+        """Estimate of the mount so far."""
         attitude = self.camera and self.camera.attitude
         return attitude.mount if attitude else None

@@ -27,10 +27,10 @@ def steps(
     """Drive until the camera ends, `frames` are done, `stop` is set or the iterator is closed; one result a frame.
 
     Camera faults are reported to the sinks and driving goes on; strict: the first one ends the run. While a live camera
-    is away the pose is carried on by sources that need no picture. beat: called with one line at every step, and every
+    is disconnected, sources that need no picture update the pose. beat: called with one line at every step, and every
     half second without a frame. edits: applied between two steps. A sink that fails is reported as a fault
-    (`SinkGroup`). Sinks are closed whatever happens, so the map gathered so far is on disk. A known failure is reported
-    to the sinks before it is raised again.
+    (`SinkGroup`). Sinks are closed in every case, so the map so far is on disk. A known failure is reported to the
+    sinks before it is raised again.
     """
     done = 0
     faults: list[CameraFault] = []

@@ -12,9 +12,9 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopCorrection:
-    """Where everything is now. pose_map_base, pose_covariance: of this frame. past: how all before it moved.
-    moved_m: by which this frame's pose was off. links: how often a landmark was found to be one observed before, so
-    far."""
+    """A loop closure's result. pose_map_base, pose_covariance: of this frame. past: correction of everything before it.
+    moved_m: correction of this frame's pose. links: number of landmarks matched to earlier ones so far.
+    """
 
     pose_map_base: SE2
     pose_covariance: Array
@@ -24,7 +24,7 @@ class LoopCorrection:
 
 
 class NoLoopClosure:
-    """The pose is what odometry says."""
+    """The pose is odometry's."""
 
     closes_loops = False
     busy = False
@@ -40,8 +40,8 @@ class NoLoopClosure:
 class LoopCloser(NoLoopClosure):
     """Tries every few keyframes to close loops in the map's graph, a bounded unit of work in each frame.
 
-    Counts frames, path and rotation, never time: the same frames give the same corrections. found: landmarks found to
-    be ones observed before, so far.
+    Counts frames, path and rotation, never time: the same frames give the same corrections. found: number of landmarks
+    matched to earlier ones so far.
     """
 
     closes_loops = True
@@ -56,7 +56,7 @@ class LoopCloser(NoLoopClosure):
         return self._search is not None and self._search.busy
 
     def begin(self, graph: PoseGraph) -> None:
-        """Search loops in a graph as it stands."""
+        """Starts a search for loops in the current graph."""
         if self._search is None or self._search.graph is not graph:
             self._search = LoopSearch(graph)
         self._search.begin()

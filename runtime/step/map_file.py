@@ -45,9 +45,9 @@ def map_document(
 ) -> dict:
     """The map as the JSON document that `map.json` holds. grid_file: name of the grid's file beside it.
 
-    Where there are any: `seen_from_m`, id to places it was seen from; `zones`; `deleted`, objects that a person has
-    taken out; `grid` and `walls`; `dock`; `last_pose`, of the robot when the map was saved. Of an object `name`,
-    `confirmed`, `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
+    Where there are any: `seen_from_m`, id to the positions from which it was observed; `zones`; `deleted`, objects that
+    a person has deleted; `grid` and `walls`; `dock`; `last_pose`, of the robot when the map was saved. Of an object
+    `name`, `confirmed`, `corrected`, `yaw_rad` and `depth_m`, where a person has given them.
     """
     seen = [item for item in objects if item.seen_from_m]
     views = {item.id: [[round(x_m, 3), round(y_m, 3)] for x_m, y_m in item.seen_from_m] for item in seen}

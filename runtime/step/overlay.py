@@ -47,8 +47,9 @@ def draw_floor_grid(image: Picture, camera: FloorCamera) -> Picture:
 
 
 def draw_floor_mask(image: Picture, mask: FloorMask) -> Picture:
-    """A copy of the picture with its floor tinted green and, where the network knows them, its walls blue: the more
-    probable, the stronger."""
+    """A copy of the picture with its floor tinted green and, where the network predicts them, its walls blue, in
+    proportion to the probability.
+    """
     picture = image.astype(np.float32)
     size = image.shape[1], image.shape[0]
     for shares, colour in ((mask.floor, FLOOR), (mask.wall, WALL)):

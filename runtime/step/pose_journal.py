@@ -13,10 +13,9 @@ SAME_S = 1e-6  # files round stamps to this
 
 
 class PoseJournal:
-    """Poses of the base in the map frame by stamp; a pose equal to the one before takes no room, and of more than
-    `MAXIMUM` half of the older half stays, evenly in time.
-
-    revision: how often the past has moved. Corrections are composed and applied when somebody reads.
+    """Poses of the base in the map frame by stamp; repeated poses take no space, and beyond `MAXIMUM` poses every
+    second one of the older half is dropped. revision: number of corrections of the past. Corrections are composed, and
+    applied on the next read.
     """
 
     def __init__(self) -> None:
@@ -69,8 +68,9 @@ class PoseJournal:
         return self._rows[self._kept(stamps_s), 1:]
 
     def moved_poses(self, stamps_s: ArrayLike, poses: ArrayLike) -> Array:
-        """Poses (N, 3) of these stamps (N,), in order, as they were known at one time, where they are now: those that
-        are not kept follow the newest kept one before them, whatever correction fell between the two."""
+        """Corrects poses (N, 3) of these stamps (N,), in order, estimated at one time: a pose that is not stored moves
+        with the newest stored one before it, even if a correction came between the two.
+        """
         self._settle()
         poses = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
         if not self._count or not len(poses):

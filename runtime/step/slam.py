@@ -107,7 +107,7 @@ class SemanticSlam:
         return StepResult(frame, observed, self.mapper.step(observed), tuple(faults))
 
     def step_blind(self, stamp_s: float, reason: str) -> tuple[SE2, NDArray[np.float64]]:
-        """No frame: pose and covariance by what needs no picture. The map stays."""
+        """A step without a frame: pose and covariance from sources that need no picture. The map stays unchanged."""
         return self.mapper.step_blind(self.pipeline.odometry.step_blind(stamp_s, reason))
 
     def objects(self) -> list[MapObject]:

@@ -15,14 +15,21 @@ LENS = ["--mount", "0.6,11", "--intrinsics", "587,587,319,239"]
 PLAIN_C = {"LC_ALL": "C", "PYTHONUTF8": "0"}
 
 
-def edgemap(*arguments, cwd, **environment):
-    command = [sys.executable, "-m", "edgemap.cli", *map(str, arguments)]
-    done = subprocess.run(command, cwd=cwd, env=os.environ | environment, capture_output=True, timeout=120)
-    text = (done.stdout + done.stderr).decode("utf-8", "replace")
+def ended(done):
+    """Exit code and all output of a command that printed no traceback."""
+    text = done.stdout + done.stderr
     assert "Traceback" not in text
     assert "No module" not in text
     assert done.returncode in (0, 1, 2), text
     return done.returncode, text
+
+
+def in_plain_c(*arguments, cwd):
+    """The command in a process whose interpreter started with another locale."""
+    command = [sys.executable, "-m", "edgemap.cli", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=cwd, env=os.environ | PLAIN_C, capture_output=True, timeout=120, encoding="utf-8", errors="replace"
+    )
 
 
 @pytest.fixture
@@ -36,29 +43,29 @@ def drive(tmp_path):
     return folder
 
 
-def test_a_video_of_such_a_name_is_one_line(tmp_path, drive):
+def test_a_video_of_such_a_name_is_one_line(edgemap, tmp_path, drive):
     video = next(drive.glob("*.mp4")).rename(tmp_path / f"v{ODD}.mp4")
-    code, text = edgemap("run", "--camera", video, *LENS, "--frames", 2, "--out", "o", cwd=tmp_path)
+    code, text = ended(edgemap("run", "--camera", video, *LENS, "--frames", 2, "--out", "o", cwd=tmp_path))
     assert (code, text.count("not UTF-8")) == (1, 1), text
 
 
 @pytest.mark.parametrize("command", [["run", "--frames", "2"], ["eval", "map", "--frames", "2"]])
-def test_a_drive_in_such_a_folder_is_one_line(tmp_path, drive, command):
+def test_a_drive_in_such_a_folder_is_one_line(edgemap, tmp_path, drive, command):
     where = "--data" if command[0] == "eval" else "--camera"
-    code, text = edgemap(*command, where, f"drive:{drive}", cwd=tmp_path)
+    code, text = ended(edgemap(*command, where, f"drive:{drive}", cwd=tmp_path))
     assert (code, text.count("not UTF-8")) == (1, 1), text
 
 
-def test_a_run_folder_of_such_a_name_holds_all_that_a_run_writes(tmp_path):
-    assert edgemap("run", "--frames", 3, "--out", f"o{ODD}", cwd=tmp_path)[0] == 0
+def test_a_run_folder_of_such_a_name_holds_all_that_a_run_writes(edgemap, tmp_path):
+    assert ended(edgemap("run", "--frames", 3, "--out", f"o{ODD}", cwd=tmp_path))[0] == 0
     written = {path.name for path in (tmp_path / f"o{ODD}").iterdir()}
     assert {"map.json", "trajectory.tum", "run.json", "mount.jpg", "report.html"} <= written
     assert "data:image/jpeg" in (tmp_path / f"o{ODD}" / "report.html").read_text(encoding="utf-8")
     for kind in ("svg", "csv", "nav2"):
-        assert edgemap("map", "export", f"o{ODD}", "--format", kind, cwd=tmp_path)[0] == 0
+        assert ended(edgemap("map", "export", f"o{ODD}", "--format", kind, cwd=tmp_path))[0] == 0
 
 
-def test_pictures_in_such_a_folder_are_a_camera(tmp_path):
+def test_pictures_in_such_a_folder_are_a_camera(edgemap, tmp_path):
     import cv2
     import numpy as np
 
@@ -69,7 +76,7 @@ def test_pictures_in_such_a_folder_are_a_camera(tmp_path):
     for number in range(2):
         (folder / f"{number}.jpg").write_bytes(jpeg.tobytes())
     given = ["--mount", "0.6,11", "--intrinsics", "120,120,64,48", "--bundle", "edgemap-nano"]
-    assert edgemap("run", "--camera", folder, *given, "--out", "o", cwd=tmp_path)[0] == 0
+    assert ended(edgemap("run", "--camera", folder, *given, "--out", "o", cwd=tmp_path))[0] == 0
     assert (tmp_path / "o" / "report.html").is_file()
 
 
@@ -88,8 +95,8 @@ def test_pictures_in_such_a_folder_are_a_camera(tmp_path):
     ],
     ids=lambda words: words[0] if len(words) == 1 else f"{words[0]} {words[1]}",
 )
-def test_everything_that_takes_a_name_takes_this_one(tmp_path, arguments):
-    edgemap(*arguments, cwd=tmp_path)
+def test_everything_that_takes_a_name_takes_this_one(edgemap, tmp_path, arguments):
+    ended(edgemap(*arguments, cwd=tmp_path))
 
 
 def test_names_beyond_the_locale(tmp_path):
@@ -97,9 +104,9 @@ def test_names_beyond_the_locale(tmp_path):
     for path in DEMO.iterdir():
         if path.suffix in (".mp4", ".yaml", ".tum", ".csv"):
             shutil.copy(path, tmp_path / "café")
-    code, text = edgemap("run", "--camera", "drive:café", "--frames", 2, "--out", "ö", cwd=tmp_path, **PLAIN_C)
+    code, text = ended(in_plain_c("run", "--camera", "drive:café", "--frames", 2, "--out", "ö", cwd=tmp_path))
     assert (code, (tmp_path / "ö" / "report.html").is_file()) == (0, True), text
-    assert edgemap("map", "show", "ö", "--out", "ä.svg", cwd=tmp_path, **PLAIN_C)[0] == 0
+    assert ended(in_plain_c("map", "show", "ö", "--out", "ä.svg", cwd=tmp_path))[0] == 0
 
 
 def test_paths_reach_libraries_through_one_door():

@@ -41,6 +41,7 @@ def squares(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_train_export_and_eval(edgemap, squares, tmp_path):
     data = f"yolo:{squares}"
     small = (
@@ -51,9 +52,9 @@ def test_train_export_and_eval(edgemap, squares, tmp_path):
         "--start",
         "edgemap-nano",
         "--batch",
-        "5",
+        5,
         "--input",
-        "128",
+        128,
         "-o",
         tmp_path,
     )
@@ -95,7 +96,8 @@ def test_the_page_s_fifty_pictures_as_they_stand(squares, tmp_path, monkeypatch)
     (tmp_path / "models").symlink_to(ROOT / "models")
     ran = [shlex.split(line.split(" #")[0])[1:] for line in commands if "realsense" not in line]
     assert [words[0] for words in ran] == ["eval", "train", "export", "eval"]
-    ran[1] += ["--input", "128", "--batch", "4", "--validate-minutes", "9", "--validate-pictures", "3"]  # seconds
+    small = ["--epochs", "1", "--input", "128", "--batch", "4", "--validate-minutes", "9", "--validate-pictures", "3"]
+    ran[1] += small  # some seconds of the page's minute
     monkeypatch.chdir(tmp_path)
     for words in ran:
         main(words)

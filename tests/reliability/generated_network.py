@@ -21,7 +21,7 @@ from edgemap.runtime.network import store
 from edgemap.runtime.network.download import download
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.view.app import make_app
-from edgemap.view.edit_api import MergeWish, ObjectWish, ZoneWish
+from edgemap.view.edit_api import MergeRequest, ObjectRequest, ZoneRequest
 from edgemap.view.page import LivePage
 from edgemap.view.pause import Pause
 from edgemap.view.viewer import Ask
@@ -149,7 +149,7 @@ def _request(random: Random) -> dict[str, Any]:
     query = draw.pick((b"", f"token={TOKEN}".encode()))
     if draw.hurt():
         query = draw.pick((b"token=", b"token=%ff", b"&" * 9000, b"token=a&token=b", b"%", b"=" * 999))
-    kind = draw.pick((ObjectWish, MergeWish, ZoneWish, ZoneWish)) if not draw.hurt() else Ask
+    kind = draw.pick((ObjectRequest, MergeRequest, ZoneRequest, ZoneRequest)) if not draw.hurt() else Ask
     body = d.json_bytes(draw, kind) if draw.chance(0.6) else json.dumps({"paused": draw.chance(0.5)}).encode()
     body = body if path != "/api/save" else b"{}"
     if draw.hurt():

@@ -41,7 +41,9 @@ class ForkedCommands:
             assert self._server.stdout is not None
             print(json.dumps(request), file=self._server.stdin, flush=True)
             code = int(self._server.stdout.readline())
-            return subprocess.CompletedProcess(words, code, *(Path(file).read_text() for file in files))
+            return subprocess.CompletedProcess(
+                words, code, *(Path(file).read_text("utf-8", "replace") for file in files)
+            )
 
     def close(self) -> None:
         """Ends the process that forks."""

@@ -20,7 +20,7 @@ from edgemap.runtime.step.map_file import save_map
 from edgemap.view.api import OPENAPI
 from edgemap.view.api import Api as Served
 from edgemap.view.questions import BODY_BYTES
-from edgemap.view.updates import Pictures, Vitals
+from edgemap.view.updates import Pictures, ProcessUsage
 
 DOCS = Path(__file__).parents[2] / "docs" / "http-api.md"
 SPEC = yaml.safe_load(OPENAPI.read_text())
@@ -48,7 +48,7 @@ def test_the_openapi_text_names_every_address_and_no_other(robot):
     served, api = robot
     routes = {
         (route.path, method)
-        for route in Served(served.page, Pictures(), Vitals()).routes()
+        for route in Served(served.page, Pictures(), ProcessUsage()).routes()
         for method in route.methods or ()
         if method != "HEAD"
     }

@@ -23,7 +23,7 @@ class TfTree:
         self._parents: dict[str, tuple[str, Any]] = {}
 
     def add(self, message: Any) -> None:
-        """Take in a decoded `tf2_msgs/TFMessage`."""
+        """Adds a decoded `tf2_msgs/TFMessage`."""
         for step in message.transforms:
             if len(self._parents) < FRAMES:
                 child, parent = step.child_frame_id.lstrip("/"), step.header.frame_id.lstrip("/")
@@ -31,13 +31,12 @@ class TfTree:
 
     @property
     def full(self) -> bool:
-        """Whether no further frame is taken in."""
+        """Whether the tree accepts no further frame."""
         return len(self._parents) >= FRAMES
 
     def pose(self, parent: str, child: str) -> tuple[Array, Array] | None:
-        """Rotation (3, 3) and position (3,) of a frame in another one; None where the tree does not join them.
-
-        Raises CameraError for a transform on the way that is none.
+        """Rotation (3, 3) and position (3,) of a frame in another one; None where the tree does not connect them.
+        Raises CameraError for an invalid transform between them.
         """
         ups, downs = self._to_root(child.lstrip("/")), self._to_root(parent.lstrip("/"))
         for frame, (rotation, place_m) in ups.items():

@@ -1,4 +1,4 @@
-"""A camera of another package: whatever it returns or raises is a frame, a fault or the end, never a traceback."""
+"""Wraps a third-party camera: anything it returns or raises becomes a frame, a fault or the end, never a traceback."""
 
 import math
 from collections.abc import Sequence
@@ -27,10 +27,9 @@ FAILURES = 100  # reads in a row without a frame, after which the camera is at i
 
 
 class CheckedCamera(CameraBase):
-    """A `Camera` that anybody may have written. What is wrong is reported once, as a fault, when it begins.
-
-    A stamp that is no number, or goes back, is the one before plus a frame interval; a picture that is none is left
-    out, so is a depth. After `FAILURES` reads in a row without a frame the camera is at its end.
+    """A validated `Camera` of third-party code. Each error is reported once, as a fault, when it begins. A stamp that
+    is not finite, or runs backwards, is replaced by the previous one plus a frame interval; invalid pictures and depths
+    are dropped. After `FAILURES` reads in a row without a frame the camera is at its end.
     Raises CameraError for a camera without a size or with invalid intrinsics.
     """
 
@@ -64,8 +63,9 @@ class CheckedCamera(CameraBase):
             return CameraState.RUNNING
 
     def read(self) -> Frame | None:
-        """The next frame; None at the end. Raises CameraFault for what is wrong, once, and FrameTimeout where that
-        lasts; CameraError where the camera says so, or has failed for too long."""
+        """The next frame; None at the end. Raises CameraFault once for each error, FrameTimeout while it lasts, and
+        CameraError where the camera raises it or has failed for too long.
+        """
         if self._new:
             raise self._new.pop(0)
         if self._ahead is not None:
@@ -91,7 +91,7 @@ class CheckedCamera(CameraBase):
         raise FrameTimeout(f"camera {self.name}: no picture", None, self.state)
 
     def object_records(self) -> list[dict[str, Any]] | None:
-        """What stands there, where the camera says so in records."""
+        """The true objects, where the camera provides valid records."""
         try:
             records = self._camera.object_records()
         except EdgemapError:

@@ -96,13 +96,14 @@ class DeliveryCheck:
 
 
 def clock_jumps(step_s: float, passed_s: float) -> bool:
-    """Whether a device's clock that went on by `step_s` while `passed_s` passed on the host's has jumped."""
+    """Whether a device clock has jumped that advanced by `step_s` while the host's advanced by `passed_s`."""
     return step_s < -BACKWARD_LIMIT_S or step_s > passed_s + CLOCK_JUMP_LIMIT_S
 
 
 class StreamClock:
-    """Adds an offset to device stamps; where they stand or are no numbers, and where they jump, time goes on by the
-    host's clock. A jump changes the offset for good."""
+    """Adds an offset to device stamps. Where they stop, jump or are not finite, time advances by the host's clock. A
+    jump changes the offset permanently.
+    """
 
     def __init__(self) -> None:
         self.last_s: float | None = None

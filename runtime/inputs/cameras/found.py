@@ -31,7 +31,7 @@ class FoundCamera:
 
 
 def found_cameras() -> tuple[list[FoundCamera], list[str]]:
-    """What is here, and in one line each what could not be looked for (a library that is missing)."""
+    """The cameras found, and one line for each kind that could not be searched (a missing library)."""
     cameras: list[FoundCamera] = []
     notes: list[str] = []
     try:

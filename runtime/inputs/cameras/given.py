@@ -58,7 +58,7 @@ def as_picture(given: Any, name: str) -> Picture:
 class FramesCamera(CameraBase):
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
-    rate_hz: of pictures without stamps. Raises CameraError where there is no picture, or the first is none.
+    rate_hz: of pictures without stamps. Raises CameraError where there is no picture, or the first is not an image.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class PushedCamera(CameraBase):
         self._pending, self._last_s = self.frame(picture, float(stamp_s), "pushed picture"), float(stamp_s)
 
     def read(self) -> Frame | None:
-        """The picture that was given; None where there is none."""
+        """The pushed picture; None where there is none."""
         frame, self._pending = self._pending, None
         return frame
 

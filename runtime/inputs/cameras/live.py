@@ -22,7 +22,7 @@ MAX_FAULTS = 1000  # kept for a reader that does not read
 
 
 class LiveCamera(CameraBase):
-    """The newest frame of a device, whatever happens to it: see `Supervisor`.
+    """The newest frame of a device, with recovery from its failures: see `Supervisor`.
 
     The thread overwrites the slot, so a slow reader skips frames and never sees an old one or one twice. The device is
     closed on the thread that grabs from it. clock_s, wait: a clock of the caller's own, on which everything then
@@ -87,7 +87,7 @@ class LiveCamera(CameraBase):
         return self.frame(picture.image, picture.stamp_s, f"{self.name}#{self._delivered}", picture.depth)
 
     def close(self) -> None:
-        """Stop the thread and let go of the device; waits a second at most for a grab under way."""
+        """Stops the thread and releases the device; waits at most a second for a grab in progress."""
         with self._changed:
             self._closing = True
             self._slot = None

@@ -75,9 +75,8 @@ def _first_size(pictures: Sequence[Path]) -> tuple[int, int]:
 
 
 def open_folder(folder: Path, name: str, intrinsics: Intrinsics | None, mount: Mount | None) -> PicturesCamera:
-    """A folder of pictures, natural order of names; its `camera.yaml` is honoured, the arguments go before it.
-
-    Stamps are index / fps, 10 frames a second where no fps is known. Raises CameraError.
+    """A folder of pictures, natural order of names; its `camera.yaml` is used, but the arguments take precedence.
+    Stamps are index / fps, with 10 frames per second by default. Raises CameraError.
     """
     pictures = list_pictures(folder)
     setup = read_setup(folder, world_up="z")

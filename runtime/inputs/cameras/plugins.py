@@ -20,14 +20,13 @@ class CameraKind(Protocol):
     def open(self, address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Driver | Camera:
         """Open SPEC `KIND:ADDRESS` (`KIND` alone: an empty address). Raises CameraError, one line.
 
-        A live source gives a Driver, which is then supervised, recovered and read for its newest frame as our own
-        are; a source with an end gives a Camera. intrinsics, mount: what the user gave, which goes before what the
-        source knows.
+        A live source returns a Driver, which is then supervised, recovered and read for its newest frame; a finite
+        source returns a Camera. intrinsics, mount: given by the user; they override the source's own.
         """
         ...
 
     def found(self) -> Sequence[tuple[str, str]]:
-        """(address, name for people) of each camera that is there now, for `edgemap cameras`."""
+        """(address, display name) of each connected camera, for `edgemap cameras`."""
         ...
 
 

@@ -21,7 +21,7 @@ from edgemap.runtime.frames.trajectory import PoseTrack, Trajectory
 class Camera(Protocol):
     """A source of frames, open from construction until `close`; a context manager.
 
-    name: the SPEC it was opened from. live: true for devices that run on whether we read or not.
+    name: the SPEC it was opened from. live: true for devices that produce frames independently of `read`.
     intrinsics, mount: None where unknown. rate_hz: nominal frame rate, None if unknown.
     size: (width, height) of its pictures, px. frame_count: None for live sources.
     truth: the drive's own poses from its start, None where unknown. attitudes: those of the lens with them, None where
@@ -127,7 +127,7 @@ class SensorTopics:
 def next_frame(
     camera: Camera, report: Callable[[CameraFault], None], stopped: Callable[[], bool] = lambda: False
 ) -> Frame | None:
-    """The next frame; None at the end, or when `stopped` says so while there is none. Reports each fault before it."""
+    """The next frame; None at the end, or when `stopped` returns true while waiting. Reports the faults before it."""
     while not stopped():
         try:
             return camera.read()

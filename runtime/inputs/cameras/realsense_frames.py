@@ -43,7 +43,7 @@ class DepthBeside:
         self._ahead = next(pictures, None)
 
     def at(self, stamp_s: float) -> Depth | None:
-        """The one of this stamp; None where there is none."""
+        """The depth picture of this stamp; None where there is none."""
         while self._ahead is not None and self._ahead[0] < stamp_s - LATE_S:
             self._ahead = next(self._pictures, None)
         if self._ahead is None or self._ahead[0] > stamp_s + LATE_S:
@@ -108,7 +108,7 @@ def as_fast_as_read(rs: ModuleType, pipeline: Any, config: Any) -> Any:
 
 
 def started(rs: ModuleType, pipeline: Any, config: Any) -> Any:
-    """The profile of a pipeline that was started; of a recording, whose status says from now on when it has ended."""
+    """The profile of a pipeline that was started; for a recording, its status from now on shows when it has ended."""
     profile = pipeline.start(config)
     if playback := profile.get_device().as_playback():
         await_begin(rs, playback)
@@ -116,8 +116,9 @@ def started(rs: ModuleType, pipeline: Any, config: Any) -> Any:
 
 
 def await_begin(rs: ModuleType, playback: Any) -> None:
-    """Wait until the thread that reads a recording has begun: before that its status is that of one that has ended, and
-    what is stopped would begin afterwards. One that is over before anybody looks costs `BEGIN_LIMIT_S`."""
+    """Waits until the thread that reads a recording has started: before that its status is that of an ended one, and a
+    stop would be followed by the start. A recording that ends before this call costs `BEGIN_LIMIT_S`.
+    """
     until_s = time.monotonic() + BEGIN_LIMIT_S
     while playback.current_status() == rs.playback_status.stopped and time.monotonic() < until_s:
         time.sleep(0.001)
@@ -132,11 +133,11 @@ def stop(pipeline: Any) -> None:
 
 
 def caught_up(playback: Any) -> None:
-    """Wait until the thread that reads a recording has done all that it was asked to.
+    """Waits until the thread that reads a recording has processed all requests.
 
-    A playback that is let go of before that ends the process: librealsense's thread goes on with a device that is no
-    more (2.59: `stop_internal` after `~playback_device`). Resuming what is not paused does nothing but wait for it;
-    twice, since reading on may have been asked for behind the first.
+    Releasing a playback before that aborts the process: librealsense's thread uses the destroyed device (2.59:
+    `stop_internal` after `~playback_device`). Resuming a playback that is not paused only waits for the thread; called
+    twice, since a read may be queued behind the first.
     """
     playback.resume()
     playback.resume()

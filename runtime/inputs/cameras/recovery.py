@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class RecoveryRule:
-    """How patient the supervisor of a live camera is.
+    """Timeouts and retries of a live camera's supervisor.
 
     first_frame_limit_s: silence allowed before the first frame: devices wake slowly. After an opening it is three
     times the stall limit, doubled with each opening in a row, at most this. stall_intervals, stall_limit_s:

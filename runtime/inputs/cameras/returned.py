@@ -46,9 +46,8 @@ def image_of(given: Any) -> NDArray[Any]:
 
 
 def depth_of(given: Any, shape: tuple[int, int]) -> NDArray[np.float32] | None:
-    """Depth of a picture of (height, width): metres, 0 where it is unknown, infinite or negative.
-
-    Raises CameraError where it is no array of numbers of that shape.
+    """Depth of a picture of (height, width): metres, 0 where it is unknown, infinite or negative. Raises CameraError
+    unless it is a numeric array of that shape.
     """
     if given is None:
         return None
@@ -73,6 +72,6 @@ def size_of(given: Any, name: str) -> tuple[int, int]:
 
 
 def rate_of(given: Any) -> float | None:
-    """A nominal frame rate in Hz; None where it is none."""
+    """A nominal frame rate in Hz; None where the value is invalid."""
     rate = stamp_of(given)
     return rate if 0.0 < rate <= LARGEST_RATE_HZ else None

@@ -14,7 +14,7 @@ LEAST_MM, MOST_MM = 8.0, 400.0
 
 
 def stated_focal_px(path: Path, width: int, height: int) -> tuple[float, str] | None:
-    """Focal length, px, of pictures of this size, and where it stands; None where no file says.
+    """Focal length, px, of pictures of this size, and the file that states it; None where no file does.
 
     path: a picture, a folder of them, or a video. By the diagonal of a 35 mm film (CIPA DCG-001). Of a video it is
     somewhat short, as filming crops the sensor.

@@ -26,8 +26,8 @@ MEMORY_BYTES = 1 << 30  # that opening, or a single frame, may take beyond what 
 class VideoCamera(CameraBase):
     """A video that OpenCV decodes. stamps_s: where given, the video must have exactly one frame for each.
 
-    Else stamps are the file's, or last + 1 / fps where those do not increase. Memory is bounded, whatever
-    the file says of its size. Raises CameraError for no video, and for one of too many pixels.
+    Else stamps are the file's, or last + 1 / fps where those do not increase. Memory is bounded, independent of the
+    size that the file claims. Raises CameraError for no video, and for one of too many pixels.
     """
 
     def __init__(

@@ -77,11 +77,11 @@ class WebcamDriver:
         return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
-        """A camera that is unplugged says so by failing reads."""
+        """Nothing to watch: reads fail when the camera is unplugged."""
 
 
 class StreamDevice(CaptureDevice):
-    """A connection; what FFmpeg says of a stall is said in our own line."""
+    """A stream connection; a stall is reported in edgemap's own message instead of FFmpeg's."""
 
     def grab(self) -> Picture:
         """The next picture. Raises CameraError where none comes within `READ_LIMIT_MS`."""
@@ -111,8 +111,8 @@ class StreamDriver:
         return StreamDevice(capture, self.name)
 
     def reset(self) -> bool:
-        """There is none."""
+        """Nothing to reset."""
         return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
-        """A stream that ends says so by failing reads."""
+        """Nothing to watch: reads fail when the stream ends."""

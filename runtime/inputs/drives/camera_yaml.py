@@ -29,9 +29,9 @@ DEFAULT_RATE_HZ = 10.0
 
 @dataclass(frozen=True, slots=True)
 class CameraFile:
-    """What a `camera.yaml` says. world_up: the axis of the recorded poses that points up, e.g. `-y`;
-    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: how
-    lens and mount were measured, and how well, by what was calibrated; for people."""
+    """The contents of a `camera.yaml`. world_up: the axis of the recorded poses that points up, e.g. `-y`;
+    None where the file leaves it to the layout's own custom. rate_hz, mount: None where not given. calibration: for
+    each calibrated part, the method and its accuracy, as text."""
 
     intrinsics: Intrinsics
     mount: Mount | None = None
@@ -137,7 +137,7 @@ def write_camera_yaml(
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """The camera of a data folder: what `camera.yaml` says, or nothing and the layout's customs."""
+    """The camera of a data folder: the contents of `camera.yaml`, or the defaults of the layout."""
 
     intrinsics: Intrinsics | None
     mount: Mount | None

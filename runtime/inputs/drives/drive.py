@@ -1,4 +1,4 @@
-"""A recorded drive in memory: paths of its pictures, calibration and truth, whatever its layout on disk."""
+"""A recorded drive in memory: paths of its pictures, calibration and truth, independent of the layout on disk."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,8 +22,8 @@ class LabelledBoxes:
     """True boxes of one picture: xyxy in px from the outer edge of the first one, (N, 4); class names, length N.
 
     visible: share of each box that is not hidden, 0..1, shape (N,); None where unknown.
-    ids: which object of `objects.json` each box shows; empty where unknown. scores: of a network that predicted the
-    boxes, (N,); None where they are true. Those that it doubts have a visibility of 0.
+    ids: object of `objects.json` for each box; empty where unknown. scores: of a network that predicted the boxes,
+    (N,); None for true boxes. Low-score boxes have a visibility of 0.
     """
 
     boxes: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Our own layout, KIND `drive`: pictures or a video, `camera.yaml`, base poses, and what the simulator knows.
+"""Our own layout, KIND `drive`: pictures or a video, `camera.yaml`, base poses, and the simulator's truth.
 
 images/…  or  video.mp4    pictures in natural order of names, or one compact video
 camera.yaml                lens and mount

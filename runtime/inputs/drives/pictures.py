@@ -62,8 +62,8 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
 def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
     """A picture file's bytes as BGR, (H, W, 3) uint8.
 
-    Raises CameraError where they are no picture, cut short, or where the picture has too many pixels: the file's header
-    says how many before anything is decoded.
+    Raises CameraError where they are not a picture, are truncated, or where the picture has too many pixels; the header
+    is checked before anything is decoded.
     """
     image = decoded(data, name, cv2.IMREAD_COLOR)
     if image is None:
@@ -169,7 +169,7 @@ def read_depth(path: Path) -> Depth:
 
 
 def readable_depth(path: Path | None) -> Depth | None:
-    """The same; None where there is none that can be read: depth is never needed."""
+    """The same; None where it cannot be read, since depth is optional."""
     try:
         return None if path is None else read_depth(path)
     except CameraError:

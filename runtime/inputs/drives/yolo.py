@@ -35,8 +35,8 @@ DOUBT_SCORE = 0.2
 
 def label_table(names: Sequence[str], scored: bool = False) -> NumberTable:
     """A label file's lines: the number of one of these classes, centre and sides, and perhaps the score."""
-    told = "cx cy w h score" if scored else "cx cy w h"
-    return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns(told, 0.0, 1.0)))
+    fields = "cx cy w h score" if scored else "cx cy w h"
+    return NumberTable((Column("class", 0.0, len(names) - 1.0), *columns(fields, 0.0, 1.0)))
 
 
 LABELS = label_table(COCO_NAMES)
@@ -47,9 +47,8 @@ def read_yolo(folder: Path) -> Drive:
     """Read labelled pictures; class numbers count lines of `classes.txt`, or are COCO's 80 where there is none.
 
     `classes.txt`, a name per line, lies beside `images/` or in `labels/`, where labelling tools write it. A picture
-    without a label file shows no object. A `boxes.json` beside them, one entry per picture in order of names, goes
-    before the labels: it also knows what is hidden. There is no way between the pictures, so no truth. Raises
-    CameraError.
+    without a label file shows no object. A `boxes.json` beside them, one entry per picture in order of names, takes
+    precedence: it also has the visibility. The pictures have no poses. Raises CameraError.
     """
     images = list_pictures(folder / "images")
     if (folder / "boxes.json").is_file():

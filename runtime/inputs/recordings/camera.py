@@ -1,4 +1,4 @@
-"""An MCAP recording as a camera: every picture of one topic, in order, with what the file knows of the camera."""
+"""An MCAP recording as a camera: every picture of one topic, in order, with the calibration in the file."""
 
 import math
 from dataclasses import replace

@@ -59,8 +59,8 @@ class Summary:
 def records(stream: IO[bytes], crc: int | None = None) -> Iterator[Any]:
     """The records from here to the footer, or to the stream's end; unused kinds are skipped.
 
-    crc: of what came before in the data section, checked where that ends; None does not check. Raises ValueError for
-    a record that is too large or another than its sum says, EOFError at a cut, and what mcap raises of damage.
+    crc: of what came before in the data section, checked where that ends; None does not check. Raises ValueError for a
+    record that is too large or fails its checksum, EOFError for a truncated file, and mcap's errors for damage.
     """
     from mcap import records as mcap
     from mcap.data_stream import ReadDataStream

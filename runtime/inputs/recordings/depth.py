@@ -93,9 +93,8 @@ def own_depth(message: Any, name: str) -> Depth:
 
 
 class RecordedDepth:
-    """The depth pictures of a recording's topic in order of time; one that is damaged is none: depth is never needed.
-
-    apart_s: farthest from its picture's stamp.
+    """The depth pictures of a recording's topic in order of time; damaged ones are skipped, since depth is optional.
+    apart_s: greatest distance from its picture's stamp.
     """
 
     def __init__(
@@ -106,7 +105,7 @@ class RecordedDepth:
         self._ahead: tuple[int, Any] | None = None
 
     def at(self, stamp_ns: int) -> Depth | None:
-        """The one of a stamp, later than the last that was asked for; None where there is none."""
+        """The depth picture of a stamp, later than the last request; None where there is none."""
         waiting = [] if self._ahead is None else [self._ahead]
         self._ahead = None
         for found in itertools.chain(waiting, self._messages):
@@ -133,7 +132,7 @@ def depth_of(recording: McapReading, topic: str | None = None) -> RecordedDepth 
 
 
 def aligned(kinds: Mapping[str, str]) -> str | None:
-    """Of topics and their kinds, the first of raw pictures that its name says is depth aligned to the colour."""
+    """Of topics and their kinds, the first raw picture topic whose name marks depth aligned to the colour picture."""
     return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
 
 

@@ -1,7 +1,7 @@
-"""What edgemap keeps beside the ROS 2 messages, so that a replay starts from the very same numbers.
+"""Metadata beside the ROS 2 messages, so that a replay starts from exactly the same numbers.
 
-Quaternions and whole nanoseconds round in the last bit, and `plumb_bob` stands for three of our lens models; the
-messages are for everybody else.
+Quaternions and integer nanoseconds round in the last bit, and `plumb_bob` covers three of our lens models. Other
+programs read the messages.
 """
 
 import json

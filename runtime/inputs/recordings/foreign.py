@@ -19,10 +19,8 @@ TF_MESSAGES = 200  # of each topic, looked through for the tree
 
 
 def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
-    """The lens of a decoded `sensor_msgs/CameraInfo`; None where it says that it is not calibrated.
-
-    rectified: the pictures are (`image_rect`), so P holds and no distortion. Raises CameraError for a distortion that
-    is not plumb_bob's.
+    """The lens of a decoded `sensor_msgs/CameraInfo`; None where it is not calibrated. rectified: the pictures are
+    (`image_rect`), so P holds and no distortion. Raises CameraError for a distortion that is not plumb_bob's.
     """
     k = info.p if rectified else info.k
     fx, cx, fy, cy = (k[0], k[2], k[5], k[6]) if rectified else (k[0], k[2], k[4], k[5])
@@ -67,9 +65,9 @@ def tf_of(recording: McapReading) -> TfTree:
 
 
 def mount_of(tree: TfTree, frame_id: str) -> Mount | None:
-    """Where tf puts the pictures' frame above base_footprint; None where tf does not say so.
+    """The mount from tf: the pictures' frame above base_footprint; None where tf does not connect them.
 
-    A tree that only has base_link gives none: how high that is above the floor stands nowhere. Raises CameraError.
+    A tree that only has base_link gives none: its height above the floor is undefined. Raises CameraError.
     """
     found = tree.pose(FLOOR_FRAME, frame_id)
     return _mount(*found) if found else None

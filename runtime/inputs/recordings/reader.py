@@ -1,4 +1,4 @@
-"""Reads any MCAP file of ROS 2 messages, whole or cut off: its topics, and messages in order of time."""
+"""Reads any MCAP file of ROS 2 messages, complete or truncated: its topics, and messages in order of time."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -37,7 +37,7 @@ class Topic:
 
 
 class McapReading:
-    """An open MCAP file. whole: it has its end; else everything up to the cut is there to be read.
+    """An open MCAP file. whole: whether the file is complete; a truncated one is readable up to the cut.
 
     topics: by name. metadata, attachments: edgemap's own, by name. Messages are decoded by ROS's own definitions of the
     kinds that edgemap knows, never by a definition in the file.

@@ -28,7 +28,7 @@ def recorded_imu(recording: McapReading) -> ImuSamples | None:
 
 
 def imu_of(recording: McapReading, tree: TfTree, optical: str, topic: str | None = None) -> ImuSamples | None:
-    """The first sensor_msgs/Imu topic of a bag (or the one that is named) whose frame tf joins to the pictures'.
+    """The first sensor_msgs/Imu topic of a bag, or the named one, whose frame tf connects to the pictures'.
 
     None where there is none. optical: the pictures' frame. Raises CameraError, also for a named topic that cannot be
     used.
@@ -47,7 +47,7 @@ def imu_of(recording: McapReading, tree: TfTree, optical: str, topic: str | None
 
 
 def push_message(buffer: ImuBuffer, message: Any, stamp_s: float) -> None:
-    """A decoded sensor_msgs/Imu into a buffer. A covariance that starts with -1 says that there is no such value."""
+    """Adds a decoded sensor_msgs/Imu to a buffer. A covariance that starts with -1 marks a missing value."""
     rate, force = message.angular_velocity, message.linear_acceleration
     if message.linear_acceleration_covariance[0] != -1.0:
         buffer.push_force(stamp_s, (force.x, force.y, force.z))

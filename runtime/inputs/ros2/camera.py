@@ -1,4 +1,4 @@
-"""`--camera ros2:/topic`: pictures of a ROS 2 camera, with what its CameraInfo and tf say."""
+"""`--camera ros2:/topic`: pictures of a ROS 2 camera, with calibration and mount from CameraInfo and tf."""
 
 import time
 from collections.abc import Callable
@@ -93,7 +93,7 @@ class Ros2Driver:
         return False
 
     def watch(self, changed: Callable[[bool], None]) -> None:
-        """A publisher that is gone is silent."""
+        """Nothing to watch: DDS does not report that a publisher has gone."""
 
     def mount(self) -> Mount | None:
         """Of the pictures' frame, by tf; None where tf does not join it to base_footprint. Raises CameraError."""

@@ -17,7 +17,7 @@ RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """domain: ROS_DOMAIN_ID. range: one of RANGES. peers: addresses that are looked for beyond it."""
+    """domain: ROS_DOMAIN_ID. range: one of RANGES. peers: further addresses to search."""
 
     domain: int = 0
     range: str = "LOCALHOST"

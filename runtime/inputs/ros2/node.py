@@ -50,7 +50,7 @@ class Publisher:
         return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
-        """Publish a message. Raises Ros2Error; one that slow readers do not take in is dropped and counted."""
+        """Publish a message. Raises Ros2Error; a message that slow readers cannot accept is dropped and counted."""
         from cyclonedds.core import DDSException
 
         try:
@@ -153,7 +153,7 @@ class Node:
 
 @cache
 def shared_node() -> Node:
-    """This process's node, as the environment says. Raises Ros2Error, and MissingExtraError without the extra."""
+    """This process's node, configured by the environment. Raises Ros2Error, and MissingExtraError without the extra."""
     need("ros2", "ROS 2", ("cyclonedds", "mcap_ros2"))
     return node_for(discovery_from(os.environ), os.environ.get("CYCLONEDDS_URI", ""))
 

@@ -40,7 +40,7 @@ class WheelTopic(GrowingTrack):
         return self._name
 
     def at(self, stamp_s: float, tolerance_s: float = 0.0) -> SE2:
-        """As a GrowingTrack, after what has come, or comes within `LATE_S`, is taken in."""
+        """The pose as of a GrowingTrack, after waiting up to `LATE_S` for messages."""
         until_s = time.monotonic() + LATE_S
         self._take()
         while self._newest_s < stamp_s and self._messages.wait(until_s - time.monotonic()):
@@ -57,7 +57,7 @@ class WheelTopic(GrowingTrack):
 class Ros2SensorsCamera(CameraAround):
     """A camera with wheels or an IMU on ROS 2 topics.
 
-    Raises CameraError where the IMU is silent or tf does not say how it is turned against the camera.
+    Raises CameraError where the IMU is silent or tf lacks its rotation to the camera.
     """
 
     def __init__(self, camera: Camera, node: Node, topics: SensorTopics) -> None:

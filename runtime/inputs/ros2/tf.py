@@ -1,4 +1,4 @@
-"""What tf says, live: of frames that do not move, and where the robot has its own base in odom."""
+"""Live tf: static frames, and the robot's base in odom."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""One judge of a mount's angles: a room's edges, motion parallel to the floor, turns, gravity and depth tell them."""
+"""Checks a mount's angles against a room's edges, motion parallel to the floor, rotations, gravity and depth."""
 
 import math
 from collections import deque
@@ -82,9 +82,9 @@ class MountRule:
 class CheckedMount:
     """Another source's attitude, about a mount whose angles all witnesses together estimate (`MountTilt`).
 
-    Where they clearly give another angle than the mount, that is reported once, as a fault, and theirs is used from
-    then on. A carried camera has no mount: it is not judged. What the edges show of single frames goes to `pictures`,
-    which may be the other source, or behind it.
+    Where they clearly contradict the mount, a fault is reported once, and their estimate is used from then on. A
+    carried camera has no mount and is not checked. Edge measurements of single frames are passed to `pictures`, which
+    may be the wrapped source or one behind it.
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class CheckedMount:
         self._other.correct_mount(mount)
 
     def reset(self, reason: str) -> None:
-        """What is known of the mount stays."""
+        """Resets the wrapped source; the estimate of the mount stays."""
         self._other.reset(reason)
         self._estimates.clear()
         self._strips, self._ends = [], []

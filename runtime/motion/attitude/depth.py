@@ -28,7 +28,7 @@ LEVEL_RAD = math.radians(0.2)  # standard deviation of the floor's own slope: ru
 class DepthAttitude:
     """Roll, pitch and height by the floor plane, where the depth picture shows one; else the `other` source's.
 
-    A gyro's rotation stays the other source's. pictures: learn of each plane.
+    A gyro's rotation stays the other source's. pictures: is updated with each plane.
     """
 
     name = "depth"
@@ -58,7 +58,7 @@ class DepthAttitude:
         )  # fmt: skip
 
     def update(self, rotation: SeenRotation | None) -> Attitude:
-        """The other source's, where no floor was in view; else that one learns of it."""
+        """The attitude from depth, which also updates the other source; without floor in view, the other source's."""
         other = self._other.update(rotation)
         if self._found is not None and self._pictures is not None:
             plane, covariance = self._found

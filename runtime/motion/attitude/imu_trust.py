@@ -19,13 +19,11 @@ LIVELY = 50  # samples by which a sensor is known to have noise
 
 @dataclass(frozen=True, slots=True)
 class ImuTrustRule:
-    """When samples are no measurement.
-
-    gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale (the smallest ranges are 125
-    deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value; drivers deliver a sample up
-    to four times. held: repeats of all three axes, by which a gyro that has noise is frozen. share_s, share: of bad
-    samples, lately, by which a sensor is left out; it is used again below a tenth of that. yaw: as it agrees with the
-    odometry.
+    """When samples are invalid. gyro_rad_s, accel_m_s2: from which on a value that repeats bit by bit is full scale
+    (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
+    drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
+    frozen. share_s, share: of bad samples, lately, by which a sensor is left out; it is used again below a tenth of
+    that. yaw: as it agrees with the odometry.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)
@@ -96,10 +94,8 @@ class ImuTrust:
     def judge(
         self, samples: ImuSamples, stamp_s: float, moved: tuple[SE2, Array] | None, up: Array, bias: Array
     ) -> tuple[ImuSamples, str]:
-        """The samples that can be measurements, and one line where a sensor is left out from now on, or used again.
-
-        moved: by the odometry over the last step but this one, the gyro left out. up: (3,), optical frame. bias: (3,)
-        of the gyro as far as it is known.
+        """The valid samples, and one line where a sensor is excluded from now on, or used again. moved: motion of the
+        step before, by the odometry without the gyro. up: (3,), optical frame. bias: (3,), the gyro's estimated bias.
         """
         if not len(samples):
             return samples, ""

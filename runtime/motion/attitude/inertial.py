@@ -116,7 +116,7 @@ class InertialAttitude:
         return self._other.update(rotation)
 
     def correct_mount(self, mount: Mount) -> None:
-        """What the mount told of up and of the accelerometer's offset was wrong by as much."""
+        """Corrects the mount's angles, and with them the tilt and the accelerometer's offset that it determined."""
         self._other.correct_mount(mount)
         before, self._up = self._up, up_optical(mount.pitch_rad, mount.roll_rad)
         if self._state is not None:

@@ -59,8 +59,8 @@ class PicturesRule:
 class PicturesAttitude:
     """Roll and pitch by the camera's rotation from picture to picture and a room's edges, about the mount.
 
-    The mount tells the less the faster the camera nods and the farther off it is: what is carried is not mounted.
-    `predict` gives the mount's angles of what is mounted: odometry follows its nods by itself, from those.
+    The weight of the mount falls with the camera's rate of nodding and its distance from the mount's angles. For a
+    mounted camera `predict` gives the mount's angles: the odometry estimates its nods itself, starting from those.
     """
 
     name = "pictures"
@@ -71,8 +71,9 @@ class PicturesAttitude:
         self.reset("start")
 
     def predict(self, frame: Frame, moved: Moved | None = None) -> Attitude:  # noqa: ARG002
-        """Before this frame's rotation is seen: the mount's, or of a carried camera that of the frame before, with the
-        covariance of what it may have rotated since."""
+        """The prediction before this frame's rotation is measured: the mount's angles, or for a carried camera the
+        previous frame's attitude with a covariance that allows for its rotation since.
+        """
         span_s = frame.stamp_s - self._seen_s
         self._span_s, self._seen_s = span_s if 0.0 < span_s < LONGEST_S else LONGEST_S, frame.stamp_s
         if self._carried.share == 0.0 or not self._known():
@@ -108,7 +109,7 @@ class PicturesAttitude:
         self._edges: list[tuple[Array, Array]] = []  # normals and lengths, in the axes of that picture
 
     def begin_edges(self) -> None:
-        """The edges of this frame's picture are looked for."""
+        """Starts the edge detection on this frame's picture."""
         self._begun = True
 
     def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:

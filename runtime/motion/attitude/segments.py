@@ -23,7 +23,7 @@ class Segments:
     """Edges of one picture.
 
     normals: (N, 3), unit normals of the planes through lens and edge, optical frame: an edge along direction d in space
-    has normal . d = 0. lengths: (N,) rad, as seen.
+    has normal . d = 0. lengths: (N,) rad, visual angle.
     """
 
     normals: Array

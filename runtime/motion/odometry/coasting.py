@@ -14,10 +14,10 @@ SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0  # between two steps, for a velocity
 
 @dataclass(frozen=True, slots=True)
 class CoastingRule:
-    """carried_s: the last velocity is carried on for so long; after that the robot is as likely to stand.
+    """carried_s: how long the last velocity is extrapolated; after that the robot may as well stand.
 
     speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
-    acceleration_m_s2: standard deviation of a robot's, and of a camera's that is carried for certain.
+    acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's.
     """
 
     carried_s: float = 0.5
@@ -47,10 +47,9 @@ class Coasting:
         self.begin(stamp_s)
 
     def held(self, motion: Array, covariance: Array, stamp_s: float, carried: float) -> tuple[Array, Array]:
-        """A measured motion (3,) that ended at a stamp, and its covariance, (3, 3), as the last velocity holds them.
-
-        Acceleration is bounded, so a motion whose scale the camera does not know is (a Kalman filter of the velocity).
-        carried: from 0, of a robot, to 1, as of `Carried.share`.
+        """A measured motion (3,) that ended at a stamp, and its covariance (3, 3), after a Kalman filter of the
+        velocity. Acceleration is bounded, so the last velocity also bounds a motion whose scale the camera cannot
+        measure. carried: 0 for a robot to 1, as of `Carried.share`.
         """
         dt_s, variance = stamp_s - self._last_s, self._variance
         if variance is not None and SHORTEST_DT_S < dt_s < LONGEST_DT_S:

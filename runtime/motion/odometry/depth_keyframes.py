@@ -93,8 +93,7 @@ class DepthKeyframes:
         self._missed = 0
 
     def step(self, grey: MatLike, depth: NDArray[np.float32], span_s: float, still: MatLike) -> Resected | None:
-        """The motion since the last picture, in its axes; None where it is not found, and of the first picture.
-
+        """The motion since the last picture, in its axes; None where it cannot be estimated, and for the first picture.
         still: 0 in the picture where people and animals are, 255 elsewhere. span_s: since the last picture.
         """
         if (grey.shape[1], grey.shape[0]) != self._size:

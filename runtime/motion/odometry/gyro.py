@@ -1,4 +1,4 @@
-"""Yaw from the gyro alone: translation is a guess, so beside others it has a say on rotation only."""
+"""Yaw from the gyro alone: translation is a guess, so in the hybrid it contributes to rotation only."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Learned odometry: a stepwise network whose recurrent state goes in and comes out explicitly."""
+"""Learned odometry: a network run step by step, with its recurrent state as input and output."""
 
 import math
 from dataclasses import dataclass, replace
@@ -43,9 +43,9 @@ def initial_states(head: OdometryHead) -> Tensors:
 class LearnedOdometry:
     """A head of the bundle: `paper`, or `flow`, which also reads the camera's geometry and the time between frames.
 
-    flow measures from a keyframe, whose features its state holds, to each frame; the motions told are the increments,
-    which add up to what was measured. Its state advances where the frame becomes the next keyframe. Raises
-    OdometryError where the bundle has none, or an untrained one and not `allow_untrained`.
+    flow measures from a keyframe, whose features its state holds, to each frame; it returns the increments, which
+    compose to the measured motion. Its state advances where the frame becomes the next keyframe. Raises OdometryError
+    where the bundle has none, or an untrained one and not `allow_untrained`.
     """
 
     needs_features = True

@@ -62,12 +62,12 @@ class PlanarRule:
     working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px: how
     many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response,
     shift_least_px: of the phase correlation, and what the tracker does not find by itself. scaled: landmarks of known
-    depth that keep the scale. reach_heights: what lies farther than this many camera heights is not taken for floor.
-    floor_probability: of the floor mask at a corner that counts as floor; without a mask what is within reach may be.
-    max_age: frames that a landmark is remembered. track_sigma_px, drift_sigma_px: of one tracked corner at the working
-    width, and what it wanders in one frame. levelling: share of the tilt that is taken for the landmarks' and not for
-    the camera's. trusted_share: of the tracks that must agree, or a fresh start is tried, but on wheels: it doubles
-    the scale there as often as it mends it. agrees_more: times as many must agree on the fresh start, which has looser
+    depth needed to keep the scale. reach_heights: range, in camera heights, beyond which no corner counts as floor.
+    floor_probability: of the floor mask at a corner that counts as floor; without a mask every corner within reach may
+    be floor. max_age: lifetime of a landmark, frames. track_sigma_px, drift_sigma_px: of one tracked corner at the
+    working width, and its drift in one frame. levelling: share of the tilt that is taken for the landmarks' and not for
+    the camera's. trusted_share: of the tracks that must agree, or a fresh start is tried, but on wheels: it doubles the
+    scale there as often as it mends it. agrees_more: times as many must agree on the fresh start, which has looser
     landmarks. least_weight: tracks that must agree at all.
     scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
     longest_gap_s: without a picture; after a longer one the corners are not looked for any more.

@@ -48,8 +48,9 @@ def unknown_covariance() -> Array:
 
 
 class MotionState(Enum):
-    """How a motion came about. MEASURED. COASTING: nothing measured, the last velocity carried on. BLIND: nothing
-    measured, a guess. UNMEASURED: of a first frame, before which there is nothing to measure from."""
+    """Origin of a motion. MEASURED. COASTING: no measurement, the last velocity extrapolated. BLIND: no measurement, a
+    guess. UNMEASURED: the first frame, which has no predecessor.
+    """
 
     MEASURED = "measured"
     COASTING = "coasting"
@@ -60,10 +61,10 @@ class MotionState(Enum):
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """motion: of the BASE from the previous frame to this one. covariance: (3, 3) in (m, m, rad), in the previous
-    base frame. fault: one line for people on what failed or was left out, else empty; it decides nothing.
-    members: of a hybrid, by name: `used`, `blind` (it measured nothing) or `left_out` (it disagrees).
-    without_gyro: of a hybrid with one, what its other members measured: motion and covariance. rotation: of the camera,
-    where tracked corners show it. lengths: of a hybrid, ahead by the camera and by the wheels, m."""
+    base frame. fault: one line on what failed or was excluded, else empty; for display only. members: of a hybrid, by
+    name: `used`, `blind` (no measurement) or `left_out` (it disagrees). without_gyro: of a hybrid with a gyro, motion
+    and covariance from its other members. rotation: of the camera, where tracked corners measure it. lengths: of a
+    hybrid, ahead by the camera and by the wheels, m."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
@@ -102,7 +103,7 @@ class Motion:
 
 
 def no_motion() -> Motion:
-    """Of one frame at rest. What was missed shows in the motion up to the first frame after it."""
+    """The motion of one frame at rest. Any motion missed here is part of the first measured motion after it."""
     rest = SeenRotation(np.eye(3), REST_RAD)
     return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
 
@@ -119,11 +120,10 @@ def first_motion(fault: str = "") -> Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FramePrior:
-    """What the step knows of a frame before its motion is estimated.
-
-    attitude: of the camera at the frame's stamp, with the gyro's rotation since the frame before. covered: share of the
-    picture that something on the lens covers. movers: (N, 4) boxes, px, of people and animals; floor: where the floor
-    is; both of this picture where it was searched, else of the last one that was. None without a source.
+    """Inputs of a frame's motion estimate. attitude: of the camera at the frame's stamp, with the gyro's rotation since
+    the frame before. covered: share of the picture that something on the lens covers. movers: (N, 4) boxes, px, of
+    people and animals; floor: the floor mask; both from this picture if the detector ran on it, else from the last such
+    picture. None without a source.
     """
 
     attitude: Attitude | None = None
@@ -152,15 +152,15 @@ class Odometry(Protocol):
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
         """The motion from the previous step to a stamp without a picture, or with one that cannot be trusted.
 
-        Wheels and gyro go on; an odometry that needs pictures is blind. reason: why there is none, for the fault.
-        attitude: at the stamp, with the gyro's rotation since the previous step, where there is an IMU.
+        Wheels and gyro keep measuring; an odometry that needs pictures is blind. reason: why the picture is missing,
+        for the fault. attitude: at the stamp, with the gyro's rotation since the previous step, where there is an IMU.
         """
         ...
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:
         """Whether the base has stood still from the previous step to a stamp, without the picture.
 
-        None where neither wheels nor gyro say anything.
+        None where neither wheels nor gyro measure.
         """
         ...
 

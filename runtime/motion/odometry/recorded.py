@@ -92,7 +92,7 @@ class RecordedOdometry:
         return self._to(stamp_s)
 
     def still(self, stamp_s: float, attitude: Attitude | None) -> bool | None:  # noqa: ARG002
-        """Whether the recorded motion since the last step is none."""
+        """Whether the recorded motion since the last step is zero."""
         pose, lost = self._pose(stamp_s)
         if self._last is None or pose is None or lost or self._hole(stamp_s):
             return None
@@ -100,7 +100,7 @@ class RecordedOdometry:
         return math.hypot(motion.x_m, motion.y_m) < STILL_M and abs(motion.yaw_rad) < STILL_RAD
 
     def rest(self, stamp_s: float) -> Motion:
-        """No motion; goes on from the stamp."""
+        """Zero motion; continues from the stamp."""
         self._to(stamp_s)
         return no_motion()
 

@@ -59,9 +59,10 @@ class _PoseMessage(msgspec.Struct):
 
 @dataclass(slots=True)
 class Robot:
-    """The state of one robot. restarted: since its latest map, which stays while it has more than the new one.
-    came_s: clock of its last map; heard_s: of its last word. refused: why its last message was not taken; culprit: key
-    of a map of it with which the merged one was none."""
+    """The state of one robot. restarted: since its latest map, which is kept while it holds more than the new one.
+    came_s: clock at its last map; heard_s: at its last message. refused: why its last message was rejected; culprit:
+    key of its map that made the merged map invalid.
+    """
 
     here: bool = False
     restarted: bool = False
@@ -76,11 +77,11 @@ class Robot:
 class PlaceKeeper:
     """Takes each robot's latest map, and merges when `update` is called; `folder/map.json` is the place's.
 
-    Robots' maps are kept in `folder/robots/NAME.json`, so that a robot that is away stays in the map, through a
-    restart too, for a month (a day where its map fits nowhere). A damaged or too large message is refused with the
-    reason; the map before it stays. What one robot may cost is bounded, by turns at taking messages in and by a
-    `MergeBudget`; a robot whose map makes the merged one none is left out by name.
-    Raises PublishError, MissingExtraError, MapError for a map in the folder that is none, or DiskError.
+    Robots' maps are kept in `folder/robots/NAME.json`, so that an absent robot stays in the map, also after a restart,
+    for a month (a day where its map cannot be aligned). A damaged or too large message is rejected with the reason, and
+    the previous map stays. The cost of each robot is bounded by reading messages in turn and by a `MergeBudget`; a
+    robot whose map makes the merged one invalid is excluded by name. Raises PublishError, MissingExtraError, MapError
+    for an invalid map in the folder, or DiskError.
     """
 
     def __init__(
@@ -118,10 +119,9 @@ class PlaceKeeper:
         self._publisher = self._session.declare_publisher(self._key)
 
     def update(self, stopped: Callable[[], bool] = lambda: False) -> bool:
-        """Take in what has come; merge, save and publish where that changes the map. Whether it did.
-
-        stopped: asked again and again; where it is true the map stays as it was until the next update. Raises
-        DiskError, or MapError where no merged map is one that a map may be; the file stays then.
+        """Processes received messages; merges, saves and publishes where they change the map. Returns whether it
+        changed. stopped: polled during the merge; when it returns true, the map stays unchanged until the next update.
+        Raises DiskError, or MapError where no merged map is valid; the file then stays unchanged.
         """
         self._take_in(stopped)
         if stopped():

@@ -54,11 +54,10 @@ def robot_of(key: str) -> str | None:
 def open_session(connect: str = "", listen: str = "", wait_s: float | None = None) -> Any:
     """A zenoh session: a router that listens on an address (`127.0.0.1:7447`), or a peer that connects to one.
 
-    A peer need not find anybody there: it connects in the background, again and again. wait_s: connect as a client,
-    which other clients and peers reach through a router, and give up after so long. Where ZENOH_CONFIG names a file
-    that file says all of this, and encryption and who may do what besides. Else EDGEMAP_FLEET_SECRET, where it is set,
-    is what all must know: zenoh's own challenge and response, by which it is not sent; messages are not encrypted.
-    Raises PublishError, or MissingExtraError.
+    A peer connects in the background and retries until it succeeds. wait_s: connect as a client, which other clients
+    and peers reach through a router, and give up after this time. Where ZENOH_CONFIG names a file, it sets all of this,
+    and encryption and access control too. Otherwise EDGEMAP_FLEET_SECRET, where set, is a shared secret: zenoh's
+    challenge and response does not send it, and messages are not encrypted. Raises PublishError, or MissingExtraError.
     """
     need("fleet", "--fleet", ("zenoh",))
     import zenoh
@@ -156,7 +155,7 @@ class _Document(msgspec.Struct):
 def place_document(place: str, address: str) -> tuple[dict[str, Any], bytes]:
     """`map.json` of a place as it is now, checked, and its text.
 
-    Raises PublishError where nobody is there or answers within five seconds, MapError for an answer that is no map, or
+    Raises PublishError where no keeper answers within five seconds, MapError for an invalid answer, or
     MissingExtraError.
     """
     session = open_session(connect=address, wait_s=PATIENCE_S)

@@ -19,10 +19,10 @@ CONNECT_LIMIT_S = 2.0  # for which the run's start waits
 class FleetSink:
     """Sends the pose every second and the map every five, where it has changed; at the end the map once more.
 
-    A run's map is first sent when something is on it: until then that of the run before counts. An unchanged map is
-    sent every minute, and whenever somebody begins to keep the map. zenoh's own threads send and connect again; what a
-    slow network does not take is dropped. `write` raises PublishError while nobody keeps the map.
-    Raises MissingExtraError, or PublishError for a name that is none.
+    A run's map is first sent when it has an object: until then the previous run's counts. An unchanged map is sent
+    every minute, and whenever a keeper appears. zenoh's threads send and reconnect; messages that a slow network cannot
+    accept are dropped. `write` raises PublishError while there is no keeper. Raises MissingExtraError, or PublishError
+    for an invalid name.
     """
 
     name = "fleet"
@@ -45,7 +45,7 @@ class FleetSink:
         self._kept.wait(CONNECT_LIMIT_S)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Tell what is due."""
+        """Sends what is due."""
         stamp_s, annotations = result.frame.stamp_s, result.annotations
         if not 0.0 <= stamp_s - self._map_s < MAP_EVERY_S:
             self._map_s = stamp_s

@@ -33,8 +33,9 @@ class FloorCells:
 
 @dataclass(frozen=True, slots=True)
 class CellsRule:
-    """resolution_m: side of a cell. robot_width_m: what the robot sweeps free on its way. margin_m: unknown floor kept
-    round everything."""
+    """resolution_m: side of a cell. robot_width_m: width that the robot sweeps free along its path. margin_m: unknown
+    border around the map.
+    """
 
     resolution_m: float = 0.05
     robot_width_m: float = 0.35

@@ -58,8 +58,8 @@ def vector_text(
     keep_out: Sequence[str] = (),
 ) -> str:
     """A ROS 2 parameter file: `shapes` names them, and under each name are type, uuid, frame_id, value, and a circle's
-    center, radius and fill. Circles, because the way an object faces is not known. Zones are polygons, before the
-    objects, which lie over them: those named in keep_out are filled and occupied, the others outlines of unknown cells.
+    center, radius and fill. Circles, because an object's yaw is unknown. Zones are polygons, before the objects, which
+    lie over them: those named in keep_out are filled and occupied, the others outlines of unknown cells.
 
     Source: https://docs.nav2.org/configuration/packages/map_server/configuring-vector-object-server.html and
     nav2_map_server's vector_object_shapes.cpp: centre and radius must be floating-point numbers, an integer is refused.

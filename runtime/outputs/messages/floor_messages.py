@@ -28,7 +28,8 @@ def grid_message(stamp_ns: int, grid: OccupancyGrid, ids: FrameIds = IDS) -> Mes
 
 def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message:
     """`sensor_msgs/LaserScan` in the base frame: the nearest contact of each beam of half a degree, NaN where the
-    picture shows none (REP-117: no measurement, so nothing is cleared by it). Intensities: the contacts' weights."""
+    picture has none (REP-117: no measurement, so no cell is cleared). Intensities: the contacts' weights.
+    """
     ranges_m = np.hypot(*scan.contacts_base_m.T)
     beams = np.rint(np.arctan2(scan.contacts_base_m[:, 1], scan.contacts_base_m[:, 0]) / BEAM_RAD).astype(np.intp)
     first, last = (int(beams.min()), int(beams.max())) if len(beams) else (0, 0)

@@ -27,7 +27,7 @@ class FoxgloveServer:
 
     A message is built when a client has subscribed to its topic. The server's own threads send it, and drop the oldest
     for a client that is slow. Clients cannot publish. host: anyone who reaches the address sees the pictures. port: 0
-    for any free one. Raises MissingExtraError, or PublishError where the address cannot be had.
+    for any free one. Raises MissingExtraError, or PublishError where the address cannot be bound.
     """
 
     def __init__(self, host: str, port: int, stream: MessageStream) -> None:

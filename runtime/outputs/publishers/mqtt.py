@@ -26,11 +26,11 @@ class MqttPublisher:
     """A sink that keeps a broker up to date; all topics start with `edgemap/ROBOT/`, all payloads are JSON but status.
 
     status: `online` or `offline`, retained; the last will. state: pose, frames, number of objects and the last fault,
-    retained. objects/ID: each object as in map.json, retained, taken away when the object is gone. events: `event_type`
-    appeared, moved or vanished with the object; `into` where it became part of another one; entered and left with the
-    zone. A second broker connection
-    with the same robot's name replaces this one. A thread of its own sends and connects again; after a broker was away
-    it gets all retained messages again and the events of the meantime as one step.
+    retained. objects/ID: each object as in map.json, retained, and cleared when the object is removed. events:
+    `event_type` appeared, moved or vanished with the object; `into` where it became part of another one; entered and
+    left with the zone. A second broker connection
+    with the same robot's name replaces this one. A separate thread sends and reconnects; after an outage the broker
+    gets all retained messages again and the events since then as one step.
     Raises MissingExtraError. `write` raises PublishError while there is no connection.
     """
 
@@ -66,7 +66,7 @@ class MqttPublisher:
         self._connected.wait(CONNECT_LIMIT_S)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Tell what has changed."""
+        """Publishes the changes."""
         if not self._connected.is_set():
             raise PublishError(f"no broker at {self._address} ({self._refused})")
         if self._new_connection:
@@ -94,7 +94,7 @@ class MqttPublisher:
         self._fault, self._faults = text, self._faults + 1
 
     def close(self) -> None:
-        """Say that the robot is offline; its state and objects stay as they are. May be called twice."""
+        """Publishes that the robot is offline; its state and objects stay retained. May be called twice."""
         if self._connected.is_set():
             with suppress(ValueError, RuntimeError):  # a broker that takes nothing: the queue is full
                 self._publish("status", "offline", retain=True).wait_for_publish(CONNECT_LIMIT_S)

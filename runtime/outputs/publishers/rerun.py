@@ -31,16 +31,15 @@ PICTURED = (topics.PICTURES, topics.BOXES)
 
 
 class RerunStream:
-    """A sink that logs every step. target: an .rrd file that is not there yet, or a viewer's (host, port).
-
-    pictures_hz: pictures, with their boxes, so often at most. What has not changed is not logged again.
+    """A sink that logs every step. target: a new .rrd file, or a viewer's (host, port). pictures_hz: greatest rate of
+    pictures with their boxes. Unchanged entities are not logged again.
 
     Entities: `map/objects`, `map/ellipses` and `map/floor` (3-D, metres), the tf tree as `map/odom/base_link/…`
     down to the camera, which holds `picture` and `detections` (2-D, pixels), and `faults`; `floor_scan` below
-    base_link. A thread watches the viewer and connects again; `write` raises PublishError, and logs nothing, while
-    the viewer is closed or takes nothing: Rerun itself would say nothing of the first, and stop the caller for the
-    second once its buffers are full.
-    Raises MissingExtraError, or PublishError where file or viewer cannot be had.
+    base_link. A thread watches the viewer and reconnects; `write` raises PublishError, and logs nothing, while the
+    viewer is closed or stalled: Rerun itself would not report the first, and would block the caller in the second once
+    its buffers are full.
+    Raises MissingExtraError, or PublishError where the file cannot be written or the viewer cannot be reached.
     """
 
     def __init__(self, target: Path | tuple[str, int], stream: MessageStream, pictures_hz: float = PICTURES_HZ) -> None:

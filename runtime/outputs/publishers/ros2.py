@@ -41,8 +41,8 @@ class Ros2Options:
     """How results are published.
 
     namespace: before every topic but tf, and but /map where it is the usual one. pictures: whether they are
-    published too. best_effort: pictures, boxes and floor scans are not sent again where lost; readers that ask for
-    reliable ones then get none. odom_tf: False where the robot publishes odom -> base itself.
+    published too. best_effort: lost pictures, boxes and floor scans are not sent again; readers that require reliable
+    ones get none. odom_tf: False where the robot publishes odom -> base itself.
     """
 
     namespace: str = NAMESPACE

@@ -134,10 +134,9 @@ class _Track:
 
 
 class RecordingSink:
-    """Hands every step to a Recorder. start: makes it, and makes it again where the file vanished with its folder.
-
-    Raises DiskError where the disk does not take it: those results are missing from the recording, which goes on in the
-    same file once the disk takes it again.
+    """Passes every step to a Recorder. start: creates it, and creates it again where the file vanished with its folder.
+    Raises DiskError where the disk cannot be written: those results are missing from the recording, which continues in
+    the same file once the disk can be written.
     """
 
     def __init__(self, start: Callable[[], Recorder]) -> None:
@@ -161,5 +160,7 @@ class RecordingSink:
         """Faults stand in run.json."""
 
     def close(self) -> None:
-        """Finish the file. Raises DiskError where its end cannot be written: it is good up to its last whole chunk."""
+        """Finishes the file. Raises DiskError where its end cannot be written; it is valid up to its last complete
+        chunk.
+        """
         self._recorder.close()

@@ -1,4 +1,4 @@
-"""Writes a recording: a chunked MCAP file that is good up to its last whole chunk at any moment."""
+"""Writes a recording: a chunked MCAP file that is valid up to its last complete chunk at any moment."""
 
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,10 @@ CHUNK_BYTES = 1 << 19  # what a killed process loses at most; half a MiB is a fe
 class McapFile:
     """ROS 2 messages into one MCAP file, CDR-encoded, definitions embedded.
 
-    Chunks are not compressed: pictures are already, and any reader takes them. What a chunk holds reaches the
-    operating system as soon as it is full, all of it or nothing. A chunk that the disk does not take waits in memory;
-    until it is written nothing more is taken in, and what comes after it goes on in the same file.
-    Raises RecordingError where the file exists, DiskError where the disk does not take it.
+    Chunks are not compressed: pictures are already, and any reader supports that. A full chunk is handed to the
+    operating system at once, completely or not at all. A chunk that the disk cannot take waits in memory; until it is
+    written, new messages are dropped, and later ones continue in the same file.
+    Raises RecordingError where the file exists, DiskError where the disk cannot be written.
     """
 
     def __init__(self, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Each object's best picture, chosen as the frames go by: at most one per object is kept, small and already a JPEG."""
+"""Each object's best picture, chosen during the run: at most one small JPEG per object is kept."""
 
 import math
 from collections.abc import Collection
@@ -38,7 +38,7 @@ class BestCrops:
         return len(self._best)
 
     def consider(self, result: StepResult) -> None:
-        """Look at one step's sightings; a picture is cut only where it could beat the one that is kept."""
+        """Considers one step's sightings; a picture is cropped only where it could be better than the stored one."""
         image = result.frame.image
         for placed, identity in zip(result.sightings, result.object_ids, strict=True):
             box = result.detections.boxes[placed.sighting.detection]

@@ -14,7 +14,7 @@ MAX_WINDOWS = 240
 
 @dataclass(slots=True)
 class TimeWindow:
-    """Consecutive frames. stages_ms: sums by stage. worst_ms: the slowest step. seen: detections by label."""
+    """Consecutive frames. stages_ms: sums by stage. worst_ms: the slowest step. seen: number of detections by label."""
 
     start_s: float
     end_s: float
@@ -24,7 +24,7 @@ class TimeWindow:
     seen: Counter[str] = field(default_factory=Counter)
 
     def join(self, other: "TimeWindow") -> None:
-        """Take in the window that follows."""
+        """Appends the following window."""
         self.end_s, self.frames = other.end_s, self.frames + other.frames
         self.worst_ms = max(self.worst_ms, other.worst_ms)
         self.stages_ms.update(other.stages_ms)
@@ -41,7 +41,7 @@ class PoseSample:
 
 
 class History:
-    """Fed every step; at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, however long the run is."""
+    """Bounded history of a run: at most `2 * MAX_POSES` poses and `2 * MAX_WINDOWS` windows, whatever its length."""
 
     def __init__(self) -> None:
         self.windows: list[TimeWindow] = []
@@ -54,7 +54,7 @@ class History:
         self._journal: PoseJournal | None = None
 
     def add(self, result: StepResult) -> None:
-        """Take in one step."""
+        """Adds one step."""
         self.last_s, self._last_bound_m = result.frame.stamp_s, ellipse_95(result.pose_covariance)[0]
         if self.frames == 0:
             self.start_s = self.last_s

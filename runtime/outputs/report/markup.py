@@ -1,4 +1,4 @@
-"""HTML and SVG elements as text; whatever is not markup already is escaped."""
+"""HTML and SVG elements as text; everything that is not Markup is escaped."""
 
 from base64 import b64encode
 from collections.abc import Iterable

@@ -55,7 +55,7 @@ class ReportContent:
 
 
 def report_page(content: ReportContent) -> str:
-    """The whole page as text."""
+    """The complete page as text."""
     trajectory, true_trajectory = content.history.trajectory(), _true_trajectory(content)
     errors_m = _errors(trajectory, true_trajectory)
     title = f"{len(content.objects)} objects on the map"

@@ -27,11 +27,10 @@ Judge = Callable[[list[MapObject], int], list[EvaluationRow]]
 
 
 class ReportFile:
-    """Writes `report.html` into a run folder. Put it AFTER the folder's own sink: the page shows what that has saved.
-
-    truth: the drive's own poses from its start, None where unknown. judge: given the map and the number of frames,
-    what the truth says of it; None where no truth is known. crops: gathers the pictures, for others to read. A report
-    that fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are there either way.
+    """Writes `report.html` into a run folder. It must come AFTER the folder's own sink, whose files the page shows.
+    truth: the drive's own poses from its start, None where unknown. judge: function from the map and the number of
+    frames to evaluation rows; None without truth. crops: collects the pictures, also for other readers. A report that
+    fails never ends the run: `failure` gives the reason in one line, and `evaluation_rows` are there either way.
     """
 
     name = "report"
@@ -51,7 +50,7 @@ class ReportFile:
         self._closed = False
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Take in one step."""
+        """Adds one step."""
         self._history.add(result)
         self._crops.consider(result)
         if self._history.frames % _TIDY_EVERY == 0:

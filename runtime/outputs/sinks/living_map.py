@@ -23,8 +23,8 @@ SAVE_EVERY_S = 0.75  # of stream, as the run folder
 class LivingMap:
     """Writes `map.json` of a folder that several runs share, one after the other: objects, annotations, last pose.
 
-    searching: whether the robot has yet to be found in the map; nothing is written until it is, so a run that never
-    finds its place leaves the map as it was. The folder is locked while the run lasts.
+    searching: whether the robot is not yet relocalised in the map; nothing is written until then, so a run without
+    relocalisation leaves the map unchanged. The folder is locked while the run lasts.
     Raises DiskError where the folder cannot be made, RunFolderError where another run uses it.
     """
 

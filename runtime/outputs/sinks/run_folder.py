@@ -39,11 +39,12 @@ MAX_FAULTS = 200  # in run.json; the count goes on
 class RunFolder:
     """Writes `map.json`, `trajectory.tum`, `sightings.jsonl`, `run.json` and `mount.jpg` into a folder of its own.
 
-    record: what run.json says of the run (configuration, sums, versions). An empty valid map exists at once. Trajectory
-    and sightings are first written as known at the time; where loop closure or relocalisation moved the past, they are
-    written again at the end, as known then. What the disk does not take is kept and saved once it does. The folder is
-    locked while the run lasts.
-    Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or one writes into it.
+    record: the run's entries of run.json (configuration, sums, versions). An empty valid map exists at once. Trajectory
+    and sightings are first written as estimated at the time; where loop closure or relocalisation moved the past, they
+    are rewritten at the end. Data that the disk cannot take is kept and saved once it can. The folder is locked while
+    the run lasts.
+    Raises DiskError where the folder cannot be made, RunFolderError where it holds another run or another process
+    writes into it.
     """
 
     name = "run folder"
@@ -244,7 +245,7 @@ def _lock(folder: Path) -> int:
 
 
 def mount_record(seen: MountSeen) -> dict[str, float]:
-    """A mount's angles as the drive has shown them so far, degrees."""
+    """The estimate of a mount's angles so far, degrees."""
     angles = {
         "pitch_deg": seen.mount.pitch_rad,
         "roll_deg": seen.mount.roll_rad,

@@ -109,5 +109,5 @@ _FAULTS = (
 
 
 def cause_of_fault(text: str) -> Cause | None:
-    """The section of the docs about a fault; None where there is none."""
+    """The documentation section about a fault; None where there is none."""
     return next((CAUSES[name] for words, name in _FAULTS if re.search(words, text, re.IGNORECASE)), None)

@@ -175,8 +175,9 @@ CHECKS: tuple[tuple[Check, ...], ...] = ((_pictures, _mount, _floor, _camera_fau
 
 
 def is_doubtful(item: MapObject) -> bool:
-    """Whether an object is as likely nothing, or anywhere: a person has not confirmed it, its confidence is below a
-    half, or its position is not known to half a metre."""
+    """Whether an object is doubtful: no person has confirmed it, and its confidence is below a half or its position
+    uncertain by more than half a metre.
+    """
     return not item.confirmed and (item.confidence < DOUBTFUL or sigma_of(item) > WRONG_M)
 
 

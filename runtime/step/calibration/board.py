@@ -42,8 +42,8 @@ class Board:
     def corners_px(self, image: NDArray[np.uint8]) -> Array | None:
         """The corners in a BGR picture, (columns * rows, 2) px, pixel centres whole; None if any is missing.
 
-        OpenCV's detector of Duda and Frese (2018), and its older one where that sees nothing: boards far back on the
-        floor, seen from low above.
+        Uses OpenCV's detector of Duda and Frese (2018), and its older one where that fails: for distant boards on the
+        floor at a low viewing angle.
         """
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
         size = (self.columns, self.rows)
@@ -84,7 +84,9 @@ class BoardView:
 def board_views(
     camera: Camera, board: Board, pictures: int | None = None, stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[BoardView]:
-    """Views that differ from each other, at most 40, as they come. pictures: look at no more. Raises CameraError."""
+    """Views that differ from each other, at most 40, as they come. pictures: greatest number of pictures to search.
+    Raises CameraError.
+    """
     views: list[BoardView] = []
     for frame in frames_of(camera, pictures, stopped):
         corners = board.corners_px(frame.image)

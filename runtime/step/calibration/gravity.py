@@ -14,7 +14,7 @@ WORST_M_S2 = 1.0  # by which a window's mean may differ from gravity; a sensor's
 def gravity(samples: ImuSamples) -> Array | None:
     """Up, (3,) unit vector of the optical frame: the median over half seconds; None where samples are too few.
 
-    Known to `inertial.OFFSET_RAD` and not better: at rest an accelerometer's offset looks like a tilt.
+    Its accuracy is `inertial.OFFSET_RAD`: at rest an accelerometer's offset cannot be separated from a tilt.
     """
     if not len(samples):
         return None

@@ -56,7 +56,7 @@ class CameraGuess:
     how: tuple[str, ...]
 
     def lines(self) -> list[str]:
-        """What people are to know of it."""
+        """The guess with its uncertainty, for display."""
         lens, mount = self.lens, self.mount
         focal, height, pitch = self.how
         pitch_deg, roll_deg = math.degrees(mount.pitch_rad), math.degrees(mount.roll_rad)
@@ -95,10 +95,10 @@ def guess_camera(
 ) -> CameraGuess:
     """Lens and mount of the camera that took these pictures.
 
-    Focal length: as stated, else the usual field of view and the room's edges (three directions at right angles agree
-    at the right one). Pitch and roll: the room's edges, else where objects of usual heights agree. Height: objects of
-    usual heights. lens, mount: what is known already, which stays. Raises CalibrationError, with the numbers, for
-    pictures that show no floor and a lens outside 0.05 to 3 m above it.
+    Focal length: as stated by the files, else from the usual field of view and the room's edges (three directions
+    become orthogonal at the correct one). Pitch and roll: from the room's edges, else the angles at which objects of
+    usual heights agree. Height: objects of usual heights. lens, mount: given ones, which are kept. Raises
+    CalibrationError, with the numbers, for pictures that show no floor and a lens outside 0.05 to 3 m above it.
     """
     if not pictures:
         raise CalibrationError("no picture came to guess the camera from")

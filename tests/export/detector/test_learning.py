@@ -32,16 +32,17 @@ def example(boxes, labels, visible=None, size=(96, 128), colour=(0, 0, 255)):
         image[round(y0) : round(y1), round(x0) : round(x1)] = colour
     boxes = np.array(boxes, np.float32).reshape(-1, 4)
     visible = np.ones(len(boxes), np.float32) if visible is None else np.array(visible, np.float32)
-    return Example(image, boxes, np.array(labels, np.int64), visible, np.zeros(len(boxes), bool), told=TOLD,
+    return Example(image, boxes, np.array(labels, np.int64), visible, np.zeros(len(boxes), bool), complete=TOLD,
                    kept=~TOLD)  # fmt: skip
 
 
-def targets(boxes, labels, ignored=None, told=(True, True)):
+def targets(boxes, labels, ignored=None, complete=(True, True)):
     boxes = torch.tensor(boxes, dtype=torch.float32).reshape(1, -1, 4)
     ignored = torch.zeros(boxes.shape[1], dtype=torch.bool) if ignored is None else torch.tensor(ignored)
-    told = torch.tensor([told])
-    return Targets(boxes, torch.tensor(labels, dtype=torch.int64)[None], ~ignored[None], ignored[None], told, ~told,
-                   torch.ones(1, len(labels)))  # fmt: skip
+    complete = torch.tensor([complete])
+    classes = torch.tensor(labels, dtype=torch.int64)[None]
+    certainty = torch.ones(1, len(labels))
+    return Targets(boxes, classes, ~ignored[None], ignored[None], complete, ~complete, certainty)
 
 
 def blank(classes=2, size=128):
@@ -101,13 +102,13 @@ def test_cells_on_an_ignored_box_cost_nothing(read):
 def test_classes_that_labels_do_not_tell_stay_free(read):
     """A high score of a class that this source never labels has no gradient, but where the box is another object's."""
     heads = [head.requires_grad_() for head in blank()]
-    losses, found = detection_loss(read(heads), targets([[36.0, 36, 92, 92]], [0], told=(True, False)))
+    losses, found = detection_loss(read(heads), targets([[36.0, 36, 92, 92]], [0], complete=(True, False)))
     losses["total"].backward()
     pull, positive = torch.cat([head.grad.flatten(2) for head in heads], dim=2)[0], found.positive[0]
     assert (pull[1, ~positive] == 0.0).all()
     assert (pull[1, positive] > 0.0).all()
     assert (pull[0, ~positive] > 0.0).all()
-    untold = targets([[0.0, 0, 1, 1]], [0], [True], told=(False, False))
+    untold = targets([[0.0, 0, 1, 1]], [0], [True], complete=(False, False))
     assert float(detection_loss(read(blank()), untold)[0]["total"]) == 0.0
 
 
@@ -150,7 +151,7 @@ def test_loss_falls_towards_truth_only_heads(small, name):
     said = start(torch.full((1, 3, 128, 128), 100.0))
     heads = [head.detach().clone().requires_grad_() for head in said]
     label = start.names.index("couch")
-    truth = targets([[30.0, 40, 70, 100]], [label], told=[True] * len(start.names))
+    truth = targets([[30.0, 40, 70, 100]], [label], complete=[True] * len(start.names))
     optimizer = torch.optim.Adam(heads, lr=0.05 if name == "yolox-nano" else 0.2)
     for _ in range(120):
         optimizer.zero_grad()
@@ -168,7 +169,7 @@ def test_no_step_waits_for_a_value(small, name):
     network = small(name).copy().to("meta")
     image = torch.zeros(2, 3, 64, 64, dtype=torch.uint8, device="meta")
     classes = len(network.names)
-    truth = targets([[0.0, 0, 40, 40]] * 3, [0] * 3, told=[True] * classes)
+    truth = targets([[0.0, 0, 40, 40]] * 3, [0] * 3, complete=[True] * classes)
     truth = Targets(*(torch.cat([value, value]) for value in vars(truth).values())).to(torch.device("meta"))
     rows = network.read(network(image), image)
     losses, found = detection_loss(rows, truth)
@@ -306,8 +307,8 @@ def test_what_is_kept_to_may_be_another_network(start, drawn, tmp_path):
     with torch.no_grad():
         for parameter in other.parameters():
             parameter.mul_(1.01)
-    bare = [replace(one, told=np.zeros(80, bool), kept=np.ones(80, bool), boxes=one.boxes[:0], labels=one.labels[:0],
-                    visible=one.visible[:0]) for one in drawn]  # fmt: skip
+    none = {"complete": np.zeros(80, bool), "kept": np.ones(80, bool)}
+    bare = [replace(one, boxes=one.boxes[:0], labels=one.labels[:0], visible=one.visible[:0], **none) for one in drawn]
     for known, far in ((None, False), (other, True)):
         trainer = Trainer(start, bare, {}, tmp_path, DetectorSettings(batch=8, rate=1e-9, threads=1, mosaic=0.0), known)
         next(iter(trainer.take_steps()))
@@ -325,7 +326,7 @@ def test_pictures_are_read_once_at_the_network_s_size(tmp_path):
     assert found.image.shape == (69, 92, 3)  # 1.15 times the input
     np.testing.assert_allclose(found.boxes, [[34.5, 17.25, 57.5, 51.75]], atol=1e-4)
     assert found.labels.tolist() == [0]
-    assert found.told.tolist() == [True, False]  # no couch is labelled anywhere
+    assert found.complete.tolist() == [True, False]  # no couch is labelled anywhere
     assert found.kept.tolist() == [False, True]
     assert found.unasked is not None
     assert not found.unasked.any()

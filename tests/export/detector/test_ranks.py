@@ -38,7 +38,7 @@ for number in range(8):
     boxes = np.array([[x, y, x + 24, y + 30]] * count, np.float32).reshape(-1, 4)
     picture = generator.integers(0, 255, (64, 64, 3)).astype(np.uint8)
     examples.append(Example(picture, boxes, labels, np.ones(count, np.float32), np.zeros(count, bool),
-                            told=told & (count > 0), kept=~told | (count == 0)))
+                            complete=told & (count > 0), kept=~told | (count == 0)))
 batch = int(sys.argv[2])
 settings = DetectorSettings(batch=batch, epochs=1, threads=1, keep=0.5, mosaic=0.0, rate=1e-3)
 trainer = Trainer(start, examples, {"all": examples}, Path(sys.argv[1]), settings, known)

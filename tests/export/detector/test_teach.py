@@ -52,12 +52,12 @@ def test_pictures_without_labels_take_the_teachers(tmp_path):
     assert [int(one.image[0, 0, 0]) for one in examples] == [0, 2]
     np.testing.assert_allclose(examples[0].boxes[0], [4.6, 4.6, 13.8, 18.4], atol=1e-5)  # 46 px of 100
     assert examples[0].ignored().tolist() == [False, True]  # what teachers doubt is not asked for
-    assert examples[0].told.all()
+    assert examples[0].complete.all()
     assert examples[0].kept.all()
     (bare, *_) = load_examples([str(tmp_path)], NAMES, 40)
     assert len(bare.boxes) == 0
     assert bare.kept.all()
-    assert not bare.told.any()
+    assert not bare.complete.any()
 
 
 def test_labels_with_scores_are_told_by_a_network(tmp_path):
@@ -75,7 +75,7 @@ def test_labels_with_scores_are_told_by_a_network(tmp_path):
     np.testing.assert_allclose(seen.boxes, [[4.6, 4.6, 13.8, 18.4], [23, 0, 41.4, 23]], atol=1e-5)  # 46 px of 100
     assert seen.ignored().tolist() == [False, True]
     assert len(empty.boxes) == 0
-    assert all(one.told.all() and one.kept.all() for one in (seen, empty))
+    assert all(one.complete.all() and one.kept.all() for one in (seen, empty))
 
 
 def test_a_mix_shows_each_source_by_its_share():
