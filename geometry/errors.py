@@ -1,8 +1,8 @@
-"""The one base of every failure that edgemap knows and explains in one line."""
+"""Base class of all expected errors of edgemap."""
 
 
 class EdgemapError(Exception):
-    """A known failure: its text is one line that says what, where, and the numbers with their units.
+    """An expected error. Its text is one line: what failed, where, and the numbers with their units.
 
     exit_code: with which the command line ends.
     """

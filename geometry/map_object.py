@@ -47,8 +47,8 @@ class MapObject:
 class ObjectMap(Protocol):
     """A clustering of sightings into objects, fed frame by frame.
 
-    merged: ids that are no more, to the id of the object that they became part of. movable: whether its objects can
-    move with a trajectory correction and leave the map.
+    merged: retired ids, each with the id of the object that replaced it. movable: whether its objects can be moved by a
+    trajectory correction and be removed.
     """
 
     movable: bool
@@ -63,7 +63,7 @@ class ObjectMap(Protocol):
         ...
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """Of `objects`, those no farther than that from a point (2,). Raises MapError if fixed."""
+        """The objects within a distance of a point (2,). Raises MapError if fixed."""
         ...
 
     def shown_as(self, identity: str) -> str:
@@ -77,7 +77,9 @@ class ObjectMap(Protocol):
         """Sets the probability that an object is still there, which scales its confidence. Raises MapError if fixed."""
 
     def retilt(self, tilt_rad: Array) -> None:
-        """What was placed by the mount moves as its angles change, roll and pitch (2,). Raises MapError if fixed."""
+        """Moves everything that was placed by the mount after its roll and pitch (2,) changed. Raises MapError if
+        fixed.
+        """
 
     def drop(self, identity: str) -> None:
         """Remove an object; its id is not given again. Raises MapError if fixed."""

@@ -9,7 +9,7 @@ NORMAL = 1.4826  # standard deviation of a normal distribution over its median a
 
 
 def median_and_scatter(values: ArrayLike) -> tuple[Array, Array]:
-    """Median of rows (N,) or (N, K), and the standard deviation of normal errors that scatter about it as much."""
+    """Median of rows (N,) or (N, K), and the standard deviation of normal errors with the same scatter."""
     found = np.asarray(values, dtype=np.float64)
     middle = np.asarray(np.median(found, axis=0))
     return middle, NORMAL * np.asarray(np.median(np.abs(found - middle), axis=0))

@@ -18,7 +18,7 @@ def wrap_angle(angle_rad: float) -> float:
 class SE2:
     """A planar pose or motion: `pose_a_b` takes points of frame b into frame a.
 
-    x_m, y_m: where b's origin stands in a, metres. yaw_rad: b's heading in a, kept in (-pi, pi].
+    x_m, y_m: b's origin in a, metres. yaw_rad: b's heading in a, wrapped to (-pi, pi].
     """
 
     x_m: float = 0.0
@@ -45,7 +45,7 @@ class SE2:
         return SE2(-c * self.x_m - s * self.y_m, s * self.x_m - c * self.y_m, -self.yaw_rad)
 
     def apply(self, points_b_m: ArrayLike) -> Array:
-        """Take points of frame b, shape (..., 2) in metres, into frame a; same shape."""
+        """Transforms points of frame b, shape (..., 2) in metres, to frame a; same shape."""
         points = np.asarray(points_b_m, dtype=np.float64)
         return points @ self.rotation().T + np.array([self.x_m, self.y_m])
 

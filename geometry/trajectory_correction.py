@@ -41,7 +41,7 @@ class TrajectoryCorrection:
 
 
 def composed(a: Array, b: Array) -> Array:
-    """`SE2 @ SE2` of rows (N, 3); one row stands for all."""
+    """`SE2 @ SE2` of rows (N, 3); a single row is broadcast."""
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     yaw = np.angle(np.exp(1j * (a[:, 2] + b[:, 2])))
     return np.column_stack([a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], yaw])

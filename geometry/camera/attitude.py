@@ -1,4 +1,4 @@
-"""How the camera is tilted against gravity in one frame, and how it rotated since the one before."""
+"""The camera's attitude against gravity in one frame, and its rotation since the previous one."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class MountSeen:
 
 @dataclass(frozen=True, slots=True)
 class RoomHeading:
-    """How the room lies in the frame of a stamp, by its edges. level_rad, sigma_rad: as of `RoomAxes`."""
+    """Heading of the room in the frame of a stamp, from its edges. level_rad, sigma_rad: as of `RoomAxes`."""
 
     stamp_s: float
     level_rad: float

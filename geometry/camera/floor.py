@@ -1,4 +1,4 @@
-"""The floor seen by a mounted camera: horizon, ray-floor intersection, and how errors reach the floor."""
+"""The floor in a mounted camera's picture: horizon, ray-floor intersection, and error propagation to the floor."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -73,11 +73,12 @@ class FloorCamera:
         return self.intrinsics.rays(pixels) @ self.mount.rotation_base_optical().T
 
     def below_horizon(self, pixels: ArrayLike) -> NDArray[np.bool_]:
-        """Which pixels (N, 2) look below the horizon, hence at the floor if nothing stands before it; (N,)."""
+        """Which pixels (N, 2) lie below the horizon, and so on the floor unless an object occludes it; (N,)."""
         return self.rays_base(pixels)[:, 2] < -1e-9
 
     def floor_points(self, pixels: ArrayLike) -> Array:
-        """Where rays through pixels (N, 2) meet the floor: (N, 2) base frame, metres; NaN at or above the horizon.
+        """Intersections of the rays through pixels (N, 2) with the floor: (N, 2) base frame, metres; NaN at or above
+        the horizon.
 
         Ray-plane intersection; at zero roll and on the optical axis' column it is the paper's equation 3.
         """

@@ -107,7 +107,7 @@ class InertialState:
 
     @property
     def heading(self) -> Array:
-        """Where the optical axis points, seen from above: a unit vector (2,), z-up frame."""
+        """Horizontal direction of the optical axis: a unit vector (2,), z-up frame."""
         return self.rotation[:2, 2] / max(math.hypot(*self.rotation[:2, 2].tolist()), 1e-9)
 
     def tilt_covariance(self) -> Array:

@@ -1,4 +1,4 @@
-"""How the camera sits on the robot: height, pitch, roll and lever arm against the base (the turn axis)."""
+"""The camera's mount on the robot: height, pitch, roll and lever arm relative to the base (the turn axis)."""
 
 import math
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class Mount:
         return rotation_base_optical(self.pitch_rad, self.roll_rad)
 
     def position_base_m(self) -> Array:
-        """Where the lens is in the base frame, (3,) in metres; the base's origin is on the floor."""
+        """Position of the lens in the base frame, (3,) in metres; the base's origin is on the floor."""
         return np.array([self.forward_m, self.left_m, self.height_m])
 
     def floor_by_tilt(self, point_base_m: Array) -> Array:

@@ -111,7 +111,7 @@ def room_heading(normals: Array, lengths: Array, up: Array) -> float:
 
 
 def level_axes(up: Array) -> tuple[Array, Array]:
-    """Two level directions at right angles, optical frame: to the right as seen, and away from the lens."""
+    """Two level directions at right angles, optical frame: to the right in the picture, and away from the lens."""
     away = np.array([0.0, 0.0, 1.0]) - up[2] * up
     away = away / max(float(np.linalg.norm(away)), 1e-9)
     return np.asarray(np.cross(away, up), dtype=np.float64), away

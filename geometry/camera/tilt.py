@@ -26,11 +26,11 @@ class Tilt:
         return cls(up, sigma_rad**2 * _level(up))
 
     def widened(self, sigma_rad: float) -> Tilt:
-        """After an unknown rotation of this standard deviation about each level axis."""
+        """The tilt after an unknown rotation of this standard deviation about each level axis."""
         return replace(self, covariance=self.covariance + sigma_rad**2 * _level(self.up))
 
     def rotated(self, rotation: SeenRotation) -> Tilt:
-        """After a rotation of the camera."""
+        """The tilt after a rotation of the camera."""
         back = rotation.rotation.T
         return Tilt(back @ self.up, back @ self.covariance @ rotation.rotation).widened(rotation.sigma_rad)
 

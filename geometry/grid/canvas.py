@@ -12,7 +12,7 @@ LONGEST = 8192  # cells of a side: 400 m; what lies farther off is not kept
 
 
 class Canvas:
-    """The log-odds of all cells, and what the newest patch has made of them. bounds: of log-odds, in steps."""
+    """The log-odds of all cells, and the additions of the newest patch. bounds: of log-odds, in steps."""
 
     def __init__(self, low: int, high: int) -> None:
         self.low, self.high = low, high
@@ -21,7 +21,7 @@ class Canvas:
         self._shift = self._low = self._high = self.odds
 
     def include(self, cells: Cells) -> NDArray[np.bool_]:
-        """Make room for cells (N, 2); which of them have it, (N,)."""
+        """Grows the arrays to include cells (N, 2). Returns which of them fit, (N,)."""
         if not len(cells):
             return np.zeros(0, np.bool_)
         self._cover(cells.min(axis=0), cells.max(axis=0) + 1)
@@ -41,7 +41,7 @@ class Canvas:
             array[at] = values
 
     def take_patch(self, stamp_s: float) -> Patch:
-        """What has been added since the last patch was taken."""
+        """Returns the evidence added since the last call as a patch."""
         at = np.flatnonzero((self._low > self.low) | (self._high < self.high))
         rows, columns = np.unravel_index(at, self.odds.shape) if len(at) else (at, at)
         cells = np.column_stack([columns, rows]).astype(np.int32) + self.first
@@ -53,7 +53,7 @@ class Canvas:
         return patch
 
     def draw(self, patch: Patch, cell_m: float, newest: bool = False) -> None:
-        """Have a patch change the log-odds, where it lies now. newest: what is added from now on is part of it."""
+        """Applies a patch to the log-odds at its current place. newest: whether later additions belong to it."""
         cells = patch.placed(cell_m)
         has_room = self.include(cells)
         at, odds = self._flat(cells[has_room]), self.odds.ravel()

@@ -1,4 +1,4 @@
-"""One depth picture as evidence on the floor: what lies on it, and what stands in a robot's way."""
+"""Evidence of one depth picture: free floor, and obstacles at the robot's height."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class DepthScan:
 
     @classmethod
     def of(cls, depth: SparseDepth, camera: FloorCamera, movers_px: Array, rule: GridRule) -> DepthScan:
-        """By height above the floor, of which the attitude's errors leave the less known the farther a point is; what
-        hangs higher than the robot is over the floor and tells nothing. movers_px: boxes (M, 4) of people and animals.
+        """Classifies points by their height above the floor, whose error grows with range through the attitude. Points
+        above the robot are no evidence. movers_px: boxes (M, 4) of people and animals.
         """
         points, pixels = depth.points(camera.intrinsics, rule.reach_m)
         base = points @ camera.mount.rotation_base_optical().T + camera.mount.position_base_m()

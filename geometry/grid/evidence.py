@@ -17,11 +17,11 @@ class Evidence:
         self._occupied: list[tuple[Cells, Array]] = []
 
     def free(self, cells: Cells, log_odds: Array | float) -> None:
-        """Floor was seen in cells (N, 2): log-odds (N,), positive."""
+        """Adds free evidence to cells (N, 2): log-odds (N,), positive."""
         self._free.append((cells, np.broadcast_to(log_odds, len(cells))))
 
     def occupied(self, cells: Cells, log_odds: Array | float) -> None:
-        """Something stands in cells (N, 2): log-odds (N,), positive."""
+        """Adds occupied evidence to cells (N, 2): log-odds (N,), positive."""
         self._occupied.append((cells, np.broadcast_to(log_odds, len(cells))))
 
     def steps(self) -> tuple[Cells, Steps]:
@@ -44,7 +44,7 @@ class Evidence:
 
 
 def repeated(cells: Cells, least: int) -> Cells:
-    """Those of cells (N, 2) that are there so often, at least, each once."""
+    """The distinct cells among (N, 2) that occur at least that often."""
     if not len(cells):
         return cells
     packed, counts = np.unique(cells.astype(np.int64) @ [1 << 32, 1], return_counts=True)

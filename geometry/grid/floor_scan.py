@@ -114,8 +114,9 @@ def _on_floor(rays: Array, camera: FloorCamera) -> Array:
 
 
 def row_weights(away_m2: Array, camera: FloorCamera, row_px: float, rule: GridRule) -> Array:
-    """How far evidence on the floor counts, 0 to 1, (N,), by its squared distance from the point below the lens (N,):
-    less the more floor a row of the mask, so many pixels high, covers there; NaN and what is out of reach give 0."""
+    """Weight of floor evidence, 0 to 1, (N,), from its squared distance to the point below the lens (N,): it falls with
+    the extent of floor that a row of the mask covers there; 0 for NaN and beyond the reach.
+    """
     height_m, focal_rows = camera.mount.height_m, camera.intrinsics.fy / row_px
     row_m = (away_m2 + height_m**2) / (height_m * focal_rows)
     told = (row_m < rule.coarsest_row_m) & (away_m2 < rule.reach_m**2)

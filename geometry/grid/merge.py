@@ -16,7 +16,7 @@ from edgemap.geometry.se2 import SE2
 def merged_grid(
     first: OccupancyGrid | None, second: OccupancyGrid | None, pose_a_b: SE2, rule: GridRule | None = None
 ) -> OccupancyGrid | None:
-    """Two saved grids in the first one's frame, in which the second one's is `pose_a_b`: what both know adds up."""
+    """Two saved grids in the first one's frame, given the second one's pose `pose_a_b`; log-odds add up."""
     rule = rule or GridRule()
     canvas = Canvas(*step_bounds(rule))
     for saved, move in ((first, SE2()), (second, pose_a_b)):

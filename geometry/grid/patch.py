@@ -38,7 +38,7 @@ class Patch:
         return len(self.cells)
 
     def placed(self, cell_m: float) -> Cells:
-        """Its cells (N, 2) in the map as it is now; none twice is not promised."""
+        """Its cells (N, 2) in the current map; duplicates are possible."""
         return placed(self.cells, self.move, cell_m)
 
     def moved_m(self, cell_m: float) -> float:

@@ -14,10 +14,9 @@ from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 
 @dataclass(frozen=True, slots=True)
 class AssociationRule:
-    """What landmarks need to be an object on the map.
-
-    min_count (of what its sightings count, see FloorRule), min_confidence: of all its sightings (chosen on simulated
-    homes). forget_after: frames after which a landmark that is no object is dropped.
+    """Evidence that landmarks need to become an object. min_count (of what its sightings count, see FloorRule),
+    min_confidence: of all its sightings (chosen on simulated homes). forget_after: frames after which a landmark that
+    is no object is dropped.
     real_log_odds, real_slope, real_score: that an object is real, after one full sighting with a mean score of 0.5, per
     e-fold of full sightings, and per unit of the mean score's log-odds, as a box's score is about its precision on
     photographs (logistic regression on the 199 objects that two detectors map in seven tuning drives).
@@ -62,8 +61,9 @@ class Estimate:
         return self.saved is not None or (weight >= rule.min_count and confidence >= rule.min_confidence)
 
     def as_object(self, identity: str, label: str, rule: AssociationRule) -> MapObject:
-        """The object as a map shows it; its confidence is the probability that such an object is real, and no less than
-        what an earlier map says."""
+        """The object as a map shows it; its confidence is the probability that such an object is real, and at least
+        that of an earlier map.
+        """
         plain = self.sums.as_object(identity, label, self.position_m, self.covariance_m2)
         return replace(plain, confidence=max(self._real(rule), self.saved.confidence if self.saved else 0.0))
 

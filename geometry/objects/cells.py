@@ -37,7 +37,7 @@ class Cells(Generic[Key]):
         self._leave(key, *self._places.pop(key))
 
     def within(self, point_m: Array, reach_m: float) -> list[Key]:
-        """Keys no farther than that from a point (2,), in no particular but a fixed order."""
+        """Keys within a distance of a point (2,), in a deterministic order."""
         x_m, y_m = point_m.tolist()
         (i, j), ring, found = _cell(x_m, y_m), math.ceil(reach_m / CELL_M), list[Key]()
         for a in range(i - ring, i + ring + 1):

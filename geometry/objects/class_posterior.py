@@ -15,7 +15,7 @@ SAME_LABEL = 0.8  # smallest distance of two objects of one label, as a share of
 
 
 def least_spacing_m(a: MapObject, b: MapObject) -> float:
-    """How near two objects of one label can stand to each other, centre to centre."""
+    """Least distance between the centres of two objects of one label."""
     return SAME_LABEL * min(extent_m(item.label, item.width_m) for item in (a, b))
 
 
@@ -112,11 +112,11 @@ class Overlaps:
         self._changed |= {identity, *near, *(item.id for item in self.members.get(self.best(identity), ()))}
 
     def within(self, point_m: Array, reach_m: float) -> list[Candidate]:
-        """Candidates no farther than that from a point (2,), in no particular but a fixed order."""
+        """Candidates within a distance of a point (2,), in a deterministic order."""
         return [self._candidates[identity] for identity in self._cells.within(point_m, reach_m)]
 
     def settle(self) -> set[str]:
-        """Decide again what is one object around all that changed; ids of objects that are others, or no more."""
+        """Repeats the overlap decision around all changes. Returns the ids of objects that changed or disappeared."""
         changed, self._changed = self._connected(self._changed), set()
         touched = changed | {self.best(identity) for identity in changed}
         for identity in touched:

@@ -1,4 +1,4 @@
-"""What a person corrects of an object: class, position, size, facing; and objects that a person adds."""
+"""Corrections of an object by a person: class, position, size, yaw; and objects that a person adds."""
 
 import math
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ class Correction:
         )
 
     def moved(self, correction: TrajectoryCorrection) -> "Correction":
-        """After a loop closure: the place moves with the pose nearest to it."""
+        """The correction after a loop closure: its position moves with the nearest pose."""
         if self.place_m is None or self.anchor_s is None:
             return self
         return replace(self, place_m=_pair(correction.moved_points(np.array([self.anchor_s]), [self.place_m])[0]))

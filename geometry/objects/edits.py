@@ -59,8 +59,9 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class Annotations:
-    """What a map holds beside its objects. deleted: objects that a person has taken out, so that they stay out. dock:
-    where the robot's base stands when it charges."""
+    """Annotations of a map. deleted: objects that a person has deleted, so that they stay deleted. dock: pose of the
+    robot's base when it charges.
+    """
 
     zones: tuple[Zone, ...] = ()
     deleted: tuple[MapObject, ...] = ()

@@ -27,6 +27,6 @@ class EvaluationRow:
 
 
 def tally(evaluation_rows: list[EvaluationRow]) -> str:
-    """`9 found, 2 missed, 1 extra`: how many of each state, those with any, in the order of `STATES`."""
+    """`9 found, 2 missed, 1 extra`: the count of each state that occurs, in the order of `STATES`."""
     counts = {state: sum(evaluation_row.state == state for evaluation_row in evaluation_rows) for state in STATES}
     return ", ".join(f"{count} {state}" for state, count in counts.items() if count) or "nothing to compare"

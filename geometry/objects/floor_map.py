@@ -148,7 +148,7 @@ class FloorMap:
         return self._listed
 
     def near(self, point_m: Array, reach_m: float) -> list[MapObject]:
-        """Of `objects`, those no farther than that from a point (2,)."""
+        """The objects within a distance of a point (2,)."""
         self._refresh()
         found = [item.id for item in self._overlaps.within(point_m, reach_m) if item.id in self._shown]
         return [self._shown[identity] for identity in sorted(found, key=id_order)]
@@ -159,8 +159,7 @@ class FloorMap:
         return self._overlaps.best(identity)
 
     def moved(self) -> None:
-        """The trajectory moved, and everything with the keyframes that observed it: what is one object is decided
-        again."""
+        """Applies a trajectory correction: everything moves with its keyframes, and association is repeated."""
         moved: defaultdict[str, list[Landmark]] = defaultdict(list)
         for one in self.graph.landmarks.all.values():
             if one.keyframes and one.number in self._owner:
@@ -185,7 +184,9 @@ class FloorMap:
             self._remove(candidate.id)
 
     def retilt(self, tilt_rad: Array) -> None:
-        """What was placed by the mount moves as its angles change by roll and pitch (2,); a saved map's stays."""
+        """Moves everything that was placed by the mount after its roll and pitch changed by (2,); a saved map's objects
+        stay.
+        """
         self.graph.tilt_rad = self.graph.tilt_rad + tilt_rad
         self.graph.place(list(self.graph.landmarks.all.values()))
         self.moved()

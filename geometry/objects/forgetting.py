@@ -68,7 +68,7 @@ class NoForgetting:
     """For maps that never remove an object."""
 
     def observe(self, *_: object) -> list[str]:
-        """Nothing leaves the map."""
+        """Removes nothing."""
         return []
 
 

@@ -27,7 +27,7 @@ STEEPEST = 4.0  # times the information of the median robot: more no single robo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotMap:
-    """What one robot has mapped, in a frame of its own. key: the same for equal maps only."""
+    """One robot's map, in its own frame. key: equal only for equal maps."""
 
     key: str
     objects: tuple[MapObject, ...]
@@ -36,9 +36,7 @@ class RobotMap:
 
 @dataclass(frozen=True, slots=True)
 class MergedRobot:
-    """What became of one robot's map.
-
-    pose_place_map: its frame in the place's; None where it stays apart, for `reason`.
+    """Result of merging one robot's map. pose_place_map: its frame in the place's; None where not merged, for `reason`.
     pairs: its objects that matched, of `shared` that could by their labels; 0 for the map that came first.
     """
 
@@ -94,7 +92,9 @@ class MergeBudget:
         self.unfinished = False
 
     def payer(self, name: str, members: Collection[str]) -> str:
-        """Who pays for the alignment of a robot: itself, until it has joined once, and then whose map is the newest."""
+        """The robot whose budget pays for an alignment: the robot itself until its first merge, then the one with the
+        newest map.
+        """
         if name not in self.members:
             return name
         return max({name, *members}, key=lambda one: (self.arrived.get(one, 0), one))

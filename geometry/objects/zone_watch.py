@@ -25,14 +25,16 @@ class ZoneEvent:
     item: MapObject
 
     def record(self) -> dict[str, object]:
-        """As HTTP and MQTT have it."""
+        """The event as HTTP and MQTT send it."""
         x_m, y_m = (round(float(value), 3) for value in self.item.position_m)
         own: dict[str, object] = {"event_type": self.kind, "zone": self.zone.id, "zone_name": self.zone.name}
         return own | {"id": self.item.id, "label": self.item.label, "x_m": x_m, "y_m": y_m}
 
 
 class ZoneWatch:
-    """Compares the map with what it was; what is in a zone when that is drawn, changed or loaded is no event."""
+    """Compares the map with its previous state; objects already in a zone when it is drawn, changed or loaded cause no
+    event.
+    """
 
     def __init__(self) -> None:
         self._zones: dict[str, Zone] = {}

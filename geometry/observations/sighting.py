@@ -88,7 +88,7 @@ class PlacedSighting:
         return self.sighting.label
 
     def from_pose(self, pose_covariance: Array) -> Array:
-        """What a pose covariance (3, 3) means for this object's position, (2, 2) m^2."""
+        """Propagates a pose covariance (3, 3) to this object's position, (2, 2) m^2."""
         x_m, y_m = self.position_map_m - [self.pose_map_base.x_m, self.pose_map_base.y_m]
         wrt_pose = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m]])
         return wrt_pose @ pose_covariance @ wrt_pose.T
@@ -111,12 +111,11 @@ class BoxNoise:
 
 @dataclass(frozen=True, slots=True)
 class FloorRule:
-    """When a box counts as an object on the floor, and how far it is believed.
-
-    border_px: a lower edge this near the picture's lower border is cut off. max_sigma_m: sightings less certain than
-    this (largest standard deviation, pixel and mount together) are dropped. max_distance_m: and those farther.
-    mapped: labels that may be mapped; None means all. full_weight_score: at which a sighting counts half towards making
-    an object; fully from 0.1 above it on, not at all from 0.1 below.
+    """When a box counts as an object on the floor, and its weight. border_px: a lower edge within this distance of the
+    picture's lower border is cut off. max_sigma_m: sightings less certain than this (largest standard deviation, pixel
+    and mount together) are dropped. max_distance_m: sightings farther away are dropped. mapped: labels that may be
+    mapped; None means all. full_weight_score: at which a sighting counts half towards making an object; fully from 0.1
+    above it on, not at all from 0.1 below.
     """
 
     border_px: float = 3.0
@@ -128,7 +127,7 @@ class FloorRule:
     full_weight_score: float = 0.0
 
     def weight(self, score: float) -> float:
-        """How much a sighting of this score counts towards making an object, 0..1."""
+        """Weight, 0..1, of a sighting of this score as evidence for an object."""
         return min(1.0, max(0.0, 0.5 + (score - self.full_weight_score) / WEIGHT_SPAN))
 
 

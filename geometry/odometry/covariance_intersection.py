@@ -37,7 +37,7 @@ def difference(a: MotionEstimate, b: MotionEstimate) -> Array:
 
 
 def distance(a: MotionEstimate, b: MotionEstimate) -> float:
-    """Squared Mahalanobis distance of two measurements, their errors taken for independent."""
+    """Squared Mahalanobis distance of two measurements, assuming independent errors."""
     apart = difference(a, b)
     return float(apart @ np.linalg.solve(a.covariance + b.covariance, apart))
 

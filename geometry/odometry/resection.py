@@ -17,14 +17,14 @@ ANNEALING = (3.0, 2.0, 1.0, 1.0, 1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensPose:
-    """A lens in a fixed frame. rotation: (3, 3), takes its optical axes into that frame's. position_m: (3,)."""
+    """Pose of a lens in a fixed frame. rotation: (3, 3), takes its optical axes into that frame's. position_m: (3,)."""
 
     rotation: Array
     position_m: Array
 
     @classmethod
     def origin(cls) -> LensPose:
-        """Of the first picture."""
+        """The pose of the first picture."""
         return cls(np.eye(3), np.zeros(3))
 
     def inverse(self) -> LensPose:
@@ -56,7 +56,7 @@ class DepthLandmarks:
         return cls(pose.position_m + along * depth_m[:, None], along, sigma_m)
 
     def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> DepthLandmarks:
-        """Those at indices, or where a mask is set."""
+        """The landmarks at indices, or where a mask is set."""
         return DepthLandmarks(self.points_m[which], self.along[which], self.sigma_m[which])
 
     @classmethod

@@ -37,7 +37,7 @@ class Rolling:
     axle_sigma_m: float
 
     def lateral(self, moved: SE2) -> Lateral:
-        """Of a motion since the last picture."""
+        """The lateral residual of a motion since the last picture."""
         c, s = math.cos(moved.yaw_rad / 2.0), math.sin(moved.yaw_rad / 2.0)
         along, across = c * moved.x_m + s * moved.y_m, c * moved.y_m - s * moved.x_m
         slides = self.lateral_m + self.share * (math.hypot(moved.x_m, moved.y_m) + abs(moved.yaw_rad))
@@ -46,7 +46,7 @@ class Rolling:
         return Lateral(across - self.axle_m * moved.yaw_rad, gradient, variance)
 
     def learnt(self, lateral_m: float, variance_m2: float, yaw_rad: float) -> "Rolling":
-        """With the axle after one motion whose lateral residual was measured without this constraint (Kalman)."""
+        """Kalman update of the axle with one motion whose lateral residual was measured without this constraint."""
         if self.axle_sigma_m == 0.0:
             return self
         prior = self.axle_sigma_m**2

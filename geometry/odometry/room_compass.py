@@ -1,7 +1,7 @@
-"""Heading by the room: its level edges keep two directions at right angles, however long the drive (Manhattan world).
+"""Heading from the room: its level edges have two orthogonal directions throughout the drive (Manhattan world).
 
-A robust smoother over the latest views of the room: how the odometry's heading drifted up to each, and the one
-direction that all show, in which single views may err by much (a piece of furniture that stands askew).
+A robust smoother over the latest views of the room estimates the odometry's heading drift up to each and their common
+direction; single views may be far off (rotated furniture).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class CompassRule:
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Of an odometry at a stamp, as it added up: yaw since the start, its variance, path length."""
+    """Integrated odometry at a stamp: yaw since the start, its variance, path length."""
 
     stamp_s: float
     yaw_rad: float = 0.0
@@ -106,7 +106,7 @@ class RoomCompass:
     paid_rad: float = 0.0
 
     def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> RoomCompass:
-        """After a step of the odometry up to a stamp, whose yaw has this variance."""
+        """The compass after a step of the odometry up to a stamp, whose yaw has this variance."""
         rule = self.rule
         drift_rad2 = min(rule.drift * variance_rad2, max(variance_rad2, rule.drift_rad**2))
         last = self.past[-1] if self.past else Heading(stamp_s)
@@ -119,7 +119,7 @@ class RoomCompass:
         return replace(self, past=(*(item for item in self.past if item.stamp_s > stamp_s - rule.kept_s), now))
 
     def saw(self, room: RoomHeading) -> RoomCompass:
-        """After a view of the room in one of the latest steps."""
+        """The compass after a view of the room in one of the latest steps."""
         rule = self.rule
         at = next((item for item in reversed(self.past) if item.stamp_s <= room.stamp_s), None)
         if at is None or self.past[-1].path_m - self.past[0].path_m > rule.fastest_m_s * rule.kept_s:
@@ -146,7 +146,7 @@ class RoomCompass:
         return known._solved((*self.views[:-1], replace(view, drift_rad2=last.drift_rad2 + drift_rad2)))
 
     def paid(self, span_s: float, by_gyro: bool = False) -> tuple[RoomCompass, float]:
-        """What a motion over this time, with a gyro's yaw or without, turns more, rad, and the compass after it."""
+        """The yaw correction, rad, of a motion over this time, with or without a gyro, and the compass after it."""
         settle_s = self.rule.settle_gyro_s if by_gyro else self.rule.settle_s
         part = (-self.error_rad - self.paid_rad) * (1.0 - math.exp(-span_s / settle_s))
         return replace(self, paid_rad=self.paid_rad + part), part

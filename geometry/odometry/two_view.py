@@ -1,4 +1,4 @@
-"""In which direction a lens moved, from points tracked over two views: epipolar geometry by maximum likelihood."""
+"""Direction of a lens's motion from points tracked over two views: maximum-likelihood epipolar geometry."""
 
 import numpy as np
 

@@ -73,7 +73,7 @@ class PaperMap:
         self.drop("all")
 
     def drop(self, identity: str) -> None:
-        """Raises MapError: sightings stay for good."""
+        """Raises MapError: sightings are never removed."""
         raise MapError(f"{identity}: the paper's clustering keeps every sighting for good")
 
     def _add(self, placed: PlacedSighting) -> str:

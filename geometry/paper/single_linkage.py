@@ -62,7 +62,7 @@ class SingleLinkage:
         return root
 
     def cluster_of(self, key: tuple[int, int]) -> tuple[int, int]:
-        """The cluster that a cell, or a cluster that is no more, belongs to now."""
+        """The current cluster of a cell or of a merged cluster."""
         while self._parent[key] != key:
             self._parent[key] = self._parent[self._parent[key]]
             key = self._parent[key]

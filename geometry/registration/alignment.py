@@ -1,7 +1,7 @@
-"""Where one map lies in another: a rigid motion of the plane that lays objects of one label onto each other.
+"""Alignment of two maps: a rigid motion of the plane that matches objects of one label.
 
 Every two label-consistent correspondences whose mutual distances agree give a motion; the one that explains the most
-objects is refined by weighted least squares. It is refused where chance explains it, or where a clearly different
+objects is refined by weighted least squares. It is rejected where chance explains it, or where a clearly different
 motion explains nearly as many objects.
 """
 
@@ -271,7 +271,7 @@ def _fitted(pose: SE2, pairs: Pairs, first: Sequence[MapObject], second: Sequenc
 
 
 def jacobian(pose_a_b: SE2, point_b_m: Array) -> Array:
-    """How a motion's (x, y, yaw) moves a point (2,) of frame b in frame a, (2, 3)."""
+    """Derivative (2, 3) of a point (2,) of frame b, transformed to frame a, by the motion's (x, y, yaw)."""
     rotated = pose_a_b.rotation() @ point_b_m
     return np.array([[1.0, 0.0, -rotated[1]], [0.0, 1.0, rotated[0]]])
 

@@ -60,7 +60,7 @@ class KeyframeTrajectory:
 
     @property
     def pose(self) -> SE2:
-        """Where the base is in the map."""
+        """Pose of the base in the map."""
         return self.poses[-1] @ self.since
 
     def begin(self, pose: SE2, covariance: Array, stamp_s: float) -> None:
@@ -70,7 +70,7 @@ class KeyframeTrajectory:
         self._first_information = inverse(covariance + inverse(FIXED))
 
     def is_due(self, motion: SE2, covariance: Array) -> bool:
-        """Move on; whether the next keyframe is due here."""
+        """Adds a motion. Returns whether the next keyframe is due."""
         self.odometer_m += math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad)
         self._since_covariance = compose_covariance(self.since, self._since_covariance, motion, covariance)
         self.since = self.since @ motion
@@ -135,7 +135,7 @@ class KeyframeTrajectory:
         )
 
     def drop(self, gone: Set[int]) -> None:
-        """Forget keyframes, neither the first nor the last: the odometry before and after one becomes one motion."""
+        """Removes keyframes, except the first and the last; the motions before and after each are composed."""
         self._covariances, self._loose = self._joined(self._covariances, gone), self._joined(self._loose, gone)
         motions: list[SE2] = []
         for before, motion in enumerate(self._motions):

@@ -182,8 +182,9 @@ def factors(rows: Array, tilt_rad: Array, view_m: float) -> tuple[Array, Array, 
 
 
 def place(landmarks: Sequence[Landmark], trajectory: KeyframeTrajectory, tilt_rad: Array, view_m: float) -> None:
-    """Position and covariance of landmarks that have observations, as the trajectory stands: least squares over
-    observations with one range error per landmark."""
+    """Position and covariance of landmarks that have observations, given the current trajectory: least squares over
+    observations with one range error per landmark.
+    """
     landmarks = [landmark for landmark in landmarks if landmark.keyframes]
     if not landmarks:
         return
@@ -245,7 +246,7 @@ class Landmarks:
         return landmark
 
     def remove(self, numbers: Set[int]) -> None:
-        """Forget landmarks."""
+        """Removes landmarks."""
         for number in numbers:
             self.all.pop(number).gone = True
         for landmark in self.all.values():

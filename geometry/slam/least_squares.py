@@ -79,7 +79,7 @@ class Solution:
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
     """All factors of a drive. kernel: squared residual at which an observation or a link weighs half (Cauchy).
-    freedom: degrees of freedom of the odometry's errors (Student's t; infinite: Gaussian), which slip now and then."""
+    freedom: degrees of freedom of the odometry's errors (Student's t; infinite: Gaussian), to allow for slip."""
 
     odometry: OdometryFactors
     observations: ObservationFactors

@@ -58,8 +58,9 @@ class GraphRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """All factors but links at one moment, so that hypotheses are weighed on the same data. row: of each landmark, by
-    number. loose: the odometry that loops are searched with. poses (K, 3), biases (L + 3,): to start from."""
+    """All factors except links at one time, so that all hypotheses are tested on the same data. row: of each landmark,
+    by number. loose: the odometry that loops are searched with. poses (K, 3), biases (L + 3,): to start from.
+    """
 
     row: dict[int, int]
     problem: Problem
@@ -68,7 +69,7 @@ class Snapshot:
     biases: Array
 
     def ties(self, links: Links) -> list[tuple[int, int]]:
-        """Those between two landmarks, by number."""
+        """Links between two landmarks, by number."""
         return [(later, first) for later, first in links.items() if later in self.row and first in self.row]
 
 
@@ -101,7 +102,7 @@ class PoseGraph:
         return landmark
 
     def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> bool:
-        """Move on, to a new keyframe where it is due. Whether loops are due to be searched, by path and rotation."""
+        """Adds a motion, and a keyframe where it is due. Returns whether a loop search is due, by path and rotation."""
         if not self.trajectory.is_due(motion, covariance):
             return False
         self.trajectory.keep(stamp_s)
@@ -131,7 +132,7 @@ class PoseGraph:
         return landmarks
 
     def place(self, landmarks: Sequence[Landmark]) -> None:
-        """Positions and covariances of landmarks as the trajectory stands."""
+        """Positions and covariances of landmarks, given the current trajectory."""
         place(landmarks, self.trajectory, self.tilt_rad, self.rule.landmarks.view_m)
 
     def groups(self) -> dict[int, list[Landmark]]:
@@ -157,7 +158,7 @@ class PoseGraph:
         return home
 
     def remove(self, numbers: Set[int]) -> None:
-        """Forget landmarks and their links."""
+        """Removes landmarks and their links."""
         for number in numbers:
             self.unlink(number)
         self.landmarks.remove(numbers)

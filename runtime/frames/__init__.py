@@ -1,1 +1,1 @@
-"""What a camera delivers and every room reads: frames, sensor samples, faults, errors, trajectories, files of rows."""
+"""Data types shared by all rooms: frames, sensor samples, faults, errors, trajectories, tables."""

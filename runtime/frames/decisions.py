@@ -1,4 +1,4 @@
-"""What trials decided for a run: recorded with it, and taken from there at replay."""
+"""Decisions of trials for a run (engine, precision): recorded with it, and reused at replay."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -14,7 +14,7 @@ DISTRIBUTION = "edgemap-robot"
 
 
 def install_hint(extra: str) -> str:
-    """What to type for an extra: from the folder that this installation came from, else by the distribution's name."""
+    """The command that installs an extra: from this installation's source folder, else by the distribution's name."""
     try:
         origin = json.loads(distribution(DISTRIBUTION).read_text("direct_url.json") or "{}")
     except (PackageNotFoundError, ValueError):
@@ -27,7 +27,7 @@ def install_hint(extra: str) -> str:
 
 
 def pip() -> str:
-    """What to type for this environment's pip: `pip` where the shell finds that one, else by the path of Python."""
+    """The command of this environment's pip: `pip` where it is on the PATH, else through the path of Python."""
     found, programs = shutil.which("pip"), Path(sys.executable).parent
     if found and Path(found).parent.resolve() == programs.resolve():
         return "pip"

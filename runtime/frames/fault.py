@@ -1,4 +1,4 @@
-"""Faults in the delivery of frames, as types: each is counted and reported, and reading goes on."""
+"""Types of faults in the delivery of frames. Each is counted and reported, and reading continues."""
 
 from enum import StrEnum
 
@@ -6,7 +6,7 @@ from edgemap.runtime.frames.errors import CameraError
 
 
 class FaultKind(StrEnum):
-    """What was wrong. `RECOVERED`: the end of an outage; `EFFORT`: a budget's decision; both are no faults."""
+    """Kind of a fault. `RECOVERED` (end of an outage) and `EFFORT` (a budget's decision) are notices, not faults."""
 
     LATE = "late"  # silent beyond the stall limit
     FAILED = "failed"  # the device's driver raised an error

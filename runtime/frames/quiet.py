@@ -1,4 +1,4 @@
-"""Libraries that read files which anybody may have made: kept off the terminal, and within bounded memory."""
+"""Keeps libraries that read untrusted files off the terminal and within bounded memory."""
 
 import os
 import resource

@@ -21,12 +21,12 @@ class Stopwatch:
         self._last = _now_s()
 
     def start(self) -> None:
-        """Forget the last step and begin."""
+        """Starts a new step."""
         self.stages_ms = {}
         self._last = _now_s()
 
     def stage(self, stage: str) -> None:
-        """Book the time since the last call on a stage; what was booked on it before adds up."""
+        """Adds the time since the last call to a stage."""
         now = _now_s()
         self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + (now - self._last) * 1e3
         self._last = now

@@ -1,1 +1,1 @@
-"""Where frames come from: cameras, drives, recordings, ROS 2, and what reopens them."""
+"""Sources of frames: cameras, drives, recordings, ROS 2, and their recovery."""

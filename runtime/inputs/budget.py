@@ -13,8 +13,9 @@ FORGET = 0.9  # of what a frame took, at each new one
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """What is done from a frame on: every `take_every`-th frame of the camera is taken, all of which give the odometry
-    its motion, and every `search_every`-th of those is searched for objects. since: the camera's frame index."""
+    """Processing effort from a frame on: every `take_every`-th frame is processed by the odometry, and the detector
+    runs on every `search_every`-th of those. since: the camera's frame index.
+    """
 
     since: int = 0
     search_every: int = 1
@@ -44,10 +45,9 @@ LADDER = (Effort(0, 1), Effort(0, 2), Effort(0, 3), Effort(0, 5), Effort(0, 2, 2
 
 
 class Budget:
-    """Decides, from processor time, how far down `LADDER` a run goes.
-
-    share: of one core. One step down after a window above it; one step up after `PATIENCE` windows in which the next
-    higher step would leave room, by what frames took so far. clocks: seconds.
+    """Chooses the step of `LADDER` from the processor time. share: allowed share of one core. It steps down after one
+    window above the share, and up after `PATIENCE` windows in which the next higher step would fit, by the frame times
+    so far. clocks: seconds.
     """
 
     def __init__(

@@ -66,7 +66,7 @@ class PictureHealth:
 
     @property
     def stale(self) -> bool:
-        """Whether the picture is as it was before: true of a robot at rest as well, if without a sensor's noise."""
+        """Whether the picture equals the previous one; without sensor noise, also true for a robot at rest."""
         return self.kind in ("repeated", "frozen")
 
     @property
@@ -106,7 +106,7 @@ class HealthMonitor:
         return found if found.blind else self._covered_in_part(found, small, structure, frame.stamp_s)
 
     def reset(self) -> None:
-        """Forget the last picture."""
+        """Discards the last picture."""
         self._seen: deque[tuple[float, MatLike, NDArray[np.uint8]]] = deque()
         self._covered, self._part_due_s = 0.0, math.inf
         self._plain: NDArray[np.bool_] | None = None  # which tiles of the last picture show nothing

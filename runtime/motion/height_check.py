@@ -1,4 +1,4 @@
-"""One judge of the lens's height: depth pictures, what stands on the floor, and the wheels are its witnesses."""
+"""Checks the lens's height against depth pictures, objects on the floor, and wheels."""
 
 from __future__ import annotations
 

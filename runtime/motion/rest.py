@@ -159,7 +159,7 @@ class RestMonitor:
         return must and reference.textured(self.rule.texture) >= self.rule.textured
 
     def reset(self) -> None:
-        """Forget the last picture."""
+        """Discards the last picture."""
         self._reference: _Reference | None = None
         self._before_s = self._last_s = -math.inf  # of the last frames
         self._step_s = math.inf  # that ended at the reference

@@ -1,4 +1,4 @@
-"""Whether a source is believed: what it measures against what the camera measures of the same motion."""
+"""Trust in a source, from the comparison of its motions with the camera's."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Agreement:
     row: int = 0
 
     def seen(self, own: float, reference: float, variance: float, span_s: float) -> Agreement:
-        """After one more step. variance: of the difference, as both state it."""
+        """The agreement after one more step. variance: of the difference, as both sources state it."""
         if not self.rule.windows:
             return self
         window = replace(
@@ -78,7 +78,7 @@ class Agreement:
         return window._judged()
 
     def anew(self) -> Agreement:
-        """A window begins: the reference was none."""
+        """Starts a new window: there was no reference."""
         return replace(self, own=0.0, reference=0.0, variance=0.0, span_s=0.0)
 
     def _below(self, ratio: float) -> bool:
@@ -135,7 +135,7 @@ class Innovation:
 
 @dataclass(frozen=True, slots=True)
 class SourceTrust:
-    """Of a source of yaw and length, as both agree with the camera."""
+    """Trust in a source of yaw and length, from the agreement of each with the camera."""
 
     name: str
     yaw: Agreement
@@ -160,11 +160,11 @@ class SourceTrust:
         return self.yaw.doubted or self.length.doubted
 
     def anew(self) -> SourceTrust:
-        """Nothing to compare with."""
+        """Starts new windows: there is nothing to compare with."""
         return replace(self, yaw=self.yaw.anew(), length=self.length.anew())
 
     def news(self) -> tuple[SourceTrust, str]:
-        """What has changed, one line, once."""
+        """The change of state, one line, reported once."""
         bad = [name for name in ("yaw", "length") if getattr(self, name).state is Trust.DISTRUSTED]
         if bool(bad) == self.reported:
             return self, ""

@@ -52,7 +52,7 @@ class Bundle:
 
     @property
     def engine(self) -> Engine:
-        """What runs the backbone."""
+        """The engine that runs the backbone."""
         return self.compute.engine
 
     @property

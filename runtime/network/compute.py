@@ -1,5 +1,4 @@
-"""What this machine computes with, and how many threads: settled by measurement, as other programs need the cores too.
-
+"""Choice of engine and number of threads on this machine, by measurement, since other programs need the cores too.
 Threads change no result: onnxruntime's outputs are the same to the bit (a test holds that).
 """
 

@@ -14,7 +14,7 @@ Shapes = dict[str, tuple[int, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Compute:
-    """How a network computes. spin: idle threads wait in circles, which answers sooner and burns the cores.
+    """How a network computes. spin: idle threads busy-wait, which lowers the latency and loads the cores.
 
     engine: openvino computes with float32 numbers as onnxruntime does, openvino-bf16 with numbers of 16 bits.
     """
@@ -41,7 +41,7 @@ class Network:
         return {name: np.zeros(shape, dtype=np.float32) for name, shape in self.inputs.items()}
 
     def error(self, reference: "Network", largest: float = 255.0) -> float:
-        """How far the outputs are from another engine's: the worst output's RMS over its standard deviation.
+        """Difference of the outputs from another engine's: the worst output's RMS error over its standard deviation.
 
         Both see the same random inputs from 0 to the largest: a picture's.
         """

@@ -66,7 +66,7 @@ def rows_of(spec: InputSpec, image_width: int, image_height: int, stride: int) -
 
 
 def cell_grid(spec: InputSpec, image_width: int, image_height: int, stride: int) -> CellGrid:
-    """Cells of `stride` input px over the whole input, for a picture of this size."""
+    """Cells of `stride` input px over the complete input, for a picture of this size."""
     where = place(spec, image_width, image_height)
     scale = where.width / image_width, where.height / image_height
     rows, columns = spec.height // stride, spec.width // stride

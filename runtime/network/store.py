@@ -32,7 +32,7 @@ def cache_folder() -> Path:
 
 
 def downloads_folder() -> Path:
-    """Where fetched files lie."""
+    """Folder of fetched files."""
     return cache_folder() / "downloads"
 
 

@@ -1,1 +1,1 @@
-"""Where results go: run folder, report, recording, messages, publishers, map files, fleet."""
+"""Outputs: run folder, report, recording, messages, publishers, map files, fleet."""

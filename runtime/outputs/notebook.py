@@ -1,4 +1,4 @@
-"""How results show themselves in a notebook: pictures as PNG, maps as a drawing over a table."""
+"""Display of results in a notebook: pictures as PNG, maps as a drawing over a table."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence

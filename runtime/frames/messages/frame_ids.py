@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class FrameIds:
-    """What the frames are called. base: on the floor, at the turn axis; `base_footprint` on some robots (REP-120)."""
+    """Names of the frames. base: on the floor, at the turn axis; `base_footprint` on some robots (REP-120)."""
 
     map: str = "map"
     odom: str = "odom"

@@ -93,12 +93,12 @@ class BudgetedCamera(CameraAround):
 
     @property
     def effort(self) -> Effort:
-        """What is done now."""
+        """The current effort."""
         return self._effort or Effort()
 
     @property
     def status(self) -> str:
-        """What is done now, for a status line; empty where everything is."""
+        """The current effort as a status line; empty at full effort."""
         return "" if self.effort.full else f", {self.effort}"
 
     def read(self) -> Frame | None:

@@ -1,4 +1,4 @@
-"""What file cameras share: counting, the check of every frame's size against the lens, and closing."""
+"""Base of file cameras: counting, the check of every frame's size against the intrinsics, and closing."""
 
 import math
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ class CameraBase:
         return None
 
     def close(self) -> None:
-        """Let go of the source; may be called twice."""
+        """Releases the source; may be called twice."""
 
     def frame(
         self, image: NDArray[np.uint8], stamp_s: float, name: str, depth: NDArray[np.float32] | None = None

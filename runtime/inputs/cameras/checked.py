@@ -56,7 +56,7 @@ class CheckedCamera(CameraBase):
 
     @property
     def state(self) -> CameraState:
-        """As the camera has it, where that is a state."""
+        """The camera's state, where it is a valid one."""
         try:
             return CameraState(self._camera.state)
         except Exception:  # as in `read`

@@ -1,4 +1,4 @@
-"""Judges what a live device delivers: stamp, size, format, repeats. What is in a picture is judged elsewhere."""
+"""Checks the frames of a live device: stamp, size, format, repeats. Picture content is checked elsewhere."""
 
 import math
 from collections.abc import Callable
@@ -121,7 +121,7 @@ class StreamClock:
         return None if self.last_s is None else self.last_s + max(0.0, host_s - self.arrived_s)
 
     def stamp(self, device_s: float, host_s: float) -> tuple[float, FaultKind | None]:
-        """The stream's stamp of a frame that arrived at `host_s`, and what was wrong with the device's."""
+        """The stream's stamp of a frame that arrived at `host_s`, and the fault of the device's stamp, if any."""
         restarted, self._restarted = self._restarted, False
         good = math.isfinite(device_s) and (device_s != self._device_s or restarted)
         wrong = None if good else FaultKind.STAMP

@@ -82,7 +82,7 @@ class FramesCamera(CameraBase):
         self._pictures: Iterator[Any] = chain([first], pictures)
 
     def read(self) -> Frame | None:
-        """The next picture; None after the last. Raises CameraError for what is no picture."""
+        """The next picture; None after the last. Raises CameraError for an invalid picture."""
         given = next(self._pictures, None)
         if given is None:
             return None
@@ -114,7 +114,7 @@ class PushedCamera(CameraBase):
         self._last_s = -math.inf
 
     def give(self, image: Any, stamp_s: float, imu: Any = None, wheels: Any = None) -> None:
-        """What `read` delivers next; see `Session.push`. Raises CameraError, and nothing has changed then."""
+        """Sets the picture that `read` returns next; see `Session.push`. Raises CameraError without a change of state."""
         picture = as_picture(image, "image")
         height, width = picture.shape[:2]
         if not math.isfinite(stamp_s) or stamp_s <= self._last_s:

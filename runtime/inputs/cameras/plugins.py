@@ -15,7 +15,7 @@ GROUP = "edgemap.cameras"
 
 
 class CameraKind(Protocol):
-    """What an entry point `KIND = module:object` of the group names; a module with these two functions will do."""
+    """Interface of an entry point `KIND = module:object`: a module with these two functions suffices."""
 
     def open(self, address: str, intrinsics: Intrinsics | None, mount: Mount | None) -> Driver | Camera:
         """Open SPEC `KIND:ADDRESS` (`KIND` alone: an empty address). Raises CameraError, one line.
@@ -44,7 +44,7 @@ def plugin_kinds() -> dict[str, EntryPoint]:
 
 
 def load_kind(point: EntryPoint) -> CameraKind:
-    """What an entry point names. Raises CameraError, naming the package, where it does not import."""
+    """Loads an entry point. Raises CameraError, naming the package, where the import fails."""
     try:
         return point.load()
     except EdgemapError:

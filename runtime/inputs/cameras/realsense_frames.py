@@ -1,4 +1,4 @@
-"""What librealsense's pipelines deliver: colour as BGR, depth beside it; recordings are read to their end."""
+"""Frames of librealsense's pipelines: colour as BGR with depth; recordings are read to their end."""
 
 import time
 from collections.abc import Iterator

@@ -46,7 +46,7 @@ class RecoveryClock:
 
     @property
     def stall_limit_s(self) -> float:
-        """How long the device may be silent, s."""
+        """Longest allowed silence of the device, s."""
         if not self._intervals_s:
             return self.rule.first_frame_limit_s
         running = max(self.rule.stall_limit_s, self.rule.stall_intervals * statistics.median(self._intervals_s))
@@ -71,7 +71,7 @@ class RecoveryClock:
             self.restarts = self._outages = 0
 
     def restart(self, now_s: float) -> bool:
-        """Take one restart; whether it should begin with a hardware reset."""
+        """Uses one restart. Returns whether it should begin with a hardware reset."""
         self.restarts += 1
         self.spent += 1.0
         self.heard_s = self._restarted_s = now_s
@@ -79,7 +79,7 @@ class RecoveryClock:
         return self.restarts % self.rule.reset_every == 0
 
     def back_off_s(self) -> float:
-        """How long to wait before the next restart, s: none before the first in a row."""
+        """Wait before the next restart, s; 0 before the first in a row."""
         if self.restarts == 0:
             return 0.0
         return min(self.rule.back_off_limit_s, self.rule.back_off_s * 2.0 ** (self.restarts - 1))

@@ -1,4 +1,4 @@
-"""What other people's cameras and drivers return, taken for nothing that it was not checked to be."""
+"""Validation of the values that third-party cameras and drivers return."""
 
 import math
 from numbers import Real
@@ -17,8 +17,9 @@ LARGEST_STAMP_S = 1e11  # a float has microseconds up to there
 
 
 def stamp_of(given: Any) -> float:
-    """A stamp in seconds; NaN for what is no number, or so large (nanoseconds, milliseconds of our time) that frames
-    would have one stamp."""
+    """A stamp in seconds; NaN where it is not a number, or so large (nanoseconds, milliseconds since 1970) that frames
+    could not be distinguished.
+    """
     if isinstance(given, bool) or not isinstance(given, Real):
         return math.nan
     try:
@@ -29,7 +30,7 @@ def stamp_of(given: Any) -> float:
 
 
 def picture_of(given: Any) -> Picture:
-    """What `Device.grab` gave as a Picture, its parts unchecked. Raises CameraError where it has not two or three."""
+    """The result of `Device.grab` as a Picture, parts unchecked. Raises CameraError unless it has two or three."""
     if isinstance(given, Picture):
         return given
     if not isinstance(given, tuple | list) or len(given) not in (2, 3):
@@ -38,7 +39,7 @@ def picture_of(given: Any) -> Picture:
 
 
 def image_of(given: Any) -> NDArray[Any]:
-    """A picture's array, its shape and kind unchecked. Raises CameraError for what is no array."""
+    """A picture's array, shape and type unchecked. Raises CameraError where it is not an array."""
     try:
         return np.asarray(given)
     except Exception as error:  # a ragged list, or whatever an object's own conversion raises

@@ -48,7 +48,7 @@ class Supervisor:
 
     @property
     def stall_limit_s(self) -> float:
-        """How long the camera may be silent before its frame is late, s."""
+        """Longest silence of the camera before its frame counts as late, s."""
         return self._recovery.stall_limit_s
 
     def stream_s(self) -> float | None:
@@ -85,7 +85,7 @@ class Supervisor:
         self._wake.set()
 
     def close(self) -> None:
-        """Let go of the device, on the thread that polls."""
+        """Releases the device, on the polling thread."""
         device, self._device = self._device, None
         if device is not None:
             try:

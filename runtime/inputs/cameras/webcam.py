@@ -43,7 +43,7 @@ class CaptureDevice:
         return Picture(stamp_s if self._device_clock else self._clock_s(), np.asarray(image, dtype=np.uint8))
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Releases the device."""
         self._capture.release()
 
 

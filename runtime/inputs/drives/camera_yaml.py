@@ -147,7 +147,7 @@ class Setup:
 
 
 def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None) -> Setup:
-    """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are what holds where it says nothing."""
+    """The folder's `camera.yaml` if there is one; `world_up` and `intrinsics` are the defaults for missing entries."""
     path = folder / "camera.yaml"
     if not path.is_file():
         return Setup(intrinsics, None, DEFAULT_RATE_HZ, world_up, _assumed_rate())

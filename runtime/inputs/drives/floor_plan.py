@@ -41,7 +41,7 @@ class FloorPlan(msgspec.Struct):
 
 
 def read_floor_plan(folder: Path) -> FloorPlan | None:
-    """That of a drive's folder; None where it has none. Raises CameraError."""
+    """The floor plan in a drive's folder; None where there is none. Raises CameraError."""
     path = folder / PLAN_NAME
     if not path.is_file():
         return None

@@ -33,8 +33,7 @@ READERS: dict[str, Callable[[Path], Drive]] = {
 def open_drive(spec: str) -> Drive:
     """Read the drive `KIND:DIR`, KIND one of `READERS`. Pictures are listed, not decoded.
 
-    What the readers do not know themselves is the same for every KIND: the objects of `objects.json`, and the
-    samples of `imu.csv`.
+    `objects.json` and `imu.csv` are read here for every KIND.
     Raises CameraError, one line with the path and the numbers, for an unknown KIND and for anything missing or wrong.
     """
     kind, colon, folder = spec.partition(":")

@@ -72,8 +72,9 @@ def decode_picture(data: bytes, name: str) -> NDArray[np.uint8]:
 
 
 def decoded(data: bytes, name: str, flags: int) -> MatLike | None:
-    """What OpenCV reads in a picture file's bytes by its flags; None where that is nothing. Raises CameraError for what
-    is cut short or has too many pixels."""
+    """Decodes a picture file's bytes with OpenCV and these flags; None where it cannot. Raises CameraError for
+    truncated data or too many pixels.
+    """
     if _is_cut_short(data):
         raise CameraError(f"{name}: picture is cut short ({len(data)} bytes)")
     size = picture_size(data)

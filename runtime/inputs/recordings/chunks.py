@@ -27,7 +27,7 @@ class Definitions:
     channels: dict[int, Any] = field(default_factory=dict)
 
     def add(self, record: Any) -> None:
-        """Keep a schema or channel; others are let go. Raises ValueError for names that are none, and too many."""
+        """Keeps a schema or channel; other records are ignored. Raises ValueError for invalid names, and for too many."""
         from mcap.records import Channel, Schema
 
         if isinstance(record, Schema):
@@ -47,7 +47,7 @@ class Definitions:
 
 @dataclass(slots=True)
 class Summary:
-    """What stands at the end of a file that has an index."""
+    """The summary section at the end of an indexed file."""
 
     definitions: Definitions = field(default_factory=Definitions)
     chunks: list[Any] = field(default_factory=list)
@@ -128,7 +128,7 @@ def read_summary(stream: IO[bytes], size: int) -> Summary | None:
 
 
 def unpacked(chunk: Any) -> Iterator[Any]:
-    """A chunk's records. Raises ValueError for one that is too large or damaged, and what the decompressors raise."""
+    """A chunk's records. Raises ValueError for one that is too large or damaged, and the decompressors' errors."""
     if chunk.compression == "zstd":
         import zstandard
 

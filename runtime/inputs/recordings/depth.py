@@ -88,7 +88,7 @@ READERS: dict[str, Callable[[Any, str], Depth]] = {
 
 
 def own_depth(message: Any, name: str) -> Depth:
-    """What edgemap recorded. Raises CameraError."""
+    """The depth that edgemap recorded. Raises CameraError."""
     return decoded_depth(bytes(message.data), message.format, name)
 
 

@@ -30,7 +30,7 @@ WHEEL_FILE, TRUTH_FILE = "wheel.json", "truth.json"  # names of MCAP attachments
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a camera knew of itself when it was recorded. decisions: of the run that recorded it, where one did."""
+    """A camera's metadata at the time of recording. decisions: of the recording run, where there was one."""
 
     camera: str
     intrinsics: Intrinsics | None = None

@@ -46,7 +46,9 @@ def lens_of(info: Any, rectified: bool, name: str) -> Intrinsics | None:
 
 
 def info_topics(pictures: str) -> list[str]:
-    """Where the CameraInfo of a topic with pictures may be, as image_transport has it: beside it, or one level up."""
+    """Where the CameraInfo of a topic with pictures may be, by image_transport's convention: beside it, or one level
+    up.
+    """
     parts = pictures.split("/")
     return ["/".join([*parts[:-cut], "camera_info"]) for cut in (1, 2)]
 

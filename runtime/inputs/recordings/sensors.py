@@ -23,7 +23,7 @@ WHEEL_KIND = "nav_msgs/Odometry"
 
 
 def recorded_imu(recording: McapReading) -> ImuSamples | None:
-    """What edgemap recorded, in the optical frame already; None where there is nothing. Raises CameraError."""
+    """The IMU samples that edgemap recorded, in the optical frame; None where there are none. Raises CameraError."""
     return _read(recording, IMU, ImuBuffer(kept=None)) if IMU in recording.topics else None
 
 

@@ -1,1 +1,1 @@
-"""ROS 2 over DDS without ROS: publishers and subscriptions that ROS 2's own programs see as theirs."""
+"""ROS 2 over DDS without ROS: publishers and subscriptions that are compatible with ROS 2 nodes."""

@@ -1,4 +1,4 @@
-"""Who may find whom: ROS 2's environment variables as a configuration of Cyclone DDS.
+"""Discovery: ROS 2's environment variables as a configuration of Cyclone DDS.
 
 Source: https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discovery.html. Where none of them is set the
 range is this machine (ROS 2 itself: the subnet), so that a robot publishes beyond itself only when asked to.

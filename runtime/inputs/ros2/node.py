@@ -46,7 +46,7 @@ class Publisher:
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody reads it, or may do so later."""
+        """Whether it has a reader, or keeps messages for later ones."""
         return self.latched or self._readers[0] > 0
 
     def write(self, message: Message) -> None:
@@ -81,7 +81,7 @@ class Subscription:
         return self._waits.wait(max(0, round(timeout_s * 1e9))) > 0
 
     def take(self) -> Iterator[Any]:
-        """All messages that have come, decoded, oldest first; what does not decode is left out."""
+        """All received messages, decoded, oldest first; undecodable ones are dropped."""
         for sample in self._samples():
             try:
                 yield self._decode(sample)

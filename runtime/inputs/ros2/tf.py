@@ -28,9 +28,8 @@ class TfListener:
         self._tree = TfTree(where)
 
     def ask(self, question: Callable[[TfTree], Answer | None], wait_s: float = WAIT_S) -> Answer | None:
-        """An answer out of the tree, once there is one; None where there is none within the time.
-
-        Raises CameraError for a transform that is none.
+        """Waits for an answer from the tree; None where there is none in time. Raises CameraError for an invalid
+        transform.
         """
         until_s = time.monotonic() + wait_s
         while True:

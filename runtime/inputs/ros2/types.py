@@ -80,7 +80,7 @@ def _made_of(kind: Any, data: bytes, *_: Any, **__: Any) -> Any:
 
 
 def dds_topic(topic: str) -> str:
-    """`/tf` as `rt/tf`. Raises Ros2Error for what is no absolute topic name."""
+    """`/tf` as `rt/tf`. Raises Ros2Error unless the name is absolute."""
     if not TOPIC.fullmatch(topic) or "__" in topic:
         raise Ros2Error(f"{topic!r} is no ROS 2 topic: slashes, letters, digits and single underscores")
     return "rt" + topic

@@ -132,7 +132,7 @@ class PicturesAttitude:
         return room
 
     def see_up(self, up: Array, sigma_rad: float) -> None:
-        """Up in the last frame as something else measured it, (3,), optical axes."""
+        """Updates with the up direction of the last frame from another source, (3,), optical axes."""
         self._tilt = self._tilt.corrected(up, sigma_rad)
 
     def correct_mount(self, mount: Mount) -> None:

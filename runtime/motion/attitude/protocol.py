@@ -31,5 +31,5 @@ class AttitudeSource(Protocol):
         ...
 
     def reset(self, reason: str) -> None:
-        """Forget the past."""
+        """Resets the state."""
         ...

@@ -31,7 +31,7 @@ class MountAttitude:
         return self._attitude
 
     def correct_mount(self, mount: Mount) -> None:
-        """Its angles from now on."""
+        """Sets the mount's angles from now on."""
         self._attitude = Attitude.of_mount(mount, self._sigma_rad)
 
     def reset(self, reason: str) -> None:
@@ -56,7 +56,7 @@ class RecordedAttitude:
         return self._track.at(self._seen_s, self._height_m)
 
     def correct_mount(self, mount: Mount) -> None:
-        """The poses know better."""
+        """Ignored: recorded poses take precedence."""
 
     def reset(self, reason: str) -> None:
         """Nothing to forget."""

@@ -1,4 +1,4 @@
-"""Where the robot's motion comes from: `open_odometry` makes one from its name on the command line."""
+"""Odometries; `open_odometry` makes one from its name on the command line."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,8 +25,9 @@ __all__ = ["Motion", "Odometry", "OdometryRules", "open_odometry", "wheel_trajec
 
 @dataclass(frozen=True, slots=True)
 class OdometryRules:
-    """What is tuned of the robot's own motion: planar landmarks, keyframes with depth, the flow head's keyframes,
-    wheels, the hybrid of all, and a guess while blind."""
+    """Tuned parameters of the odometries: planar landmarks, keyframes with depth, the flow head's keyframes, wheels,
+    the hybrid of all, and the guess while blind.
+    """
 
     planar: PlanarRule = field(default_factory=PlanarRule)
     depth: DepthRule = field(default_factory=DepthRule)

@@ -81,7 +81,7 @@ class Coasting:
         return Motion(SE2(*(self._velocity * carried_s)), covariance, fault, state)
 
     def reset(self) -> None:
-        """Forget the velocity."""
+        """Discards the velocity."""
         self._velocity, self._sigmas = np.zeros(3), np.ones(3)
         self._variance: Array | None = None  # (2, 2) of the velocity; None where it is not known
         self._last_s = self._blind_from_s = -math.inf

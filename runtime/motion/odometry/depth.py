@@ -39,7 +39,7 @@ class DepthOdometry:
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
-        """By depth where the frame brings any."""
+        """The motion from depth, where the frame has any."""
         last, self._last = self._last, frame
         last_prior, self._prior = self._prior, prior
         span_s = math.inf if last is None else frame.stamp_s - last.stamp_s

@@ -86,7 +86,7 @@ class DepthKeyframes:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all."""
+        """Discards all keyframes."""
         self._keyframes: list[_Keyframe] = []
         self._last: _Keyframe | None = None  # picture that was located
         self._pose, self._velocity = LensPose.origin(), LensPose.origin()
@@ -118,11 +118,11 @@ class DepthKeyframes:
 
     @property
     def poses(self) -> tuple[LensPose, ...]:
-        """Of the keyframes."""
+        """Poses of the keyframes."""
         return tuple(keyframe.pose for keyframe in self._keyframes)
 
     def moved_on(self, moved: LensPose) -> None:
-        """Of a picture that was not located: the motion since the last one, as something else measured it."""
+        """Advances past a picture that was not located, by the motion that another source measured since the last one."""
         self._pose = self._pose @ moved
         self._velocity = moved
 

@@ -27,9 +27,10 @@ ROUNDING = 0.01  # of the envelope's numbers
 
 @dataclass(frozen=True, slots=True)
 class FlowRule:
-    """From when on the flow head is compared with a newer frame. keyframe_s: age of its keyframe, seconds; the head's
+    """When the flow head's keyframe is replaced by a newer frame. keyframe_s: age of its keyframe, seconds; the head's
     errors hardly shrink with the time between pictures, so at 30 Hz motions from picture to picture drift up to nine
-    times as much as those from every third. keyframe_rad: rotation since; its search reaches about twice as far."""
+    times as much as those from every third. keyframe_rad: rotation since; its search reaches about twice as far.
+    """
 
     keyframe_s: float = 0.075
     keyframe_rad: float = 0.1
@@ -78,7 +79,7 @@ class LearnedOdometry:
 
     @property
     def outside_envelope(self) -> bool:
-        """Whether the camera lies outside what the head was trained on."""
+        """Whether the camera lies outside the head's training envelope."""
         return bool(self._warning)
 
     def _look_from(self, mount: Mount) -> None:

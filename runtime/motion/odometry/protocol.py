@@ -1,4 +1,4 @@
-"""What every odometry is to the pipeline: frames in, motion of the base with its covariance out."""
+"""Interface of an odometry: frames in, motion of the base with its covariance out."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -86,7 +86,7 @@ class Motion:
         return self.state in (MotionState.COASTING, MotionState.BLIND)
 
     def moved(self) -> tuple[SE2, Array] | None:
-        """What the next frame's attitude is predicted with: a gyro learns nothing from itself."""
+        """The motion for the next frame's attitude, without the gyro's own contribution."""
         return self.without_gyro or (self.motion, self.covariance) if self.measured else None
 
     def checked(self, name: str) -> "Motion":
@@ -114,7 +114,7 @@ def blind_motion(fault: str) -> Motion:
 
 
 def first_motion(fault: str = "") -> Motion:
-    """Of a first frame: identity, covariance unknown."""
+    """The motion of a first frame: identity, covariance unknown."""
     return Motion(fault=fault, state=MotionState.UNMEASURED)
 
 
@@ -165,11 +165,11 @@ class Odometry(Protocol):
         ...
 
     def rest(self, stamp_s: float) -> Motion:
-        """`no_motion`: the base stood still since the previous step, and the last picture stands for this stamp too."""
+        """`no_motion`: the base stood still since the previous step, and the last picture is valid for this stamp too."""
         ...
 
     def reset(self, reason: str) -> None:
-        """Forget the past: a gap in the frames, another place."""
+        """Resets the state, after a gap in the frames or a change of place."""
 
 
 @runtime_checkable

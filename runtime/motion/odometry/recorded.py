@@ -26,12 +26,11 @@ from edgemap.runtime.network.network import Tensors
 
 @dataclass(frozen=True, slots=True)
 class DriftRate:
-    """How wrong a recorded motion is, as standard deviations.
-
-    per_metre, per_radian: as a share of path and rotation. still_m, still_rad: what remains at rest. roughness_m,
-    roughness_rad: of place and heading per square root of a metre that wheels roll: small slips add up like a random
-    walk (Chong and Kleeman 1997). half_track_m: what a wheel rolls per radian of rotation. fastest_m_s, fastest_rad_s:
-    between two samples; what is faster is a jump and no motion.
+    """Errors of a recorded motion, as standard deviations. per_metre, per_radian: as a share of path and rotation.
+    still_m, still_rad: what remains at rest. roughness_m, roughness_rad: of place and heading per square root of a
+    metre that wheels roll: small slips add up like a random walk (Chong and Kleeman 1997). half_track_m: what a wheel
+    rolls per radian of rotation. fastest_m_s, fastest_rad_s: between two samples; what is faster is a jump and no
+    motion.
     """
 
     per_metre: float = 0.0
@@ -45,7 +44,7 @@ class DriftRate:
     fastest_rad_s: float = 1e6
 
     def covariance(self, motion: SE2) -> NDArray[np.float64]:
-        """Of one motion, (3, 3)."""
+        """Covariance of one motion, (3, 3)."""
         path_m, rotation_rad = math.hypot(motion.x_m, motion.y_m), abs(motion.yaw_rad)
         rolled_m = path_m + self.half_track_m * rotation_rad
         place = (self.per_metre * path_m) ** 2 + self.still_m**2 + self.roughness_m**2 * rolled_m

@@ -1,4 +1,4 @@
-"""`--fleet`: a robot's map and pose to whoever keeps the map of its place."""
+"""`--fleet`: sends a robot's map and pose to the keeper of its place."""
 
 import json
 import math

@@ -1,1 +1,1 @@
-"""ROS 2 messages of what a run finds: built, named and encoded in one place for recordings and live outputs."""
+"""ROS 2 messages of a run's results: built, named and encoded in one place for recordings and live outputs."""

@@ -1,4 +1,4 @@
-"""What a run sends, message by message: recordings and live outputs take these and choose what they want of them."""
+"""The messages of a run's results, from which recordings and live outputs select."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ MAP_EVERY = 10  # frames between two maps
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """One message to send. make: builds it, for whoever wants it."""
+    """One message to send. make: builds it on demand."""
 
     topic: str
     stamp_ns: int

@@ -60,7 +60,7 @@ class FoxgloveServer:
         self._annotations = ImageAnnotationsChannel(ANNOTATIONS, context=context)
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Send the step to whoever has subscribed. The server's time is that of the frame."""
+        """Sends the step to subscribed clients. The server's time is that of the frame."""
         stamp_ns = to_ns(result.frame.stamp_s)
         for outgoing in (*self._stream.picture(result.frame), *self._stream.results(result, objects)):
             channel = self._channels[outgoing.topic]
@@ -77,7 +77,7 @@ class FoxgloveServer:
         self._server.publish_status(text, StatusLevel.Warning)
 
     def close(self) -> None:
-        """Let the clients go; may be called twice."""
+        """Disconnects the clients; may be called twice."""
         if not self._closed:
             self._closed = True
             farewell = threading.Thread(target=self._server.stop, name="Foxglove farewell", daemon=True)

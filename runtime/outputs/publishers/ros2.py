@@ -52,7 +52,7 @@ class Ros2Options:
     odom_tf: bool = True
 
     def reliability(self, topic: str) -> Reliability:
-        """Of one topic."""
+        """Reliability of one topic."""
         if topic in LATCHED:
             return Reliability.LATCHED
         if self.best_effort and topic in (*PICTURES, topics.BOXES, topics.FLOOR_SCAN):

@@ -1,4 +1,4 @@
-"""What is recorded: pictures with lens, mount, wheel odometry and truth, and as a sink what a run made of them."""
+"""Records pictures with intrinsics, mount, wheel odometry and truth, and, as a sink, a run's results."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -64,7 +64,7 @@ class Recorder:
         self._map_ns: int | None = None  # stamp of the newest map in the file
 
     def picture(self, frame: Frame) -> int:
-        """Record a frame with the lens, the mount and what the wheels did until then; its stamp in nanoseconds."""
+        """Records a frame with intrinsics, mount and the wheel odometry up to it. Returns its stamp in nanoseconds."""
         stamp_ns = to_ns(frame.stamp_s)
         for track in self._tracks:
             track.write_until(self._file, stamp_ns)

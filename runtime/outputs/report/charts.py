@@ -139,7 +139,7 @@ def duration(seconds: float) -> str:
 
 
 def nice_top(value: float) -> float:
-    """Where an axis ends: the first number with a round half that is not below the value; 1 for nothing."""
+    """Upper end of an axis: the first number with a round half that is at least the value; 1 without values."""
     return _round_up(value, (1.0, 1.2, 1.6, 2.0, 2.4, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0))
 
 

@@ -1,4 +1,4 @@
-"""What a report keeps of a run, in bounded memory: the trajectory thinned out, times and detections by window."""
+"""A run's history for the report, in bounded memory: a subsampled trajectory, times and detections by window."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Where names stand beside their dots so that they cover little."""
+"""Places labels beside their dots with little overlap."""
 
 from collections.abc import Sequence
 

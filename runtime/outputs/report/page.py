@@ -45,7 +45,7 @@ class ReportContent:
 
     @property
     def drawn(self) -> list[MapObject]:
-        """Those that the page draws and lists: of more than a page can hold, the most often observed."""
+        """The objects that the page shows: all, or the most often observed ones where there are too many."""
         return sorted(self.objects, key=lambda item: -item.count)[:MAXIMUM_DRAWN] if self.crowded else self.objects
 
     @property

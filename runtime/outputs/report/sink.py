@@ -1,4 +1,4 @@
-"""The sink that gathers what the report needs and writes `report.html` when the run ends."""
+"""The sink that collects the report's data and writes `report.html` when the run ends."""
 
 import json
 from collections.abc import Callable
