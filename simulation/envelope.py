@@ -1,4 +1,4 @@
-"""What may be drawn for a simulated drive: the training envelope in one place, with units, and the draws from it."""
+"""The training envelope of simulated drives, with units, and random draws from it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Envelope:
     yaw_rate_rad_s: Range = (0.8, 1.3)
 
     def draw_camera(self, rng: np.random.Generator) -> CameraSetup:
-        """A lens on a mount such as somebody would build: low cameras look less far down."""
+        """A random camera on a plausible mount: low cameras have less pitch."""
         height = rng.uniform(*self.height_m)
         aimed = math.degrees(math.atan((height - self.aim_height_m) / rng.uniform(*self.aim_distance_m)))
         pitch = float(np.clip(aimed + rng.uniform(*self.aim_error_deg), *self.pitch_deg))
@@ -104,7 +104,7 @@ class Envelope:
         return light_of(name, rng, changes=bool(rng.random() < self.changes))
 
     def draw_limits(self, rng: np.random.Generator) -> Limits:
-        """How brisk the robot is."""
+        """Random speed and acceleration limits of the robot."""
         return Limits(
             speed_m_s=rng.uniform(*self.speed_m_s),
             acceleration_m_s2=rng.uniform(*self.acceleration_m_s2),

@@ -1,4 +1,4 @@
-"""The floor plan of a home as truth beside a drive: walls, rooms, doorways and what stands or hangs over the floor."""
+"""The floor plan of a home as truth beside a drive: walls, rooms, doorways and furniture."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from edgemap.simulation.world import World
 
 
 def floor_plan_record(apartment: Apartment, pose_home_map: SE2) -> dict[str, Any]:
-    """What `floor_plan.json` holds, in the map frame, metres. Of furniture the oriented bounding rectangle, and from
-    which height to which it reaches; walls contain open door leaves."""
+    """Contents of `floor_plan.json`, in the map frame, metres. Furniture is its oriented bounding rectangle with its
+    lowest and highest point; walls contain open door leaves.
+    """
     pose_map_home, plan = pose_home_map.inverse(), apartment.plan
 
     def corners(points: Array) -> list[list[float]]:

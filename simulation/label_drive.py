@@ -14,9 +14,8 @@ from edgemap.simulation.world import World
 
 
 def label_drive(world: World, folder: Path, every: int) -> int:
-    """Write labels of every so many-th picture of a world's drive, those missing; how many there are now.
-
-    They do not depend on the light, so its draft will do. Raises CameraError where the folder holds no pictures.
+    """Writes the missing labels of every `every`-th picture of a world's drive. Returns their number. They do not
+    depend on the light, so draft lighting suffices. Raises CameraError where the folder holds no pictures.
     """
     chosen = list(enumerate(list_pictures(folder / "images")))[:: max(every, 1)]
     files = [(index, folder / "floor" / f"{path.stem}.png") for index, path in chosen]

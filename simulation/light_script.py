@@ -1,4 +1,4 @@
-"""How the light changes while the robot drives: lamps switched, clouds before the sun."""
+"""Changes of the light during a drive: switched lamps, and clouds."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class SimCamera(CameraBase):
         return self.frame(shot.decoded(), shot.index / self.world.camera.rate_hz, f"{self.name} frame {shot.index}")
 
     def object_records(self) -> list[dict[str, Any]]:
-        """What stands there, as in objects.json, and in how many of the pictures delivered so far each was seen."""
+        """The true objects, as in objects.json, with the number of delivered pictures in which each is visible."""
         return object_records(self.world.apartment, self.world.poses()[0], self._boxes)
 
     def close(self) -> None:

@@ -31,16 +31,15 @@ class Walker:
     motion: SampledDrive
 
     def pose_home(self, stamp_s: float) -> SE2:
-        """Where the person stands and which way he or she faces."""
+        """Pose of the person."""
         return SE2(*self.motion.at(np.array([stamp_s]))[0])
 
 
 def draw_walkers(
     grid: PlanGrid, models: Sequence[Model], count: int, robot: SampledDrive, seconds: float, seed: tuple[int, ...]
 ) -> tuple[Walker, ...]:
-    """That many people of some of the models for that long; fewer where there is no room for them.
-
-    robot: its drive, a little longer.
+    """Draws `count` walkers for a span of time; fewer where there is no space. robot: the robot's drive, slightly
+    longer.
     """
     walkers = []
     for number in range(count):

@@ -1,4 +1,4 @@
-"""Training pictures for a detector: unrelated views of many homes in the `yolo` layout, all that is known of each.
+"""Training pictures for a detector: unrelated views of many homes in the `yolo` layout, with all of their truth.
 
 images/HOME_VIEW.jpg    labels/HOME_VIEW.txt    boxes.json (visible share and whole box of everything in view)
 floor/HOME_VIEW.png     1 floor, 2 wall, 0 other

@@ -47,11 +47,9 @@ def record(
     command: str = "edgemap simulate",
     workers: int | None = None,
 ) -> None:
-    """Render a world's drive to a folder; one that was stopped goes on, and ends with the same bytes.
-
-    layout: `drive` (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres
-    along the optical axis. progress: called with the pictures done and all. Raises SimulationError and
-    MissingExtraError, one line each.
+    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. layout: `drive`
+    (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres along the optical
+    axis. progress: called with the pictures done and all. Raises SimulationError and MissingExtraError, one line each.
     """
     locobot = layout == "locobot"
     settings = _settings(world, layout, video, depth)

@@ -1,4 +1,4 @@
-"""Finished parts of a rendering on disk, so that one that was stopped goes on where it was."""
+"""Finished parts of a rendering on disk, so that an interrupted one can be resumed."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ class PartStore:
         return folder / _PARTS / f"{number:06d}.json"
 
     def missing(self, numbers: Sequence[int]) -> list[int]:
-        """Those parts that are still to be made."""
+        """The parts that are missing."""
         return [number for number in numbers if not self.part_of(self.folder, number).is_file()]
 
     def read(self, number: int) -> Any:
-        """What a part's file holds."""
+        """Contents of a part's file."""
         return json.loads(self.part_of(self.folder, number).read_text())
 
     def finish(self) -> None:
@@ -79,7 +79,7 @@ class FrameStore(PartStore):
         self._pictures = folder / pictures if pictures else self.parts
 
     def save(self, shot: Shot) -> None:
-        """Keep a picture; its truth comes last, and only with it the picture counts as made."""
+        """Saves a picture; its truth is written last and marks the picture as complete."""
         name = f"{shot.index:06d}"
         write_bytes(self._pictures / (name + shot.suffix), shot.picture)
         if self._depth:

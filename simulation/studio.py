@@ -1,4 +1,4 @@
-"""Makes the pictures of a world, each by itself: what the camera sees, what the lens and sensor add, and the truth."""
+"""Renders the pictures of a world independently: the view, the effects of lens and sensor, and the truth."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Studio:
         return Shot(index, *encoded(picture, effects.jpeg_quality), boxes, frame.depth_m)
 
     def close(self) -> None:
-        """Give the OpenGL context back."""
+        """Releases the OpenGL context."""
         self._renderer.close()
 
     def _movers(self, stamp_s: float) -> tuple[Mover, ...]:

@@ -1,4 +1,4 @@
-"""What is true of each picture and of the whole drive: boxes with their visible share, objects with footprints."""
+"""Truth of each picture and of the drive: boxes with their visible share, objects with footprints."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def object_records(
     apartment: Apartment, pose_home_map: SE2, boxes: Sequence[Sequence[dict[str, Any]]]
 ) -> list[dict[str, Any]]:
     """One record per labelled object, in the map frame: position of the footprint's centre, footprint, size in metres,
-    and in how many pictures it counts as seen. People and pets walk away: they have boxes, but are no map's objects."""
+    and the number of pictures in which it is visible. People and pets have boxes, but are not objects of the map."""
     pose_map_home = pose_home_map.inverse()
     seen = [record["id"] for frame in boxes for record in frame if is_seen(record)]
     records = []

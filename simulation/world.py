@@ -43,7 +43,8 @@ _SPARE_S = 40.0
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What the user fixes; None is drawn from the seed. contract: whether the world must offer what `sim:SEED` does.
+    """Choices of the user; None is drawn from the seed. contract: whether the world must meet the guarantees of
+    `sim:SEED`.
 
     rate_hz: of the camera.
     nodding: whether the robot nods. imu: whether an IMU is beside the lens.
@@ -95,11 +96,11 @@ class World:
         return np.arange(self.frames) / self.camera.rate_hz
 
     def models(self) -> list[Model]:
-        """All furniture models and people that may be seen, for the credits."""
+        """All furniture models and people of the world, for the credits."""
         return [item.model for item in (*self.apartment.furniture, *self.walkers)]
 
     def poses(self) -> list[SE2]:
-        """Of the base in the home frame, one per picture."""
+        """Poses of the base in the home frame, one per picture."""
         return self.motion.poses(self.frames, self.camera.rate_hz)
 
 

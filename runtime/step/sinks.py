@@ -52,7 +52,7 @@ class _Outage:
 
 
 class SinkGroup:
-    """All sinks of a run as one that never fails before `close`. See `Sink` for what a sink may rely on."""
+    """All sinks of a run as one that never fails before `close`. See `Sink` for its guarantees."""
 
     name = "sinks"
 

@@ -33,9 +33,8 @@ class _OfUpdate(Generic[T]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResult:
-    """One step: the frame, what the front end observed in it, and what that changed in the back end.
-
-    faults: of delivery, since the result before. All that `update` holds is an attribute of the result as well.
+    """Result of one step: the frame, the front end's observations, and the back end's update. faults: of delivery,
+    since the previous result. Attributes of `update` are available on the result too.
     """
 
     frame: Frame
@@ -78,12 +77,12 @@ class StepResult:
 
     @property
     def motion(self) -> Motion:
-        """Of the base since the frame before."""
+        """Motion of the base since the previous frame."""
         return self.observed.motion
 
     @property
     def health(self) -> PictureHealth:
-        """Of the picture; a blind one gives no observations."""
+        """Health of the picture; an unusable one has no observations."""
         return self.observed.health
 
     @property

@@ -32,7 +32,7 @@ class Apartment:
 
 
 def purpose_of(seed: int) -> Purpose:
-    """What the home of a seed is for: from 8000 on to choose by, from 9000 on to test with, 9200-9299 frozen."""
+    """Purpose of a seed's home: from 8000 validation, from 9000 test, 9200-9299 frozen."""
     if seed in _FROZEN_SEEDS:
         return "frozen"
     return "training" if seed < _VALIDATION_FROM_SEED else "validation" if seed < _TEST_FROM_SEED else "test"

@@ -1,4 +1,4 @@
-"""Who made the furniture that pictures show: the README that goes with every rendering."""
+"""Credits of the furniture: the README that accompanies every rendering."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Unrelated views of furnished homes: `images/`, YOLO text labels with COCO's clas
 
 
 def credits_text(models: Iterable[Model], command: str, about: str = DRIVE) -> str:
-    """Markdown: what it is, how it was made, and each distinct model with creator, library and licence."""
+    """Markdown: description, origin, and each distinct model with creator, library and licence."""
     rows = {
         f"| {m.name} (`{m.key}`) | {m.creator} | {m.library} | [{m.licence}]({_LICENCE_LINKS[m.licence]}) |"
         for m in models

@@ -47,8 +47,8 @@ _SHORT = {"CC0": "BlendSwap-CC-0", "CCBY": "BlendSwap-CC-BY"}
 class Model:
     """One catalogue entry. Sizes in metres: width across the front, depth front to back. key: `library/file`.
 
-    scale: of these sizes against the catalogue's, (depth, width, height). elevation_m: how high it hangs, for what
-    hangs on walls. top_m: how high the flat top is that things can stand on; 0 where there is none.
+    scale: of these sizes against the catalogue's, (depth, width, height). elevation_m: height above the floor of
+    wall-mounted pieces. top_m: height of a flat top that can carry things; 0 where there is none.
     """
 
     library: str
@@ -132,7 +132,7 @@ def _full(key: str) -> str:
 
 
 def people(purpose: Purpose) -> tuple[Model, ...]:
-    """Models of standing people, for whoever lets them walk through a home."""
+    """Models of standing people, for walkers in a home."""
     return tuple(model_of(key) for key in kinds()["person"].choices(purpose))
 
 

@@ -74,9 +74,8 @@ class Layout:
         like: Placed | None = None,
         spare_m: tuple[float, float] = (0.0, 0.0),
     ) -> Placed | None:
-        """Place a model unless it would leave the room, meet something (but what is to be ignored) or block a way.
-
-        like: whose tint it shares. spare_m: how much must be free around and above it as well.
+        """Places a model unless it would leave the room, collide (except with `ignore`) or block a path. like: piece
+        whose tint it shares. spare_m: margin that must be free around and above it.
         """
         label = furniture.kinds()[kind].label
         tint = like.tint if like else draw_tint(self.rng, 0.12 if label in _GROWS else 1.0)
@@ -86,7 +85,7 @@ class Layout:
     def settle(
         self, item: Placed, room: RoomArea, ignored: tuple[int, ...] = (), spare_m: tuple[float, float] = (0.0, 0.0)
     ) -> bool:
-        """Put a piece where it says unless something is in the way, as `put` does; whether it was put there."""
+        """Places a piece at its own pose unless it would collide, as in `put`. Returns whether it was placed."""
         corners = item.footprint_home_m()
         if (corners < [room.x0, room.y0]).any() or (corners > [room.x1, room.y1]).any():
             return False
@@ -127,7 +126,7 @@ class Layout:
         return SE2(x, y, math.radians(_YAWS[side]))
 
     def in_corner(self, kind: str, room: RoomArea, turned: bool = True) -> Placed | None:
-        """Into a corner, turned anyhow or facing the room."""
+        """Places a piece in a corner, at a random yaw or facing the room."""
         for _ in range(_TRIES):
             model = self.model(kind)
             reach = math.hypot(model.width_m, model.depth_m) / 2.0 if turned else model.width_m / 2.0
@@ -144,7 +143,7 @@ class Layout:
         return None
 
     def by_wall(self, kind: str, room: RoomArea, tries: int = _TRIES) -> Placed | None:
-        """Near a wall, turned anyhow: plants, suitcases, what was put down and left."""
+        """Places a piece near a wall at a random yaw, such as plants and suitcases."""
         for _ in range(tries):
             model, side = self.model(kind), SIDES[int(self.rng.integers(4))]
             pose = self.wall_pose(model, room, side, self.uniform(0.0, 1.0), self.uniform(0.03, 0.35))
@@ -210,5 +209,5 @@ class Layout:
         return bool(self.rng.random() < probability)
 
     def count(self, low: int, high: int) -> int:
-        """A whole number from low to high."""
+        """A random integer from low to high."""
         return int(self.rng.integers(low, high + 1))

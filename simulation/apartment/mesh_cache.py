@@ -24,10 +24,9 @@ _ROWS = ("positions", "normals", "uv")
 
 
 def kept(key: str, source: Path, most_triangles: int, make: Callable[[], Mesh]) -> Mesh:
-    """The mesh that `make` gives, bit for bit, from `$EDGEMAP_CACHE/meshes` where it lies already.
-
-    key: of the model, which names its file. source: the library it is from; another size or time of it makes the mesh
-    again, as does a file that is damaged. Where nothing can be written, nothing is kept.
+    """The mesh of `make`, bit for bit, from the cache `$EDGEMAP_CACHE/meshes`. key: of the model, which names its file.
+    source: its library; a change of its size or time, or a damaged file, makes the mesh again. A read-only cache is not
+    updated.
     """
     about = source.stat()
     stamp = np.array([_VERSION, most_triangles, about.st_size, about.st_mtime_ns])

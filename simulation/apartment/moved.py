@@ -1,4 +1,4 @@
-"""A home after some of its furniture was carried away or put elsewhere: what a map of yesterday must unlearn."""
+"""A home after some of its furniture was removed or moved, to test forgetting."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TRIES = 80
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What differs: pieces that are gone, and pieces before and after they were put elsewhere (ids stay)."""
+    """Changes of a home: removed pieces, and moved pieces before and after (ids stay)."""
 
     removed: tuple[Placed, ...]
     moved: tuple[tuple[Placed, Placed], ...]
@@ -30,8 +30,8 @@ class Changes:
 def move_furniture(apartment: Apartment, count: int, rng: np.random.Generator) -> tuple[Apartment, Changes]:
     """The home with `count` labelled pieces of its floor removed and as many put to other free places.
 
-    Whatever else stands there stays. Fixtures, and what carries something, are left alone. Raises SimulationError where
-    the home has too few pieces that can be moved.
+    Everything else stays. Fixtures, and pieces that carry others, are not moved. Raises SimulationError where the home
+    has too few pieces that can be moved.
     """
     candidates = [item for item in apartment.furniture if _movable(item, apartment.furniture)]
     order = [candidates[row] for row in rng.permutation(len(candidates)).tolist()]

@@ -17,8 +17,8 @@ ALIVE = frozenset({"person", "cat", "dog"})
 class Placed:
     """A piece of furniture in place. id: from 1, unique in the home. label: a COCO class, or "" for mere decoration.
 
-    model: at this piece's own size. pose_home_object: origin at the footprint's centre, x out of the front. z_m: how
-    high above the floor it stands or hangs. kind: its name in models.toml.
+    model: at this piece's own size. pose_home_object: origin at the footprint's centre, x out of the front. z_m: height
+    above the floor. kind: its name in models.toml.
     """
 
     id: int

@@ -59,7 +59,7 @@ class RoomArea:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Its middle."""
+        """Centre of the room."""
         return (self.x0 + self.x1) / 2.0, (self.y0 + self.y1) / 2.0
 
     def holds(self, x_m: float, y_m: float) -> bool:

@@ -1,4 +1,4 @@
-"""How people furnish: one short recipe per kind of room, large pieces first."""
+"""Furnishing: one short recipe per kind of room, large pieces first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OPPOSITE = {"near": "far", "far": "near", "left": "right", "right": "left"}
 
 
 def furnish_room(home: Layout, room: RoomArea, lone: bool, clutter: float) -> None:
-    """Fill one room. lone: it is the whole home. clutter: 0 for tidy people, 1 for the others."""
+    """Furnishes one room. lone: whether it is the only room. clutter: 0 for tidy to 1."""
     _RECIPES[room.kind](home, room)
     if lone:
         dining_group(home, room)

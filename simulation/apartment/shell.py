@@ -18,7 +18,7 @@ _SKIRTING_DEPTH_M = 0.014
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShellParts:
-    """What a shell adds to a scene."""
+    """Parts of a scene that belong to the shell."""
 
     surfaces: tuple[Surface, ...]
     solids: tuple[Solid, ...]
@@ -26,7 +26,7 @@ class ShellParts:
 
 
 def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
-    """Surfaces, trim and lights of a home; its furniture tells where there is room for pictures."""
+    """Surfaces, trim and lights of a home; its furniture determines where pictures fit."""
     plan, trim = apartment.plan, decor.trim(rng)
     surfaces: list[Surface] = []
     lights: list[AreaLight] = []

@@ -1,4 +1,4 @@
-"""What is taken and what stays free while a home is furnished: boxes that must not meet, ways that must stay."""
+"""Free space while a home is furnished: boxes that must not collide, and paths that must stay free."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def rectangle_corners(rectangle: Rectangle) -> Array:
 
 
 class Floor:
-    """The floor on a grid: knows whether the robot can still get through every doorway and into every room."""
+    """The floor on a grid; checks that the robot can still pass every doorway and enter every room."""
 
     def __init__(self, plan: FloorPlan) -> None:
         columns, rows = (int(np.ceil(side / _CELL_M)) for side in (plan.width_m, plan.depth_m))
@@ -75,7 +75,7 @@ class Floor:
         ]
 
     def takes(self, corners: Array, low_m: float) -> bool:
-        """Put something down unless it would cut a room off; whether it was put down."""
+        """Occupies floor unless that would cut off a room. Returns whether it did."""
         if low_m >= _PASS_M:
             return True
         low, high = corners.min(axis=0) - _CELL_M, corners.max(axis=0) + _CELL_M

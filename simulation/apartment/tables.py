@@ -1,4 +1,4 @@
-"""Tables with chairs round them, and what stands on furniture."""
+"""Tables with chairs around them, and things on furniture."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def wallpaper(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -
 
 
 def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Texture:
-    """One whole rug: border bands and a lattice of diamonds woven from three or more colours (N, 3)."""
+    """A rug: border bands and a lattice of diamonds woven from three or more colours (N, 3)."""
     palette = np.asarray(colours, dtype=np.float64)
     v, u = np.meshgrid(np.linspace(-1, 1, size_px), np.linspace(-1, 1, size_px), indexing="ij")
     lattice = np.abs(((u + v) * 4.0) % 2.0 - 1.0) + np.abs(((u - v) * 4.0) % 2.0 - 1.0)
@@ -123,7 +123,7 @@ def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Tex
 
 
 def woven(rng: np.random.Generator, colours: ArrayLike, size_px: int = 512) -> Texture:
-    """One whole plain rug: broad bands, fine stripes, or rings, in two or more colours (N, 3)."""
+    """A plain rug: broad bands, fine stripes, or rings, in two or more colours (N, 3)."""
     palette = np.asarray(colours, dtype=np.float64)
     v, u = np.meshgrid(np.linspace(-1, 1, size_px), np.linspace(-1, 1, size_px), indexing="ij")
     way = int(rng.integers(3))
@@ -157,7 +157,7 @@ def landscape(rng: np.random.Generator, width_px: int = 384, height_px: int = 25
 
 
 def outdoors(rng: np.random.Generator, width_px: int = 256, height_px: int = 256) -> Texture:
-    """What a window shows when the exposure is set for the room: bright sky over pale, soft greenery."""
+    """The view through a window at the room's exposure: bright sky over pale, soft greenery."""
     v = np.linspace(1.0, 0.0, height_px)[:, None]
     leaves = noise(rng, height_px, width_px, slope=1.3)
     line = 0.38 + 0.07 * noise(rng, 1, width_px, slope=1.3)

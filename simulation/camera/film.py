@@ -24,7 +24,7 @@ def sensed(
     gain: float,
     rng: np.random.Generator,
 ) -> NDArray[np.uint8]:
-    """What the sensor makes of a picture (H, W, 3) that was rendered for the middle of its exposure.
+    """Sensor model: applied to a picture (H, W, 3) that was rendered for the middle of its exposure.
 
     depth_m: (H, W) at that moment. velocity: of the base, forward m/s, left m/s, yaw rad/s. gain: how much the picture
     was brightened, 1 in good light.

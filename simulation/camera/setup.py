@@ -22,7 +22,7 @@ class CameraSetup:
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What a real camera adds to the picture; all zero is the renderer's own.
+    """Effects of a real camera; all zero leaves the rendered picture unchanged.
 
     exposure_s: shutter time in good light. readout_s: from the first row to the last. shake_rad: standard deviation of
     pitch and roll per picture while driving. shot, read: standard deviations of the noise, in parts of full scale at

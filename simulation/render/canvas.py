@@ -51,8 +51,9 @@ class Canvas:
         return self._textures[id(image)][1]
 
     def shadow(self, clip: NDArray[np.float64], place: tuple[float, ...]) -> None:
-        """Darken the floor under what stands on it. place: middle and half sides (x, y, a, b) in metres of the clip
-        matrix's frame."""
+        """Darkens the floor under an object. place: middle and half sides (x, y, a, b) in metres of the clip matrix's
+        frame.
+        """
         self._shadow["clip_home"].write(clip.T.astype("f4").tobytes())
         self._shadow["place"] = place
         self._square.render(self.gl.TRIANGLE_STRIP)
@@ -63,7 +64,7 @@ class Canvas:
         return self.context.framebuffer(colour, self.context.depth_renderbuffer(size) if depth else None)
 
     def close(self) -> None:
-        """Give the context back."""
+        """Releases the context."""
         self.context.release()
 
     def _uploaded(self, image: NDArray[np.uint8]) -> Any:
@@ -114,7 +115,7 @@ def depth_of(target: Any) -> NDArray[np.float32]:
 
 
 def release(target: Any) -> None:
-    """Give a framebuffer back with its pixels."""
+    """Releases a framebuffer and its pixels."""
     for buffer in (*target.color_attachments, target.depth_attachment):
         if buffer is not None:
             buffer.release()

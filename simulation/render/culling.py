@@ -1,4 +1,4 @@
-"""What can be left out of a picture: batches beside it, and batches wholly behind walls."""
+"""Culling: batches outside the picture, and batches completely behind walls."""
 
 from __future__ import annotations
 

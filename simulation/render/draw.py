@@ -1,4 +1,4 @@
-"""What one picture is drawn of: batches in place, and the bytes that identify their objects."""
+"""Draw list of a picture: placed batches, and the bytes that identify their objects."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Slots:
         self._names, self._slots = [ROOM_ID], {ROOM_ID: 0}
 
     def of(self, id_: int) -> int:
-        """The byte that stands for an id; when there are too many, what comes last passes for room."""
+        """The byte of an id; ids beyond the limit count as room."""
         if id_ not in self._slots:
             if len(self._names) > _MOST_OBJECTS:
                 return 0

@@ -1,4 +1,4 @@
-"""Where light is worked out: texels of surfaces, chosen points of solids, small cubes in mid-air."""
+"""Points at which light is computed: texels of surfaces, selected points of solids, small cubes in mid-air."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class SurfacePoints:
         return np.asarray(np.concatenate(halves, axis=2), dtype=np.float32)
 
     def reflector(self) -> Reflector:
-        """Its triangles, lit by its coarse texels."""
+        """Triangles of the surface, lit by its coarse texels."""
         surface, (rows, columns) = self.surface, self.coarse_shape
         part = subdivided(surface.part(), _REFLECTOR_M)
         offset = part.positions - surface.corner
@@ -160,7 +160,7 @@ class SolidPoints:
         self.points = Points(np.concatenate([at, at]), np.concatenate([normals, -normals]), none)
 
     def reflector(self) -> Reflector:
-        """Their triangles. The front is where the shading normals point, whatever way the triangles are wound."""
+        """Triangles of the solids. The front is where the shading normals point, independent of the winding."""
         if not self._parts:
             none = np.zeros((0, 3), dtype=np.int64)
             return Reflector(np.zeros((0, 3, 3)), none, none, np.zeros((0, 3)))

@@ -16,11 +16,10 @@ LightGroup = Literal["day", "lamp"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Material:
-    """How a surface looks.
-
-    colour: linear reflectance (3,), 0..1; multiplies the texture. texture: (H, W, 4) uint8 sRGB + alpha, first row
-    at the top (v = 1), repeating; None for plain colour. opacity: 1 is solid. gloss: strength of highlights, 0..1.
-    emission: linear radiance (3,), for lamps and windows; group: which light it goes with (a window pane with the day).
+    """Appearance of a surface. colour: linear reflectance (3,), 0..1; multiplies the texture. texture: (H, W, 4) uint8
+    sRGB + alpha, first row at the top (v = 1), repeating; None for plain colour. opacity: 1 is solid. gloss: strength
+    of highlights, 0..1. emission: linear radiance (3,), for lamps and windows; group: which light it goes with (a
+    window pane with the day).
     """
 
     colour: tuple[float, float, float] = (0.8, 0.8, 0.8)
@@ -83,9 +82,8 @@ def srgb_to_linear(values: ArrayLike) -> Array:
 
 
 def welded(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Which rows (N, bytes) are alike: the first of each sort, and for every row its sort.
-
-    Rows are compared by a 64-bit sum, many times faster than sorting them whole.
+    """Groups equal rows (N, bytes): the first row of each group, and the group of every row. Rows are compared by a
+    64-bit hash, many times faster than sorting them.
     """
     padded = np.zeros((len(rows), -(-rows.shape[1] // 8) * 8), dtype=np.uint8)
     padded[:, : rows.shape[1]] = rows

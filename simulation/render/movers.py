@@ -1,4 +1,4 @@
-"""What moves through a lit home: rigid meshes placed for every picture, lit by the light in mid-air."""
+"""Moving objects in a lit home: rigid meshes placed for every picture, lit by the light in mid-air."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FOOT_M, _SHADOW_M = 0.12, 0.22
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mover:
-    """A mesh at a pose for one picture. id: what the id picture shows, apart from those of the furniture.
+    """A mesh at a pose for one picture. id: its value in the id picture, distinct from the furniture's.
 
     mesh: in the mover's frame (x ahead, y left, z up from the floor, metres); keep one object per shape, since a new
     mesh is sent to the graphics system anew. label: what boxes call it.
@@ -38,7 +38,7 @@ class Mover:
 
 
 def stand(points: Array) -> tuple[float, float, float, float]:
-    """Where points (N, 3) of a mover touch the floor, with some margin: middle and half sides (x, y, a, b), metres."""
+    """Floor contact of a mover with points (N, 3), with a margin: middle and half sides (x, y, a, b), metres."""
     low = points[points[:, 2] < points[:, 2].min() + _FOOT_M, :2]
     middle, half = (low.min(axis=0) + low.max(axis=0)) / 2.0, (low.max(axis=0) - low.min(axis=0)) / 2.0 + _SHADOW_M
     return float(middle[0]), float(middle[1]), float(half[0]), float(half[1])

@@ -32,7 +32,7 @@ class Moving:
         return self._known[id(mesh)][1]
 
     def placed(self, view: View, clip: Array, mover: Mover, slot: int) -> list[Draw]:
-        """A mover's batches, its light worked out for where it stands. clip: (4, 4) from the home to the picture."""
+        """A mover's batches, lit at its position. clip: (4, 4) from the home to the picture."""
         home_mover = mover.matrix_home_mover()
         meshes = self.meshes(mover.mesh)
         rows = meshes.packed.vertices
@@ -49,7 +49,7 @@ class Moving:
         return [Draw(meshes, batch, slot, clip @ home_mover, eye[:3], home_mover) for batch in meshes.packed.batches]
 
     def points_home_m(self, mover: Mover) -> Array:
-        """A mover's corners (N, 3) where it stands."""
+        """A mover's corners (N, 3) in the home frame."""
         home_mover = mover.matrix_home_mover()
         points = self.meshes(mover.mesh).packed.vertices["position"].astype(np.float64)
         return points @ home_mover[:3, :3].T + home_mover[:3, 3]

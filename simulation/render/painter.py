@@ -1,4 +1,4 @@
-"""Colours of what is drawn: solid things, shadows on the floor, then what one sees through; highlights on gloss."""
+"""Colour passes: solid objects, shadows on the floor, then transparent ones; highlights on glossy surfaces."""
 
 from __future__ import annotations
 

@@ -115,8 +115,9 @@ class Renderer:
     def whole(
         self, view: View, ids: Sequence[int], movers: Iterable[Mover] = ()
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
-        """Per object its whole box, as if nothing hid it, cut by the picture: (x0, y0, x1, y1) px, pixel k covering
-        k to k + 1; and the area in px, in and around the picture, that it would cover (before the lens bends it)."""
+        """Per object its unoccluded box, cut by the picture: (x0, y0, x1, y1) px, pixel k covering k to k + 1; and the
+        area in px, in and around the picture, that it would cover (before the lens bends it).
+        """
         with self._canvas.context:
             return self._wholes.of(view, self._lens, list(ids), {mover.id: mover for mover in movers})
 
@@ -130,7 +131,7 @@ class Renderer:
         return float(self.whole(view, [id_])[1][0])
 
     def close(self) -> None:
-        """Give the OpenGL context back."""
+        """Releases the OpenGL context."""
         self._canvas.close()
 
     def _drawn(self, view: View, light: LightMix, exposure: float, movers: tuple[Mover, ...]) -> RenderedFrame:

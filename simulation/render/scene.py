@@ -1,4 +1,4 @@
-"""What a renderer and a light baker get: surfaces, solids with ids, and lamps, all in one room frame (z up, metres)."""
+"""Input of the renderer and the light baker: surfaces, solids with ids, and lamps, in one room frame (z up, metres)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Surface:
         return normal / np.linalg.norm(normal)
 
     def part(self) -> Part:
-        """Its two triangles."""
+        """The surface's two triangles."""
         return quad(self.corner, self.u, self.v, self.material, self.tile_m)
 
     def texels(self, spacing_m: float) -> tuple[int, int]:
@@ -71,13 +71,13 @@ class AreaLight:
 
     @property
     def centre(self) -> Array:
-        """Its middle, (3,) metres."""
+        """Centre, (3,) metres."""
         return self.corner + (self.u + self.v) / 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class LightMix:
-    """How bright the two groups of lights are, as factors on what was baked: daylight and lamps."""
+    """Brightness of the two groups of lights, daylight and lamps, as factors on the baked light."""
 
     day: float = 1.0
     lamp: float = 1.0
@@ -85,7 +85,7 @@ class LightMix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Everything that can be seen, and what lights it."""
+    """All visible geometry and its lights."""
 
     surfaces: tuple[Surface, ...]
     solids: tuple[Solid, ...]

@@ -1,4 +1,4 @@
-"""How much of each object there would be to see if nothing hid it: whole boxes, and whole areas."""
+"""Unoccluded extent of each object: boxes and areas."""
 
 from __future__ import annotations
 

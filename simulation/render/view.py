@@ -1,4 +1,4 @@
-"""Where the simulated camera is, and OpenGL's projection for exactly edgemap's camera model."""
+"""Pose of the simulated camera, and OpenGL's projection for exactly edgemap's camera model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NEAR_M, FAR_M = 0.05, 40.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Where the camera is in the room: rotation (3, 3) from optical to room axes, position (3,) in metres."""
+    """Pose of the camera in the room: rotation (3, 3) from optical to room axes, position (3,) in metres."""
 
     rotation_home_optical: Array
     position_home_m: Array
@@ -41,7 +41,7 @@ def projection(intrinsics: Intrinsics) -> Array:
     """OpenGL's clip matrix (4, 4) for optical points (x right, y down, z forward); pixel centres are integers.
 
     Column u becomes 2 (u + 1/2) / width - 1, row v becomes 2 (v + 1/2) / height - 1; w is the optical depth. OpenGL's
-    lowest row is thus the picture's top row, and what is read back needs no turning over.
+    lowest row is thus the picture's top row, and pixels that are read back need no flip.
     """
     width, height = intrinsics.width, intrinsics.height
     matrix = np.zeros((4, 4))

@@ -1,4 +1,4 @@
-"""Objects as if nothing hid them: whole boxes in the picture, and areas from each one's silhouette drawn by itself."""
+"""Unoccluded objects: boxes in the picture, and areas from each one's silhouette drawn alone."""
 
 from __future__ import annotations
 

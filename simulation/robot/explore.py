@@ -1,4 +1,4 @@
-"""A robot that looks round a home: it drives up to furniture, swings past it, looks about, backs off, changes rooms.
+"""A robot that explores a home: it approaches furniture, passes it, rotates, reverses, and changes rooms.
 
 Leg by leg: some goals are drawn, each with its way and its ending, and the leg that shows most of what has been seen
 least, for the time it takes, is driven. A drive is one endless stream: a longer one begins as the shorter one.
@@ -35,7 +35,7 @@ _SIT_BACK_M = (0.2, 0.45)
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """How often the robot does what, as probabilities per leg."""
+    """Probabilities of the robot's actions per leg."""
 
     to_room: float = 0.3
     over: float = 0.5

@@ -1,4 +1,4 @@
-"""What an IMU beside the lens measures on a simulated drive, with a datasheet's errors."""
+"""Samples of an IMU beside the lens on a simulated drive, with a datasheet's errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a differential drive moves: along a way, on the spot, back, not at all; always within its limits.
+"""Motion of a differential drive: along a path, on the spot, in reverse, or standing, within its limits.
 
 A move is samples (N, 3) of x, y in metres and yaw in radians (not wrapped), SAMPLE_S apart, from rest to rest, without
 the pose it starts from.
@@ -98,7 +98,7 @@ def straight(pose: Array, distance_m: float, limits: Limits) -> Array:
 
 
 def stand(pose: Array, seconds: float) -> Array:
-    """Stay."""
+    """Samples of a robot that stands."""
     return np.tile(pose, (max(1, round(seconds / SAMPLE_S)), 1))
 
 

@@ -1,4 +1,4 @@
-"""Ways over the free floor: the cheapest over a grid that shuns what is near, then rounded off."""
+"""Paths over the free floor: the cheapest on a grid with a cost near obstacles, then smoothed."""
 
 from __future__ import annotations
 
@@ -62,8 +62,9 @@ class Router:
         return self.nodes_m[chain[::-1]]
 
     def rounded(self, points_m: Array) -> Array | None:
-        """A smooth way through points, 2 cm apart, as round as the clearance allows; None where none is
-        clear, or it doubles back."""
+        """A smooth path through points, sampled every 2 cm, as round as the clearance allows; None where none is free,
+        or it doubles back.
+        """
         apart = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
         points_m = points_m[np.concatenate([[True], apart > 1e-6])]
         travelled = np.concatenate([[0.0], np.cumsum(apart[apart > 1e-6])])

@@ -1,4 +1,4 @@
-"""What the camera would see of the furniture, from the plan alone: no rendering."""
+"""Estimate of the furniture's visibility from the plan alone, without rendering."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the robot's wheels believe: encoders that count whole ticks, wheels not quite as large as thought, and slip."""
+"""Wheel odometry: encoders with integer ticks, errors of the wheels' radius, and slip."""
 
 from __future__ import annotations
 

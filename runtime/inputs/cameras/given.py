@@ -114,7 +114,7 @@ class PushedCamera(CameraBase):
         self._last_s = -math.inf
 
     def give(self, image: Any, stamp_s: float, imu: Any = None, wheels: Any = None) -> None:
-        """Sets the picture that `read` returns next; see `Session.push`. Raises CameraError without a change of state."""
+        """Sets the picture that `read` returns next; see `Session.push`. Raises CameraError for an invalid one."""
         picture = as_picture(image, "image")
         height, width = picture.shape[:2]
         if not math.isfinite(stamp_s) or stamp_s <= self._last_s:

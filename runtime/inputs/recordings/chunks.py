@@ -27,7 +27,7 @@ class Definitions:
     channels: dict[int, Any] = field(default_factory=dict)
 
     def add(self, record: Any) -> None:
-        """Keeps a schema or channel; other records are ignored. Raises ValueError for invalid names, and for too many."""
+        """Keeps a schema or channel; ignores other records. Raises ValueError for invalid names, and for too many."""
         from mcap.records import Channel, Schema
 
         if isinstance(record, Schema):

@@ -96,7 +96,7 @@ class Ros2Driver:
         """Nothing to watch: DDS does not report that a publisher has gone."""
 
     def mount(self) -> Mount | None:
-        """Mount of the pictures' frame by tf; None where tf does not connect it to base_footprint. Raises CameraError."""
+        """Mount of the pictures' frame; None where tf does not connect it to base_footprint. Raises CameraError."""
         return self._tf.ask(lambda tree: mount_of(tree, self.frame_id))
 
 

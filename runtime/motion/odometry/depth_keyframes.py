@@ -122,7 +122,7 @@ class DepthKeyframes:
         return tuple(keyframe.pose for keyframe in self._keyframes)
 
     def moved_on(self, moved: LensPose) -> None:
-        """Advances past a picture that was not located, by the motion that another source measured since the last one."""
+        """Advances past a picture that was not located, by another source's motion since the last one."""
         self._pose = self._pose @ moved
         self._velocity = moved
 

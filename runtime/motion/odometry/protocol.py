@@ -165,7 +165,7 @@ class Odometry(Protocol):
         ...
 
     def rest(self, stamp_s: float) -> Motion:
-        """`no_motion`: the base stood still since the previous step, and the last picture is valid for this stamp too."""
+        """`no_motion`: the base stood still since the previous step; the last picture is valid for this stamp too."""
         ...
 
     def reset(self, reason: str) -> None:

@@ -1,1 +1,1 @@
-"""What models of our own are put together from. All in metres, x out of a piece's front, y left, z up."""
+"""Building blocks of the procedural models. All in metres, x out of a piece's front, y left, z up."""

@@ -1,4 +1,4 @@
-"""Smooth surfaces through grids of points; whatever is bent, turned or lofted is made of them."""
+"""Smooth surfaces through grids of points, for bent, turned and lofted shapes."""
 
 from __future__ import annotations
 
