@@ -116,14 +116,14 @@ def walk_errors(
     truth: Trajectory, stamps_s: Sequence[float], steps: Sequence[SE2], covariances: np.ndarray
 ) -> dict[str, float | None]:
     """Of the motions between N stamps: drift in percent over each length, degrees per metre over the longest, length of
-    the path against the true one, and NEES over windows of time."""
+    the path against the true one, and NEES per degree of freedom over windows of time (1 is consistent)."""
     true, found = [truth.at(stamp_s) for stamp_s in stamps_s], integrated(steps)
     segments = {length: segment_errors(true, found, length, step=1) / length for length in LENGTHS_M}
     figures = {f"t_rel_{length:g}": _mean(100.0 * errors[:, 0]) for length, errors in segments.items()}
     figures[f"r_rel_{LENGTHS_M[-1]:g}"] = _mean(np.degrees(segments[LENGTHS_M[-1]][:, 1]))
     figures["scale"] = float(path_m(found)[-1] / max(path_m(true)[-1], 1e-9))
     windows = window_errors(true, found, covariances, np.array(stamps_s), WINDOWS_S)
-    figures |= {f"nees_{length:g}": _mean(errors) for length, errors in windows.items()}
+    figures |= {f"nees_{length:g}": _mean(errors / 3.0) for length, errors in windows.items()}
     last = motion_errors([true[0].inverse() @ true[-1]], [found[-1]])[0]
     return figures | {"end_m": float(np.hypot(last[0], last[1])), "end_deg": abs(degrees(last[2]))}
 

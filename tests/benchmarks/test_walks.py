@@ -27,7 +27,7 @@ def test_a_walk_that_is_a_tenth_too_long():
     assert found["scale"] == pytest.approx(1.1)
     assert found["r_rel_5"] == pytest.approx(0.0)
     assert found["end_m"] == pytest.approx(1.0)
-    assert found["nees_1"] == pytest.approx((10 * 0.025) ** 2 / (10 * 0.01))
+    assert found["nees_1"] == pytest.approx((10 * 0.025) ** 2 / (10 * 0.01) / 3)
 
 
 def test_a_turn_that_is_missed_counts_by_metre():
