@@ -37,7 +37,7 @@ RENAMED = {
     },
     "hybrid": {
         f"{member}_doubt": f"{member}_covariance_scale"
-        for member in ("flow", "planar", "wheels", "gyro", "outside_flow", "outside_planar")
+        for member in ("flow", "planar", "gyro", "outside_flow", "outside_planar")
     },
 }
 # Numbers of earlier files that nothing uses any more, passed over.
@@ -58,6 +58,9 @@ RETIRED = {
     "keyframes": ("stated_inflation_yaw", "stated_per_radian"),
     "odometry": ("scale",),
     "check": ("road_rad",),
+    "hybrid": ("gyro_gate", "wheels_covariance_scale", "wheels_doubt"),
+    "pictures": ("alone",),
+    "planar": ("axle_sigma_m",),
 }
 
 

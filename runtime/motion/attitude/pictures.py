@@ -32,8 +32,8 @@ class PicturesRule:
     the mount's angles. rotation_rad, rotation_share: standard deviation of the rotation between two pictures beside
     what the corners say, and relative to it.
     edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in two
-    real rooms, 1.7 in a kitchen, 1.2 on a street). alone: by how much more those of one picture err, as they may agree
-    on a wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3
+    real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a wrong
+    direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3
     degrees and more. pictures: whose edges are put together. reach_rad: of the search for up, at least and at most,
     reach_sigmas: in standard deviations of the tilt. known_rad: standard deviation beyond which the mount's angles are
     used, until the edges have told. lasting_rad: of a carried camera's tilt, beside the filter's: what is wrong with a
@@ -47,7 +47,6 @@ class PicturesRule:
     rotation_rad: float = math.radians(0.05)
     rotation_share: float = 0.1
     edges_rad: float = math.radians(0.4)
-    alone: float = 1.0
     edges_gate: float = 2.0
     pictures: int = 2
     known_rad: float = math.radians(2.5)
@@ -127,7 +126,7 @@ class PicturesAttitude:
         if since is None:
             self._edges = []
         elif room is not None:
-            sigma_rad = rule.edges_rad * (1.0 + rule.alone / len(self._edges))
+            sigma_rad = rule.edges_rad * (1.0 + 1.0 / len(self._edges))
             self._tilt = self._tilt.corrected(since.T @ room.up, sigma_rad, rule.edges_gate)
         return room
 

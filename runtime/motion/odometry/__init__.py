@@ -105,6 +105,6 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
         given = camera.wheel
         track = wheel_trajectory(given) if isinstance(given, Path) else given
         recorded = RecordedOdometry(track, f"wheel:{given}", rules.wheels)
-        members.append(Member(recorded, WHEELS, rule.wheels_covariance_scale))
+        members.append(Member(recorded, WHEELS))
     members.append(Member(GyroOdometry(), GYRO, rule.gyro_covariance_scale, optional=True))
     return members

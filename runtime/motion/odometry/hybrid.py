@@ -49,12 +49,11 @@ class HybridRule:
     """How the hybrid weighs its members.
 
     gate: squared Mahalanobis distance up to which two motions agree. known_sigma: m and rad; a source with a greater
-    standard deviation has less weight where sources disagree. gyro_gate: the same distance, up to which a motion counts
-    fully beside a gyro. lasting_conflict: number of consecutive steps of disagreement that make a fault; wheel slip is
-    shorter. repeated_s: stream time between two reports of a member that stays excluded. flow_covariance_scale,
-    planar_covariance_scale, wheels_covariance_scale, gyro_covariance_scale: factors on the members' covariances, so
-    that errors and covariance agree; the flow head's errors last, so the drift asks for more than its NEES: 3.6, 2.4,
-    2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone). outside_flow_covariance_scale,
+    standard deviation has less weight where sources disagree.  lasting_conflict: number of consecutive steps of
+    disagreement that make a fault; wheel slip is shorter. repeated_s: stream time between two reports of a member that
+    stays excluded. flow_covariance_scale, planar_covariance_scale, gyro_covariance_scale: factors on the members'
+    covariances, so that errors and covariance agree; the flow head's errors last, so the drift asks for more than its
+    NEES: 3.6, 2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone). outside_flow_covariance_scale,
     outside_planar_covariance_scale: further factors for a camera outside the head's training envelope, which is
     carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their true poses, drift 10 instead of
     18 % over 5 m with 1000 instead of 25 in all for the head.
@@ -76,12 +75,10 @@ class HybridRule:
 
     gate: float = GATE
     known_sigma: float = KNOWN_SIGMA
-    gyro_gate: float = 1.0
     lasting_conflict: int = 10
     repeated_s: float = 10.0
     flow_covariance_scale: float = 16.0
     planar_covariance_scale: float = 2.0
-    wheels_covariance_scale: float = 1.0
     gyro_covariance_scale: float = 2.0
     flow_reach_rad: float = 0.2
     flow_alone_s: float = 0.35
@@ -335,7 +332,7 @@ class HybridOdometry:
         gyro = next((item for item in alive if item.source == GYRO), None)
         if gyro is None:
             return list(alive)
-        excess = [max(distance(item, gyro) / self._rule.gyro_gate, 1.0) for item in alive]
+        excess = [max(distance(item, gyro), 1.0) for item in alive]
         return [replace(item, covariance=item.covariance * share) for item, share in zip(alive, excess, strict=True)]
 
     def _answers(self, alive: Sequence[MotionEstimate], used: Sequence[MotionEstimate]) -> dict[str, str]:

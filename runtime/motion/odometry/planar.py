@@ -75,9 +75,9 @@ class PlanarRule:
     to picture, the standard deviation of a picture's tilt. What is carried rises and sinks as well: by rise_per_rad of
     the mount's height for each radian beyond `carried.level_rad`.
     mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
-    `Rolling`, for robots on wheels. axle_sigma_m: of the axle's place where the mount's lever arm is known, and where
-    it is not. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways by
-    itself. slides_weight: of the newest step in that share. floor_lost_s: on wheels, after so long without floor
+    `Rolling`, for robots on wheels. unknown_axle_m: standard deviation of the axle's place where the mount's lever arm
+    is not known. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways
+    by itself. slides_weight: of the newest step in that share. floor_lost_s: on wheels, after so long without floor
     landmarks, what is seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost
     meanwhile.
     travelled_rad: the direction of motion is measured when the corners have moved so far, median, beside the rotation,
@@ -118,7 +118,7 @@ class PlanarRule:
     mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
-    axle_sigma_m: tuple[float, float] = (0.0, 1.0)
+    unknown_axle_m: float = 1.0
     slides_share: float = 0.3
     slides_weight: float = 0.05
     floor_lost_s: float = 1.0
@@ -172,7 +172,7 @@ class PlanarOdometry:
         self._mount = camera.mount  # that attitudes are about
         self._carried = Carried(rule.carried)
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
-        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, rule.axle_sigma_m[0 if known else 1])
+        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, 0.0 if known else rule.unknown_axle_m)
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
         self._seed, self._coasting = seed, Coasting(coasting)
         self.reset("start")
