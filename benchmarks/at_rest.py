@@ -1,4 +1,4 @@
-"""What a robot pays while it stands: one picture of a source, again and again, with a sensor's noise."""
+"""Cost of a standing robot: one picture of a source, repeated with a sensor's noise."""
 
 from __future__ import annotations
 

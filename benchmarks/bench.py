@@ -51,7 +51,7 @@ def read_frames(camera: Camera, count: int = CHUNK) -> list[Frame]:
 def measure(
     open_drive: OpenDrive, seconds: float, rate_hz: float | None = None, warm_up: int = WARM_UP
 ) -> dict[str, Any]:
-    """Run the step for so many seconds, paced as a camera of this rate would; None for as fast as it goes.
+    """Runs the step for some seconds, paced at this camera rate; None for unpaced.
 
     stages_ms: percentiles by stage; paced instead stages_cpu_ms: mean processor time of the thread that steps.
     cpu_ms_per_frame, cpu_percent (of one core): of this whole process, its waiting threads included.
@@ -105,7 +105,7 @@ def measure(
 
 
 def soak(open_drive: OpenDrive, minutes: float, rate_hz: float) -> dict[str, Any]:
-    """Run paced for so many minutes: what each minute took, and how much the process grew after the first."""
+    """Runs paced for some minutes. Returns the cost of each minute, and the growth of the process after the first."""
     rows = []
     for _ in range(max(1, round(minutes))):
         row = measure(open_drive, 60.0 * min(1.0, minutes), rate_hz)

@@ -19,7 +19,7 @@ Boxes = Callable[[NDArray[np.uint8]], object]
 
 @dataclass(frozen=True, slots=True)
 class Contest:
-    """What runs in turn. ours, theirs: a picture to boxes. networks: the network alone, ours and theirs."""
+    """The interleaved candidates. ours, theirs: a picture to boxes. networks: the network alone, ours and theirs."""
 
     ours: Boxes
     theirs: Boxes

@@ -1,4 +1,4 @@
-"""What a bundle's floor head costs: onnxruntime's own times of its operators."""
+"""Cost of a bundle's floor head, from onnxruntime's profile of its operators."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the map's update grows with what it holds: `python -m edgemap.benchmarks.map_size [--plot DIR]`.
+"""Cost of a map update by the size of the map: `python -m edgemap.benchmarks.map_size [--plot DIR]`.
 
 Objects stand 3 m apart on a square, a few at a time in view of a robot that passes; the map is the default one, the
 sightings made (no pictures). Times are processor time of `FloorMap.update` and `objects`, medians, one thread.
@@ -38,7 +38,7 @@ def sightings(numbers: list[int], side: int, frame: int, random: np.random.Gener
 
 
 def elsewhere(floor_map: FloorMap, frame: int) -> None:
-    """The robot drives on, and what was in view no longer is."""
+    """Moves the robot on, so that the current objects leave the view."""
     if floor_map.graph.trajectory.poses:
         floor_map.graph.advance(SE2(2.0 * floor_map.graph.rule.landmarks.gap_m), np.eye(3) * 1e-6, frame / 10)
 

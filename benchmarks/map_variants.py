@@ -56,7 +56,7 @@ class SideBySide:
         self.needs_features = any(odometry.needs_features for odometry in self.odometries.values())
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:
-        """All of them; the first one's motion."""
+        """Steps all odometries. Returns the first one's motion."""
         self.motions = {
             key: odometry.step(frame, features, prior).checked(odometry.name)
             for key, odometry in self.odometries.items()
@@ -64,7 +64,7 @@ class SideBySide:
         return next(iter(self.motions.values()))
 
     def step_blind(self, stamp_s: float, reason: str, attitude: Attitude | None = None) -> Motion:
-        """All of them without a picture; the first one's motion."""
+        """Steps all odometries without a picture. Returns the first one's motion."""
         blind = {key: odometry.step_blind(stamp_s, reason, attitude) for key, odometry in self.odometries.items()}
         self.motions = blind
         return next(iter(blind.values()))
@@ -127,7 +127,7 @@ def true_floor(drive: Drive) -> TrueFloor | None:
 
 
 def observed_by(replay: Replay, variants: Mapping[str, Variant]) -> Iterator[dict[str, FrameObservations]]:
-    """What the front end makes of each of the drive's first frames, for each variant.
+    """The front end's observations of each of the drive's first frames, for each variant.
 
     Poses that are given bring their attitudes, or leave them at the mount's; other variants see the floor by the IMU's,
     where `imu` and the drive allow it, or by the pictures'.

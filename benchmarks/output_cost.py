@@ -136,7 +136,7 @@ def open_sink(output: str, floor: Any, pictures: bool, folder: Path) -> tuple[An
 
 
 def percentiles(values_s: list[float]) -> dict[str, float]:
-    """In milliseconds."""
+    """Percentiles in milliseconds."""
     p50, p95, p99 = np.percentile(1e3 * np.array(values_s[SETTLE:]), [50, 95, 99]).round(1).tolist()
     return {"p50": p50, "p95": p95, "p99": p99}
 
@@ -163,7 +163,7 @@ def main() -> None:
 
 
 def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
-    """All figures of one output."""
+    """Measures one output."""
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.inputs.open import open_camera
     from edgemap.runtime.motion.odometry import open_odometry

@@ -70,7 +70,7 @@ def main(options: WalksOptions) -> None:
 
 
 def with_corners(count: int) -> Config:
-    """The tree with so many corners of planar odometry, and as many more or fewer of pictures with depth."""
+    """The tree with this number of corners for planar odometry, and the same change for depth odometry."""
     from edgemap.runtime.step.config import Config
 
     tree = Config()

@@ -1,4 +1,4 @@
-"""The command line: finds the command, parses its arguments, and only then imports what it needs."""
+"""The command line: selects the command, parses its arguments, and imports its modules only then."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ USAGE = "usage: edgemap COMMAND [OPTIONS]      (edgemap COMMAND --help lists a c
 
 
 def overview() -> str:
-    """What `edgemap --help` prints."""
+    """The text of `edgemap --help`."""
     lines = [USAGE, "", "A 2-D map of the objects on the floor from one camera, on a CPU.", ""]
     lines += [f"  {words:<22}{text}" for words, (_, text) in COMMANDS.items()]
     lines += ["", "First steps:  edgemap run                  the demo drive, ends with a map in runs/"]

@@ -1,4 +1,4 @@
-"""How options describe themselves in the help."""
+"""Descriptions of options in the help."""
 
 from __future__ import annotations
 

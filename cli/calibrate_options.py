@@ -1,4 +1,4 @@
-"""What the calibrate commands share: the board's options, and writing camera.yaml."""
+"""Common parts of the calibrate commands: the board's options, and writing camera.yaml."""
 
 from __future__ import annotations
 

@@ -33,6 +33,6 @@ def command(json: Json = False) -> None:
 
 
 def command_line(camera: FoundCamera) -> str:
-    """What to type to drive with it: the words in capitals are to be filled in."""
+    """The command that runs with this camera; words in capitals are placeholders."""
     lens = "" if camera.knows_lens else " --intrinsics FX,FY,CX,CY"
     return f"edgemap run --camera {camera.spec} --mount HEIGHT_M,PITCH_DEG{lens}"

@@ -134,7 +134,7 @@ def describe(folder: Path, manifest: object) -> None:
 
 
 def variant_line(precision: str, measured: dict[str, Any]) -> str:
-    """What a variant of the backbone loses and gains, in one line."""
+    """Accuracy and speed of a backbone variant, in one line."""
     speed = (
         f"{measured['time']:.2f} of float32's time on {measured['processor']}" if "time" in measured else "not timed"
     )

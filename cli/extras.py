@@ -11,7 +11,7 @@ def need_export(command: str = "edgemap export") -> None:
 
 
 def need_training(command: str) -> None:
-    """Raise MissingExtraError where torch or onnx cannot be imported: what it takes to train, not to export."""
+    """Raises MissingExtraError where torch or onnx, which training needs, cannot be imported."""
     need("export", command, ("torch", "onnx"))
 
 

@@ -71,7 +71,7 @@ class _Spec:
 
 @dataclass(frozen=True)
 class Source(Optics, _Spec):
-    """Where frames come from: `run`, `bench`."""
+    """Source of the frames: `run`, `bench`."""
 
     def open(
         self,
@@ -103,7 +103,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Motion:
-    """What gives the robot's motion: `run`, `eval map`."""
+    """Source of the robot's motion: `run`, `eval map`."""
 
     odometry: OdometrySpec = "hybrid"
     without_wheels: WithoutWheels = False

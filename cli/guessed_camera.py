@@ -47,13 +47,13 @@ def floor_camera_of(camera: Source, source: Camera, bundle: Bundle) -> tuple[Flo
 
 
 class CameraKeeper:
-    """A run's camera.yaml: what a person sets on the live page, else a guess with the angles by the drive."""
+    """A run's camera.yaml: the mount set on the live page, else the guess, with angles estimated during the drive."""
 
     def __init__(self, folder: Path, floor: FloorCamera, guess: CameraGuess | None) -> None:
         self._path, self._floor, self._guess, self._by_hand = folder / "camera.yaml", floor, guess, False
 
     def set_mount(self, height_m: float, pitch_deg: float) -> Path:
-        """Keep a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""
+        """Saves a mount that a person has set; roll and lever arm stay. Raises GeometryError, CameraError."""
         from dataclasses import replace
 
         from edgemap.geometry.camera.floor import FloorCamera
@@ -65,7 +65,7 @@ class CameraKeeper:
         return self._path
 
     def at_end(self, observed: MountSeen | None) -> str | None:
-        """Keep a guess, unless a person has set the mount; the line to print."""
+        """Saves the guess, unless a person has set the mount. Returns the line to print."""
         from dataclasses import replace
 
         from edgemap.geometry.camera.floor import FloorCamera

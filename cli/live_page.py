@@ -40,7 +40,7 @@ class NoPage:
         """Ignored."""
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
-        """Nothing stays."""
+        """Returns at once."""
 
     def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
         """Ignored."""
@@ -65,15 +65,15 @@ class OpenPage(NoPage):
         return PausableCamera(PacedCamera(source, self._pause.running_s), self._pause, stop.is_set)
 
     def judged_by(self, verdict: Callable[[], Verdict]) -> None:
-        """How far the map can be trusted."""
+        """Sets the function that gives the map's verdict."""
         self._page.verdict = verdict
 
     def drives(self, goals: Sequence[Callable[[SE2], None]]) -> None:
-        """Who takes a pose to drive to."""
+        """Adds receivers of goal poses."""
         self._page.goals += goals
 
     def stay(self, stop: Event, meanwhile: Callable[[], object]) -> None:
-        """Go on serving after a run that came to its end by itself, until Ctrl-C. meanwhile: called again and again."""
+        """Keeps serving after the end of a run, until Ctrl-C. meanwhile: called repeatedly."""
         from edgemap.runtime.step.loop import stop_on_signals
 
         if stop.is_set():

@@ -264,14 +264,14 @@ def find_bundle(
 
 
 def chosen_precision(asked: Precision | Literal["default"], recorded: Decisions | None = None) -> Precision:
-    """What is asked for, else what was recorded, else float32."""
+    """The requested precision, else the recorded one, else float32."""
     if asked != "default":
         return asked
     return recorded.precision if recorded else "float32"
 
 
 def chosen_engine(asked: EngineChoice | Literal["default"], recorded: Decisions | None = None) -> EngineChoice:
-    """What is asked for, else what was recorded and is installed, else onnxruntime."""
+    """The requested engine, else the recorded one if it is installed, else onnxruntime."""
     from importlib.util import find_spec
 
     from edgemap.runtime.frames.reading import print_message

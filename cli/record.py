@@ -118,7 +118,7 @@ def wheel_track(spec: str | Path | None) -> Trajectory | None:
 def recording_sinks(
     path: Path | None, lossless: bool, source: Camera, floor: FloorCamera, odometry: str, decisions: Decisions
 ) -> list[RecordingSink]:
-    """What `edgemap run --record` adds: the run's lens, mount and decisions, and its wheels, else the source's."""
+    """Sinks of `edgemap run --record`: with the run's intrinsics, mount, decisions and wheels (or the source's)."""
     from edgemap.runtime.inputs.recordings.facts import Facts
     from edgemap.runtime.outputs.recording.recorder import Recorder, RecordingSink
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CameraGroup(Source):
-    """Where frames come from, and how the camera sits and sees."""
+    """Source of the frames, intrinsics and mount."""
 
     without_depth: WithoutDepth = False
     depth_topic: DepthTopicName = None
@@ -43,7 +43,7 @@ class CameraGroup(Source):
 
 @dataclass(frozen=True)
 class RobotGroup(Motion):
-    """Where the robot's motion comes from."""
+    """Source of the robot's motion."""
 
     wheel_topic: WheelTopic = None
     imu_topic: ImuTopic = None
@@ -51,7 +51,7 @@ class RobotGroup(Motion):
 
 @dataclass(frozen=True)
 class MapGroup:
-    """What goes on the map, and which map it continues."""
+    """Objects to map, and the saved map to continue."""
 
     saved: SavedMap = None
     start: StartText = None
@@ -134,7 +134,7 @@ class AdvancedGroup(Network):
 
 @dataclass(frozen=True)
 class RunOptions:
-    """All that was typed for a run."""
+    """All options of a run."""
 
     camera: CameraGroup
     robot: RobotGroup

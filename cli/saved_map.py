@@ -62,7 +62,7 @@ def forgets(forget: str, saved: Path | None, clustering: str) -> bool:
 
 
 def place_of(saved: Path | None) -> MapPlace | None:
-    """What `--map` means; None where it is not given."""
+    """The place of `--map`; None without it."""
     from edgemap.runtime.step.map_store import find_map
 
     return None if saved is None else find_map(saved)
@@ -129,7 +129,7 @@ def living_map(place: MapPlace | None, mapper: Mapper) -> Iterator[list[LivingMa
 
 
 def where_it_was(mapper: Mapper, saved: Path | None) -> str | None:
-    """How the search for the robot's pose in the saved map ended, in one line; None where there was none."""
+    """Result of the relocalisation in the saved map, in one line; None where there was none."""
     from math import degrees
 
     search = mapper.relocaliser

@@ -1,4 +1,4 @@
-"""What `edgemap run` prints when it ends."""
+"""The summary that `edgemap run` prints at its end."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Summary:
         self._mount = mount
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Keep it."""
+        """Stores the result."""
         self.result, self.objects = result, objects
         self.height = result.observed.height_seen or self.height
         for text in result.observed.faults:
@@ -69,7 +69,7 @@ class Summary:
         print("\n".join(lines))
 
     def fault_line(self, folder: Path) -> str:
-        """How many faults there were, and the first of them."""
+        """Number of faults, and the first ones."""
         from edgemap.runtime.frames.reading import printable
 
         count, shown = self.fault_count, "; ".join(list(self.faults.values())[:SHOWN_FAULTS])

@@ -1,4 +1,4 @@
-"""How true attitudes are, and where they come from."""
+"""Errors of attitudes, and their sources."""
 
 from __future__ import annotations
 

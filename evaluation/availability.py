@@ -1,4 +1,4 @@
-"""In how many frames each odometry measured a motion."""
+"""Share of frames in which each odometry measured a motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well a floor mask agrees with true labels: overlap, and where the floor ends along each image column."""
+"""Scores of a floor mask against true labels: overlap, and the contact at which the floor ends in each column."""
 
 from __future__ import annotations
 
@@ -59,8 +59,9 @@ class FloorScore:
 
 
 def contact_rows(floor: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Per column of a picture, the row of its lower edge of what stands on the floor: half a pixel above the topmost
-    pixel of the lowest run of floor. H - 1/2 where a column has no floor."""
+    """Per column of a picture, the row of the contact, the lower edge of the first obstacle: half a pixel above the
+    topmost pixel of the lowest run of floor. H - 1/2 where a column has no floor.
+    """
     rows = len(floor)
     lowest = rows - 1 - floor[::-1].argmax(axis=0)  # of the lowest run
     above = np.arange(rows)[:, None] < lowest

@@ -1,4 +1,4 @@
-"""How true an occupancy grid is: free and occupied cells, and walls, against a floor plan."""
+"""Scores of an occupancy grid against a floor plan: free and occupied cells, and walls."""
 
 from __future__ import annotations
 

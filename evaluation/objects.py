@@ -1,4 +1,4 @@
-"""How true a map is: objects matched one to one with what really stands there."""
+"""Scores of a map: its objects, matched one to one with the true ones."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def score_map(
 
 
 def reliability(outcomes: Sequence[tuple[float, bool]]) -> dict[str, Any]:
-    """How true confidences are, from (confidence, whether it was matched) of mapped objects.
+    """Calibration of confidences, from (confidence, whether it was matched) of mapped objects.
 
     Gives `bins`, those with any objects: from and to, how many there are, how many of them are real, and their mean
     confidence; and `ece`, the expected calibration error (Guo et al. 2017), null without objects.

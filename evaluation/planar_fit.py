@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def planar_fit(poses: Array, lengths_m: Sequence[float]) -> dict[str, float | None]:
-    """How far the way that three values of each motion integrate to lies off the full poses.
+    """Deviation of the trajectory integrated from three values of each motion from the full poses.
 
     poses: (N, 4, 4) in a z-up frame, x forward and y left. The three are the two translations and the yaw of each
     motion in the moving frame, as the paper (§3.2) selects them from KITTI. mean_m, max_m: horizontal distance over

@@ -1,4 +1,4 @@
-"""What an estimated way is wrong by: over segments, after alignment, frame by frame, and against its covariance."""
+"""Errors of an estimated trajectory: over segments, after alignment, per frame, and against its covariance."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def integrated(steps: Sequence[SE2]) -> list[SE2]:
 
 
 def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: float, step: int = SEGMENT_STEP) -> Array:
-    """What each segment of one length is wrong by at its end, (S, 2): metres and radians, none negative.
+    """Errors at the end of each segment of one length, (S, 2): metres and radians, absolute values.
 
     KITTI odometry protocol (Geiger, Lenz and Urtasun 2012): a segment starts every `step` frames and ends at the
-    first frame whose true way from there exceeds the length; no alignment beyond the common start.
+    first frame whose true path from there exceeds the length; no alignment beyond the common start.
     """
     _same_length(true, estimated)
     way_m = path_m(true)
@@ -57,7 +57,7 @@ def segment_errors(true: Sequence[SE2], estimated: Sequence[SE2], length_m: floa
 
 
 def aligned_errors_m(true: Sequence[SE2], estimated: Sequence[SE2]) -> Array:
-    """How far each position is off after the best rigid alignment, metres, (N,)."""
+    """Position errors after the best rigid alignment, metres, (N,)."""
     _same_length(true, estimated)
     wanted, estimate = (np.array([(pose.x_m, pose.y_m) for pose in poses]) for poses in (true, estimated))
     aligned = fit_se2(estimate, wanted, np.ones(len(estimate))).apply(estimate)

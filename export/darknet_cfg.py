@@ -20,7 +20,7 @@ _REQUIRED = object()
 
 @dataclass(frozen=True)
 class Section:
-    """One `[kind]` block of a cfg. file, line: where it stands. options: key to (text, line)."""
+    """One `[kind]` block of a cfg. file, line: its position. options: key to (text, line)."""
 
     kind: str
     file: str

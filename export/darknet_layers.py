@@ -67,7 +67,7 @@ class Convolution(Layer):
 
 
 class MaxPool(Layer):
-    """Max pooling with Darknet's own padding: half of it (rounded down) in front, what is missing behind."""
+    """Max pooling with Darknet's own padding: half of it (rounded down) before, the rest behind."""
 
     def __init__(self, source: int, size: int, stride: int, pad: tuple[int, int, int, int]) -> None:
         super().__init__([source])
@@ -132,7 +132,7 @@ class Same(Layer):
     """Passes its source on: dropout when a trained network runs, and the marker of a detection head."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """Its input."""
+        """Returns its input."""
         return x
 
 

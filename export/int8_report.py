@@ -1,4 +1,4 @@
-"""What int8 loses and gains beside float32: differences, AP50 where there is truth, time."""
+"""Comparison of int8 with float32: differences, AP50 where there is truth, time."""
 
 from __future__ import annotations
 

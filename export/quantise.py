@@ -34,9 +34,8 @@ MINIMUM_OPSET = 13  # scales per channel
 
 
 def add_int8(folder: Path, calibration: Calibration) -> None:
-    """Write the int8 variant into a bundle's folder, and what it loses and gains into bundle.json.
-
-    Raises ExportError, BundleError or CameraError.
+    """Writes the int8 variant into a bundle's folder, and its accuracy and speed into bundle.json. Raises ExportError,
+    BundleError or CameraError.
     """
     manifest = read_manifest(folder)
     detector = manifest.detector

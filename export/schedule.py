@@ -1,4 +1,4 @@
-"""How training spends its budget of minutes, epochs or steps: learning rate, when it is over."""
+"""Schedule of a training budget of minutes, epochs or steps: learning rate and end."""
 
 from __future__ import annotations
 

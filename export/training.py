@@ -1,4 +1,4 @@
-"""What every training here shares: a budget, validations that choose `best.pt`, a `last.pt` to resume from."""
+"""Common parts of all trainings: a budget, validations that select `best.pt`, a `last.pt` to resume from."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ class Training(ABC):
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """What a resume needs besides what this class keeps."""
+        """Further state that a resume needs."""
 
     @abstractmethod
     def restore(self, state: dict[str, Any], path: Path) -> None:
-        """Take `state`'s values again. Raises ExportError where they belong to another run."""
+        """Restores the values of `state`. Raises ExportError where they belong to another run."""
 
     @abstractmethod
     def best(self) -> dict[str, Any]:

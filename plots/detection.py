@@ -50,7 +50,7 @@ class Mistakes:
             del kept[TILES:]
 
     def save(self, folder: Path) -> list[Path]:
-        """Write false_boxes.png and misses.png, those of them that there are."""
+        """Writes false_boxes.png and misses.png, each where it has any."""
         folder.mkdir(parents=True, exist_ok=True)
         written = []
         for name, mistakes in (("false_boxes.png", self._false), ("misses.png", self._missed)):

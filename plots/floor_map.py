@@ -57,8 +57,8 @@ def plot_map(
 ) -> Path:
     """Draw the three panels, or the centres alone where there are no sightings; the path.
 
-    truth: label, x and y in metres of what really stands there, drawn as hollow marks over the centres. grid: the
-    floor, drawn below everything.
+    truth: label, x and y in metres of true objects, drawn as hollow marks over the centres. grid: the floor, drawn
+    below everything.
     """
     if len(objects) > MAXIMUM_DRAWN:
         raise PlotError(f"{path}: {len(objects)} objects, at most {MAXIMUM_DRAWN} are drawn")

@@ -1,4 +1,4 @@
-"""How our figures look: colours by label, the floor from above with forward up and left on the left."""
+"""Style of the figures: colours by label; floor plans with forward up and left on the left."""
 
 from __future__ import annotations
 

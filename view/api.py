@@ -67,7 +67,7 @@ class Api:
         return [Route(path, guarded(answer), methods=[method]) for method, path, answer in routes]
 
     async def run(self, request: Request) -> Response:  # noqa: ARG002
-        """What runs: camera, bundle, odometry, colours and marks of the labels."""
+        """Description of the run: camera, bundle, odometry, colours and marks of the labels."""
         return as_json(self._ask.page.about | {"state": self._ask.page.state})
 
     async def health(self, request: Request) -> Response:  # noqa: ARG002
@@ -83,7 +83,7 @@ class Api:
         return as_json([answers.event_answer(event) for event in self._ask.page.events.all()])
 
     async def pose(self, request: Request) -> Response:  # noqa: ARG002
-        """Where the robot is."""
+        """Pose of the robot."""
         return as_json(answers.pose_answer(self._ask.snapshot().result))
 
     async def frame(self, request: Request) -> Response:  # noqa: ARG002
@@ -135,12 +135,12 @@ class Api:
         return as_json({"state": self._ask.page.state})
 
     async def save(self, request: Request) -> Response:
-        """Keep a copy of the map in the run folder."""
+        """Saves a copy of the map in the run folder."""
         await body_of(request, Nothing)
         return as_json({"path": str(await asyncio.to_thread(self._ask.page.save))})
 
     async def put_mount(self, request: Request) -> Response:
-        """Keep a mount in the run's camera.yaml, for the next run."""
+        """Saves a mount in the run's camera.yaml, for the next run."""
         body, page = await body_of(request, MountRequest), self._ask.page
         if page.keep_mount is None:
             raise Refused(409, "this run keeps no camera.yaml")

@@ -19,7 +19,7 @@ class WaitingLimited(_Base):
     """
 
     def connection_made(self, transport: asyncio.Transport) -> None:
-        """As the base class; closes the oldest of too many that wait."""
+        """As in the base class; closes the oldest idle connection beyond the limit."""
         super().connection_made(transport)
         self.made_s = asyncio.get_running_loop().time()
         waiting = [one for one in self.connections if isinstance(one, WaitingLimited) and one.waits]

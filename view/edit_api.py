@@ -23,7 +23,7 @@ SIGMA_M, SIGMA_RAD = 0.10, math.radians(3.0)  # of a pose that a person sets, wh
 
 
 class ObjectRequest(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of PATCH /api/objects/{id}: what is to change."""
+    """Body of PATCH /api/objects/{id}: the fields to change."""
 
     name: GivenName | None = None
     confirmed: bool | None = None
@@ -133,7 +133,7 @@ class EditApi:
         return as_json(self._ask.object(request))
 
     async def preview_merge(self, request: Request) -> Response:
-        """What two objects would be as one: nothing is changed."""
+        """Preview of a merge of two objects, without changing the map."""
         item, into = self._ask.object(request)["id"], request.query_params.get("into", "")
         if self._ask.find(into)["id"] == item:
             raise Refused(409, f"{item!r} cannot be merged with itself")
@@ -141,7 +141,7 @@ class EditApi:
         return as_json(answers.object_answer(joined([by_id[into], by_id[item]]), self._ask.snapshot()))
 
     async def delete_object(self, request: Request) -> Response:
-        """Take an object off the map, and keep it off."""
+        """Deletes an object permanently."""
         return as_json({"id": await self._ask.edit(Edit("delete", self._ask.object(request)["id"]))})
 
     async def merge_object(self, request: Request) -> Response:
@@ -152,7 +152,7 @@ class EditApi:
         return as_json(self._ask.find(body.into))
 
     async def restore_object(self, request: Request) -> Response:
-        """Take back that an object was deleted or merged."""
+        """Reverts the deletion or merge of an object."""
         await body_of(request, Nothing)
         return as_json({"id": await self._ask.edit(Edit("restore", request.path_params["id"]))})
 
@@ -170,7 +170,7 @@ class EditApi:
         return as_json(zone, 200 if identity else 201)
 
     async def delete_zone(self, request: Request) -> Response:
-        """Take a zone away."""
+        """Deletes a zone."""
         identity = request.path_params["id"]
         if identity not in {zone.id for zone in self._ask.page.annotations.zones}:
             raise Refused(404, f"no zone {identity[:60]!r}")
@@ -184,7 +184,7 @@ class EditApi:
         return as_json({"x_m": body.x_m, "y_m": body.y_m, "yaw_rad": body.yaw_rad})
 
     async def dock(self, request: Request) -> Response:  # noqa: ARG002
-        """Where the dock is."""
+        """Pose of the dock."""
         dock = self._ask.page.annotations.dock
         if dock is None:
             raise Refused(404, "the map has no dock")
@@ -203,7 +203,7 @@ class EditApi:
         return await self.dock(request)
 
     async def delete_dock(self, request: Request) -> Response:
-        """Take the dock off the map."""
+        """Deletes the dock."""
         await self.dock(request)
         return as_json({"id": await self._ask.edit(Edit("drop_dock"))})
 

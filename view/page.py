@@ -97,7 +97,7 @@ class LivePage:
         self._wake: Callable[[], None] | None = None
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
-        """Keep the step's result in place of the one before."""
+        """Replaces the stored result by this step's."""
         now_s = time.monotonic()
         self._arrivals_s.append(now_s)
         self._moved_m += result.correction.moved_m if result.correction else 0.0

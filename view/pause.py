@@ -1,4 +1,4 @@
-"""Holding a run of a file source: its frames wait, and the clock that paces them stands still meanwhile."""
+"""Pauses the run of a file source: frames wait, and the clock that paces them stops."""
 
 from __future__ import annotations
 

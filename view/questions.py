@@ -1,4 +1,4 @@
-"""What every answer of the API shares: JSON bodies in and out, refusals, and the page that is asked."""
+"""Common parts of the API's handlers: JSON bodies, errors, and the page that they query."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Nothing(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Questions:
-    """What requests ask of one page. Every failure is a `Refused`."""
+    """Queries on one page. Every failure is a `Refused`."""
 
     def __init__(self, page: LivePage) -> None:
         self.page = page

@@ -37,7 +37,7 @@ class Alert:
 
 
 def problems(page: LivePage) -> list[Alert]:
-    """What is wrong now, faults first; empty while all is well or the run is held or over."""
+    """The current problems, faults first; empty without problems, and while the run is paused or over."""
     snapshot = page.newest
     if page.state != "running" or snapshot is None:
         return []

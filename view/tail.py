@@ -31,7 +31,7 @@ class Tail(Generic[T]):
             self._items = deque(map(change, self._items), maxlen=self._items.maxlen)
 
     def all(self) -> list[T]:
-        """All that are kept, oldest first."""
+        """All stored items, oldest first."""
         return list(self._items)
 
     @property

@@ -76,7 +76,7 @@ class ProcessUsage:
 
 
 class Cursor:
-    """What one viewer has been sent, and hence what is new to it."""
+    """Tracks what one viewer has received, to send only changes."""
 
     def __init__(self) -> None:
         self.revision = -1

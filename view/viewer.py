@@ -1,4 +1,4 @@
-"""One browser at the page: what it is sent, and how it is never sent more than it takes."""
+"""One browser's connection, with flow control: a slow browser skips updates."""
 
 from __future__ import annotations
 

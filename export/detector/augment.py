@@ -1,4 +1,4 @@
-"""What training does to pictures: mosaics of four, scale, shift, flip, colour, blur, noise. Seeded by the caller."""
+"""Augmentation: mosaics of four pictures, scale, shift, flip, colour, blur, noise. Seeded by the caller."""
 
 from __future__ import annotations
 

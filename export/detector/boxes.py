@@ -16,7 +16,7 @@ RADIUS = 2.5  # cells between a cell's centre and that of a box it may answer fo
 
 @dataclass(frozen=True)
 class Rows:
-    """What all cells of all heads predict, one row for each (N of them; a cell with three anchors has three).
+    """Predictions of all cells of all heads, one row each (N rows; a cell with three anchors has three).
 
     scores: (B, N, C) logits of the score by which the runtime ranks: objectness times class probability where there is
     an objectness. boxes: (B, N, 4) xyxy, px of the input. bins: (B, N, 4, 8) logits of the sides, of `dfl` heads alone.

@@ -43,7 +43,7 @@ class Example:
     scores: NDArray[np.float32] | None = None
 
     def certainty(self) -> NDArray[np.float32]:
-        """How sure each box is, (N,): 1 where it is true."""
+        """Certainty of each box, (N,): 1 for labels."""
         return np.ones(len(self.boxes), dtype=np.float32) if self.scores is None else self.scores
 
     def ignored(self) -> NDArray[np.bool_]:

@@ -21,7 +21,7 @@ Teacher = Callable[[NDArray[np.uint8]], LabelledBoxes]
 
 
 def teacher_of(bundles: Sequence[Bundle]) -> Teacher:
-    """BGR picture to the boxes that these bundles see in it, averaged; `visible` is 0 for those they doubt."""
+    """A function from a BGR picture to these bundles' averaged boxes; `visible` is 0 for uncertain ones."""
     detectors = [
         Detector(bundle, Decoder(bundle.manifest.detector, DOUBT_SCORE / len(bundles), 0.6)) for bundle in bundles
     ]

@@ -92,7 +92,7 @@ class Trainer(Training):
         self.epoch, self.index = 0, 0
 
     def progress(self) -> float:
-        """By the clock or by epochs."""
+        """Share of the budget that is spent, by the clock or by epochs."""
         return self.schedule.progress(self.trained_s, self.epoch + self.index / self._batches())
 
     def take_steps(self) -> Iterator[None]:
@@ -184,7 +184,7 @@ class Trainer(Training):
         return network
 
     def validate(self) -> None:
-        """With the averaged weights, on every validation set, in the first process."""
+        """Validates the averaged weights on every validation set, in the first process."""
         means = self.means(4)
         row = self.ranks.broadcast(self._validated(means) if self.ranks.first else None)
         if not self.ranks.first:

@@ -1,4 +1,4 @@
-"""How good a network is on labelled pictures, while it trains: the runtime's decoding, COCO's AP."""
+"""Validation on labelled pictures during training: the runtime's decoding, COCO's AP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Varied pictures as the frozen network's features, with what a floor head should make of them, kept on disk."""
+"""On-disk cache of the frozen network's features of augmented pictures, with the floor head's targets."""
 
 from __future__ import annotations
 

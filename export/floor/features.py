@@ -1,4 +1,4 @@
-"""What a floor head reads of a picture: the frozen detector's features of strides 4 to 32."""
+"""Inputs of a floor head: the frozen detector's features of strides 4 to 32."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Features:
 
 
 def tapped_network(model: ModelProto, taps: Sequence[Tensor4], threads: int = 1) -> Network:
-    """What gives these tensors of a model, in this order."""
+    """A network that returns these tensors of a model, in this order."""
     model = copy.deepcopy(model)
     del model.graph.output[:]
     for tap in taps:

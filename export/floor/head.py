@@ -34,7 +34,7 @@ class Block(nn.Module):
         self.mix = Unit(width, width)
 
     def forward(self, x: Tensor) -> Tensor:
-        """The maps and what the block adds to them."""
+        """The maps plus the block's residual."""
         return x + self.mix(self.spread(x))
 
 

@@ -1,4 +1,4 @@
-"""What a floor head is trained on: labelled folders, and folders of photographs that a teacher labels first."""
+"""Training data of a floor head: labelled folders, and folders of photographs that a teacher labels first."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Teacher = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 def labelled(spec: str, teacher: Teacher | None, labels: Path) -> list[Pair]:
     """Pictures and label files of `floor:DIR`, `drive:DIR` with floor/, or a plain folder that the teacher labels.
 
-    labels: where its labels go; those that are there already stay. Raises ExportError or CameraError.
+    labels: folder for its labels; existing ones are kept. Raises ExportError or CameraError.
     """
     kind, colon, folder = spec.partition(":")
     if colon and kind in ("floor", "drive"):

@@ -20,9 +20,8 @@ SURE = 0.6  # probability of a label; below it a pixel is ignored
 
 
 def open_teacher(path: Path, threads: int = 1) -> Callable[[Image], Image]:
-    """What gives a BGR picture's mask, (H, W) uint8, from a .tflite file whose output is (1, h, w, 32) logits.
-
-    Raises ExportError where the file is no such network, or the extra `teacher` is missing.
+    """A function from a BGR picture to its mask, (H, W) uint8, from a .tflite file whose output is (1, h, w, 32)
+    logits. Raises ExportError for another network, or without the extra `teacher`.
     """
     try:
         from ai_edge_litert.interpreter import Interpreter  # pyright: ignore[reportMissingImports]  # an extra

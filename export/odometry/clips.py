@@ -36,8 +36,9 @@ class Clips:
 
 
 def reach_m(drive: FeatureDrive) -> float:
-    """How far the base may drive in a step that skips pictures: the nearest floor in view then moves down the picture
-    by as many cells as the search reaches. 0.2 m for robots at home, 3 m for KITTI's car; no bound without floor."""
+    """Longest motion of the base in a step that skips pictures: the nearest floor in view then moves down the picture
+    by as many cells as the search reaches. 0.2 m for robots at home, 3 m for KITTI's car; no bound without floor.
+    """
     floor, down = drive.cells[0, 6], np.abs(drive.cells[0, 5])
     nearest = np.unravel_index(int(floor.argmax()), floor.shape)
     if floor[nearest] <= 0.0:

@@ -1,4 +1,4 @@
-"""How each kind of head is trained: its loss, its optimiser, its clips, and how it runs over a drive."""
+"""Training recipe of each kind of head: loss, optimiser, clips, and its execution over a drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a moving base makes points of the picture go, and the least-squares motion that explains it.
+"""Displacement of picture points by a motion of the base, and the least-squares motion from displacements.
 
 Everything is in normalised image points ("bearings") of cells on a grid, so that one network serves any lens and mount.
 Batches: B pictures, N cells. The unknowns are the base's motion since the previous frame (x, y, yaw rad; lengths in the
@@ -166,7 +166,7 @@ def _without(normal: Tensor, unknown: int) -> Tensor:
 
 
 def inverse3(matrix: Tensor) -> Tensor:
-    """Of symmetric positive (B, 3, 3) in float64, by cofactors."""
+    """Inverses of symmetric positive definite matrices (B, 3, 3) in float64, by cofactors."""
     flat = matrix.flatten(1)
     first, second, third, fourth = (flat.index_select(1, placed(places, flat, torch.long)) for places in _COFACTORS)
     adjugate = first * second - third * fourth

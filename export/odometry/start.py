@@ -1,4 +1,4 @@
-"""What training a head begins with: seeded random weights, features standardised; or an earlier head."""
+"""Initial weights of a head: seeded random ones with standardised features, or an earlier head."""
 
 from __future__ import annotations
 

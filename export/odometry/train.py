@@ -78,7 +78,7 @@ class HeadTraining(Training):
         self.schedule = Schedule(settings.minutes, settings.steps)
 
     def progress(self) -> float:
-        """By the clock or by steps."""
+        """Share of the budget that is spent, by the clock or by steps."""
         return self.schedule.progress(self.trained_s, self.steps)
 
     def take_steps(self) -> Iterator[None]:

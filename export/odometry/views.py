@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ViewRule:
-    """What views are drawn from, evenly. yaw_rad, pitch_rad, roll_rad: of the camera against its mount, so far that a
-    car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness."""
+    """Uniform ranges of random views. yaw_rad, pitch_rad, roll_rad: of the camera against its mount, so far that a
+    car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness.
+    """
 
     yaw_rad: tuple[float, float] = (-math.radians(10.0), math.radians(10.0))
     pitch_rad: tuple[float, float] = (-math.radians(2.5), math.radians(4.0))
@@ -32,8 +33,9 @@ class ViewRule:
 
 @dataclass(frozen=True, slots=True)
 class AugmentedView:
-    """How a view differs from the pictures: mirrored first, then rotated (about the optical axes down, right and
-    ahead), zoomed, and its brightness changed."""
+    """Transformation of the pictures in a view: mirrored first, then rotated (about the optical axes down, right and
+    ahead), zoomed, and its brightness changed.
+    """
 
     yaw_rad: float = 0.0
     pitch_rad: float = 0.0
