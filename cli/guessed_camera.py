@@ -72,7 +72,7 @@ class CameraKeeper:
 
         if self._guess is not None and not self._by_hand:
             mount = self._floor.mount
-            if observed is not None:
+            if observed is not None and not self._guess.sway_rad:  # a carried camera's last angles are no mount
                 mount = replace(mount, pitch_rad=observed.mount.pitch_rad, roll_rad=observed.mount.roll_rad)
             self._floor = FloorCamera(self._floor.intrinsics, mount)
             self._write(self._guess.record())

@@ -66,6 +66,9 @@ HEIGHT = [
         ({"quality": {"rate_hz": 2.0}}, "care", "rate", "2.0 pictures per second"),
         ({"quality": {"carried_frames": 200}}, "care", "carried", "sways"),
         ({"camera_guess": {"focal_sigma_share": 0.18, "height_sigma_share": 0.08}}, "care", "guess", "to 18 %"),
+        ({"camera_guess": {"focal_sigma_share": 0.1, "height_sigma_share": 0.2}}, "unreliable", "guess", "to 20 %"),
+        ({"camera_guess": {"focal_sigma_share": 0.1, "height_sigma_share": 0.1, "sway_deg": 9.0},
+          "mount_seen": {"pitch_deg": 55.8, "sigma_pitch_deg": 4.3}}, "unreliable", "carried", "sways by 9 deg"),
         ({"envelope": "flow odometry: the camera is outside"}, "care", "camera", "the camera is outside"),
     ],
 )  # fmt: skip

@@ -23,6 +23,7 @@ DOUBTFUL = 0.5
 OFF_MOUNT_DEG = 2.0  # of pitch or roll: moves what is 3 m before a lens 0.6 m up by half a metre
 SLOW_HZ = 4.0  # at 0.5 m/s and 60 degrees/s a picture shares three quarters of its view with the one before
 LOW_M = 0.31  # below, half a degree of tilt moves what is 3 m away by a quarter of a metre
+SEEN_M = 3.0  # from where most objects are seen
 FAR_FLOOR_M = 3.0  # nearest floor in view; nearer objects do not show where they stand
 
 
@@ -81,13 +82,19 @@ def _pictures(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Se
 
 def _mount(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
     """The mount as given against the mount as observed, angles and height; and whether it was given at all."""
+    carried = quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]
     if guess := record.get("camera_guess"):
+        if sway_deg := guess.get("sway_deg"):
+            text = f"the camera sways by {sway_deg:.0f} deg, as in a hand or on a head, and its mount is a guess"
+            yield Finding("unreliable", CAUSES["carried"], text)
+            carried = True
         focal, height = (100 * guess[f"{name}_sigma_share"] for name in ("focal", "height"))
         shares = f"focal length to {focal:.0f} %, height to {height:.0f} %"
-        yield Finding("care", CAUSES["guess"], f"lens and mount are guessed ({shares})")
+        level = _level(SEEN_M * guess["height_sigma_share"], WRONG_M)
+        yield Finding(level, CAUSES["guess"], f"lens and mount are guessed ({shares})")
     given, seen = record.get("mount", {}), record.get("mount_seen", {})
     for angle in ("pitch", "roll"):
-        if f"{angle}_deg" not in seen or quality.get("carried_frames", 0) > SOME_SHARE * quality["frames"]:
+        if f"{angle}_deg" not in seen or carried:
             continue
         given_deg, seen_deg = given.get(f"{angle}_deg", 0.0), seen[f"{angle}_deg"]
         used_deg, doubt_deg = seen.get(f"used_{angle}_deg", given_deg), 2.5 * seen[f"sigma_{angle}_deg"]

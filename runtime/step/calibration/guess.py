@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -32,8 +32,12 @@ PEAK_SIGMA, PEAK_SHARE, EDGES_SIGMA, SHOWN_SHARE = 0.05, 0.6, 0.02, 0.5
 EDGE_SIGMA_RAD, EDGE_LIMIT, STEEPEST_RAD = math.radians(0.7), 6.0, math.radians(40.0)
 SURE_RAD = math.radians(0.5)  # of a pitch by edges with the right focal length
 FEWEST_ROOMS = 4  # pictures whose edges show the room
+# Scatter of the roll from picture to picture (1.48 times the median deviation) of a camera that is no robot's: 2.5 to
+# 3.6 degrees on the lounge, hololens and redkitchen walks, 0.2 to 0.7 on tuning homes 9000-9005.
+SWAYING_RAD = math.radians(1.5)
 USUAL_PITCH_RAD, PITCH_SIGMA_RAD = math.radians(8.0), math.radians(10.0)  # of robots' cameras, where no edges tell
 USUAL_HEIGHT_M, HEIGHT_SIGMA = 0.6, 0.7  # of the lens, and of its logarithm
+CARRIED_HEIGHT_M, CARRIED_SIGMA = 1.5, 0.15  # of a camera in a person's hands, before the chest, or on the head
 TRIED_PITCH_RAD = np.radians(np.arange(-10.0, 46.0, 1.0))
 CUT_PX, LEAST_SCORE, FARTHEST_HEIGHTS = 3.0, 0.5, 15.0  # farther than so many lens heights, pitch decides alone
 LOWEST_M, HIGHEST_M = 0.05, 3.0
@@ -46,7 +50,7 @@ Detector = Callable[[Picture], Detections]
 @dataclass(frozen=True, slots=True)
 class CameraGuess:
     """lens, mount: the guess. focal_sigma, height_sigma: one standard deviation as a share; pitch_sigma_rad. how: what
-    each came from, in words."""
+    each came from, in words. sway_rad: standard deviation of the pitch of a camera that is carried, else 0."""
 
     lens: Intrinsics
     mount: Mount
@@ -54,27 +58,31 @@ class CameraGuess:
     height_sigma: float
     pitch_sigma_rad: float
     how: tuple[str, ...]
+    sway_rad: float = 0.0
 
     def lines(self) -> list[str]:
         """The guess with its uncertainty, for display."""
         lens, mount = self.lens, self.mount
         focal, height, pitch = self.how
         pitch_deg, roll_deg = math.degrees(mount.pitch_rad), math.degrees(mount.roll_rad)
+        sway = f"the camera sways by {math.degrees(self.sway_rad):.0f} deg from picture to picture: it is carried"
         return [
             f"focal length {lens.fx:.0f} +- {100 * self.focal_sigma:.0f} % px ({focal})",
             f"lens {mount.height_m:.2f} m +- {100 * self.height_sigma:.0f} % above the floor ({height})",
             f"pitch {pitch_deg:.1f} +- {math.degrees(self.pitch_sigma_rad):.1f} deg, roll {roll_deg:.1f} deg ({pitch})",
+            *([f"{sway}; pitch and height are not constant"] if self.sway_rad else []),
         ]
 
     def record(self) -> dict[str, object]:
         """For run.json, and for camera.yaml's `calibration`."""
-        return {
+        record: dict[str, object] = {
             "method": "guessed",
             "focal_sigma_share": round(self.focal_sigma, 3),
             "height_sigma_share": round(self.height_sigma, 3),
             "sigma_pitch_deg": round(math.degrees(self.pitch_sigma_rad), 2),
             "from": list(self.how),
         }
+        return record | ({"sway_deg": round(math.degrees(self.sway_rad), 1)} if self.sway_rad else {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,17 +121,23 @@ def guess_camera(
     boxes = [detect(picture) for picture in pictures]
     if mount is not None:
         return CameraGuess(lens, mount, focal_sigma, 0.0, 0.0, (focal_how, "as given", "as given"))
-    ups = _ups(ends, lens)
-    pitch, pitch_sigma, count = _pitch_by_sizes(boxes, lens)
-    roll, pitch_how = 0.0, f"{count} objects of usual sizes" if count else "usual for a robot"
+    ups, usual = _ups(ends, lens), (USUAL_HEIGHT_M, HEIGHT_SIGMA)
+    roll, sway_rad, scatter, by_edges = 0.0, 0.0, 0.0, None
     if len(ups) >= FEWEST_ROOMS:
         angles = np.array([pitch_roll(up) for up in ups])
         by_edges, roll = np.median(angles, axis=0).tolist()
+        scatter, roll_scatter = (1.48 * np.median(np.abs(angles - [by_edges, roll]), axis=0)).tolist()
+        if roll_scatter > SWAYING_RAD:
+            sway_rad, usual = scatter, (CARRIED_HEIGHT_M, CARRIED_SIGMA)
+    pitch, pitch_sigma, count = _pitch_by_sizes(boxes, lens, usual if sway_rad else None)
+    pitch_how = f"{count} objects of usual sizes" if count else "usual for a robot"
+    if by_edges is not None:
         # A focal length that is wrong turns the horizon's row into another pitch.
-        edges_sigma = math.hypot(abs(by_edges) * focal_sigma, SURE_RAD)
+        edges_sigma = math.hypot(abs(by_edges) * focal_sigma, SURE_RAD, scatter)
         weights = np.array([pitch_sigma, edges_sigma]) ** -2
         pitch = float(weights @ [pitch, by_edges] / weights.sum())
         pitch_sigma, pitch_how = float(weights.sum() ** -0.5), f"the edges of {len(ups)} pictures, {pitch_how}"
+    pitch_sigma = math.hypot(pitch_sigma, sway_rad)
     tilted = Mount(1.0, pitch, roll)
     floor_share = _floor_share(lens, tilted)
     if floor_share < LEAST_FLOOR:
@@ -131,16 +145,15 @@ def guess_camera(
             f"{100 * floor_share:.0f} % of the picture lies below the horizon (pitch {math.degrees(pitch):.1f} deg up "
             f"to {math.degrees(pitch_sigma):.1f}): no floor is seen; tilt the camera down, or pass --mount"
         )
-    height_m, height_sigma, count = _height(boxes, lens, tilted)
+    height_m, height_sigma, count = _height(boxes, lens, tilted, pitch_sigma, usual)
     if not LOWEST_M <= height_m <= HIGHEST_M:
         raise CalibrationError(
             f"{count} objects of usual sizes put the lens {height_m:.2f} m above the floor, expected {LOWEST_M:g} to "
             f"{HIGHEST_M:g} m: pass --mount HEIGHT_M,PITCH_DEG"
         )
     how = f"{count} objects of usual sizes" if count else "usual for a robot; no object of a known size was seen"
-    return CameraGuess(
-        lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, (focal_how, how, pitch_how)
-    )
+    how = (focal_how, how, pitch_how)
+    return CameraGuess(lens, Mount(height_m, pitch, roll), focal_sigma, height_sigma, pitch_sigma, how, sway_rad)
 
 
 def _lens(width: int, height: int, share: float, bend: float = 0.0) -> Intrinsics:
@@ -224,8 +237,11 @@ def _ups(ends: list[Array], lens: Intrinsics) -> list[Array]:
     return found
 
 
-def _pitch_by_sizes(boxes: list[Detections], lens: Intrinsics) -> tuple[float, float, int]:
+def _pitch_by_sizes(
+    boxes: list[Detections], lens: Intrinsics, usual: tuple[float, float] | None
+) -> tuple[float, float, int]:
     """The pitch at which objects of usual heights agree on the lens's height: pitch, its sigma, and how many there are.
+    usual: height of the lens and the sigma of its logarithm, where it is known that well.
 
     Maximum posterior on a grid, with the usual pitch as prior; near and far objects disagree at a wrong one.
     """
@@ -233,7 +249,9 @@ def _pitch_by_sizes(boxes: list[Detections], lens: Intrinsics) -> tuple[float, f
     for pitch in TRIED_PITCH_RAD.tolist():
         logs, sigmas = _logs(boxes, lens, Mount(1.0, pitch))
         cost = 0.5 * ((pitch - USUAL_PITCH_RAD) / PITCH_SIGMA_RAD) ** 2
-        if len(logs) > 1:
+        if usual is not None:
+            cost += float(np.log1p(((logs - math.log(usual[0])) / np.hypot(sigmas, usual[1])) ** 2).sum())
+        elif len(logs) > 1:
             cost += float(np.log1p(((logs - np.median(logs)) / sigmas) ** 2).sum())
         costs.append(cost)
         counts.append(len(logs))
@@ -246,9 +264,25 @@ def _pitch_by_sizes(boxes: list[Detections], lens: Intrinsics) -> tuple[float, f
     return mean, sigma, max(counts)
 
 
-def _height(boxes: list[Detections], lens: Intrinsics, tilted: Mount) -> tuple[float, float, int]:
-    """Lens above the floor, m; its sigma as a share; and how many objects show it. Each class counts as one observation
-    with the scatter of its kind, as objects of a class are alike within a home."""
+def _height(
+    boxes: list[Detections], lens: Intrinsics, tilted: Mount, pitch_sigma: float, usual: tuple[float, float]
+) -> tuple[float, float, int]:
+    """Lens above the floor, m; its sigma as a share; and how many objects show it. usual: without them."""
+    information = usual[1] ** -2
+    if (shown := _height_by_sizes(boxes, lens, tilted)) is None:
+        return *usual, 0
+    mean, variance, count = shown
+    pitches = tilted.pitch_rad - pitch_sigma, tilted.pitch_rad + pitch_sigma
+    turned = [_height_by_sizes(boxes, lens, replace(tilted, pitch_rad=pitch)) for pitch in pitches]
+    logs = [mean if one is None else one[0] for one in turned]
+    variance += (0.5 * (logs[1] - logs[0])) ** 2
+    total = information + 1.0 / variance
+    return math.exp((math.log(usual[0]) * information + mean / variance) / total), total**-0.5, count
+
+
+def _height_by_sizes(boxes: list[Detections], lens: Intrinsics, tilted: Mount) -> tuple[float, float, int] | None:
+    """Logarithm of the lens's height, its variance, and how many objects show it; None where none does. Each class
+    counts as one observation with the scatter of its kind, as objects of a class are alike within a home."""
     camera, by_kind = FloorCamera(lens, tilted), dict[tuple[str, float], list[float]]()
     for found in boxes:
         for one in lens_heights(found, camera):
@@ -256,17 +290,15 @@ def _height(boxes: list[Detections], lens: Intrinsics, tilted: Mount) -> tuple[f
         for label, height_m in _by_widths(found, camera):
             shape = MEASURED[label]
             by_kind.setdefault((label, shape.width_sigma / shape.width), []).append(math.log(height_m))
-    means, information = [math.log(USUAL_HEIGHT_M)], [HEIGHT_SIGMA**-2]
+    means, information = list[float](), list[float]()
     for (_, kind_sigma), logs in by_kind.items():
         spread = 1.48 * float(np.median(np.abs(np.array(logs) - np.median(logs)))) + 0.1
         means.append(float(np.median(logs)))
         information.append(1.0 / (kind_sigma**2 + spread**2 / len(logs) + 0.05**2))
+    if not means:
+        return None
     weights = np.array(information)
-    return (
-        math.exp(float(weights @ means / weights.sum())),
-        float(weights.sum() ** -0.5),
-        sum(map(len, by_kind.values())),
-    )
+    return float(weights @ means / weights.sum()), 1.0 / float(weights.sum()), sum(map(len, by_kind.values()))
 
 
 def _by_widths(found: Detections, camera: FloorCamera) -> list[tuple[str, float]]:

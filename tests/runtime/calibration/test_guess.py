@@ -12,6 +12,7 @@ from edgemap.geometry.observations.class_extents import HEIGHT_M, MEASURED
 from edgemap.geometry.observations.detections import Detections
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.inputs.cameras.stated_focal import stated_focal_px
+from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.open import open_camera
 from edgemap.runtime.network.bundle import load_bundle
 from edgemap.runtime.network.decode import Decoder, Detector
@@ -53,6 +54,19 @@ def test_furniture_of_usual_size_shows_height_and_pitch(height_m, pitch_deg, sha
     assert guess.lens is LENS
     assert guess.mount.height_m == pytest.approx(height_m, rel=share)
     assert math.degrees(guess.mount.pitch_rad) == pytest.approx(pitch_deg, abs=3.0)
+
+
+@pytest.mark.parametrize("walk", ["lounge", "hololens"])
+def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the_truth(walk, shared_data):
+    """The lens is 1.64 m above the floor and looks down by 21 and 23 degrees on average."""
+    paths = sorted((shared_data / walk / "image").glob("*"))
+    bundle = load_bundle(bundle_folder("edgemap-pico"), threads=1)
+    detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence, one_name=True))
+    guess = guess_camera([read_picture(path) for path in paths[:: -(-len(paths) // 30)]], detector)
+    assert guess.sway_rad > math.radians(3.0)
+    assert abs(math.log(guess.mount.height_m / 1.64)) < 2.5 * guess.height_sigma < 0.7
+    assert abs(math.degrees(guess.mount.pitch_rad) - 22.0) < 2.5 * math.degrees(guess.pitch_sigma_rad)
+    assert "it is carried" in guess.lines()[3]
 
 
 def test_what_is_known_stays():
