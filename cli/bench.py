@@ -7,13 +7,13 @@ from typing import Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.groups import Network, Source
+from edgemap.cli.groups import NetworkOptions, Source
 from edgemap.cli.options import Json
 
 
 def command(
     source: Annotated[Source, arg(name="Camera")],
-    network: Annotated[Network, arg(name="Network")],
+    network: Annotated[NetworkOptions, arg(name="Network")],
     rate: Annotated[
         tuple[float, ...],
         arg(metavar="HZ…", help="Frames per second that a camera delivers; the first one's figures lead."),

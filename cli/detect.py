@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.groups import Network, Optics
+from edgemap.cli.groups import NetworkOptions, Optics
 from edgemap.cli.options import Confidence, Json, minimum_score, read_intrinsics, read_mount
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    network: Annotated[Network, arg(name="Network")],
+    network: Annotated[NetworkOptions, arg(name="Network")],
     optics: Annotated[Optics, arg(name="Camera")],
     images: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],

@@ -54,7 +54,7 @@ EXTRAS: dict[str, tuple[str, dict[str, str]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """One line of the report. remedy: what to type where something is missing."""
 
     topic: str
@@ -105,7 +105,7 @@ def _examine(
     intrinsics: str | None,
     camera_file: Path | None,
     plot: Path | None,
-) -> Iterator[Finding]:
+) -> Iterator[Diagnosis]:
     yield from _processor()
     yield from _libraries()
     yield from _cameras()
@@ -113,7 +113,7 @@ def _examine(
     yield from _camera(camera, mount, intrinsics, camera_file, plot)
 
 
-def _processor() -> Iterator[Finding]:
+def _processor() -> Iterator[Diagnosis]:
     import os
     import platform
 
@@ -127,47 +127,47 @@ def _processor() -> Iterator[Finding]:
         flags = ", " + " ".join(word for word in wanted if word in words)
     memory_gb = psutil.virtual_memory().total / 1e9
     text = f"{platform.machine()}, {usable} cores usable, {memory_gb:.1f} GB memory{flags}"
-    yield Finding("processor", "ok", text)
+    yield Diagnosis("processor", "ok", text)
 
 
-def _libraries() -> Iterator[Finding]:
+def _libraries() -> Iterator[Diagnosis]:
     from importlib.metadata import PackageNotFoundError, version
     from importlib.util import find_spec
 
     base = ("numpy", "scipy", "opencv-python-headless", "onnxruntime")
-    yield Finding("libraries", "ok", ", ".join(f"{name} {version(name)}" for name in base))
+    yield Diagnosis("libraries", "ok", ", ".join(f"{name} {version(name)}" for name in base))
     with suppress(PackageNotFoundError):
         text = f"the package edgemap {version('edgemap')}, another project's, has the same import name"
-        yield Finding("libraries", "broken", text, f"{pip()} uninstall edgemap, then install edgemap-robot again")
+        yield Diagnosis("libraries", "broken", text, f"{pip()} uninstall edgemap, then install edgemap-robot again")
     for extra, (purpose, modules) in EXTRAS.items():
         lacking = [package for module, package in modules.items() if find_spec(module) is None]
         if lacking:
             text = f"extra {extra} ({purpose}) lacks {', '.join(lacking)}"
-            yield Finding("extra", "missing", text, install_hint(extra))
+            yield Diagnosis("extra", "missing", text, install_hint(extra))
             continue
         try:
             text = f"{extra} ({purpose}): " + ", ".join(f"{name} {version(name)}" for name in modules.values())
         except PackageNotFoundError:
             text = f"{extra} ({purpose})"
-        yield Finding("extra", "ok", text)
+        yield Diagnosis("extra", "ok", text)
 
 
-def _cameras() -> Iterator[Finding]:
+def _cameras() -> Iterator[Diagnosis]:
     from edgemap.cli.cameras import command_line
     from edgemap.runtime.inputs.cameras.found import found_cameras
 
     cameras, notes = found_cameras()
     for note in notes:
-        yield Finding("cameras", "missing", note)
+        yield Diagnosis("cameras", "missing", note)
     if not cameras:
-        yield Finding("cameras", "missing", "no camera is plugged in")
+        yield Diagnosis("cameras", "missing", "no camera is plugged in")
     for camera in cameras:
-        yield Finding(
+        yield Diagnosis(
             "cameras", "missing" if camera.problem else "ok", camera.problem or camera.name, command_line(camera)
         )
 
 
-def _bundle(name: str | None, camera: str) -> Finding:
+def _bundle(name: str | None, camera: str) -> Diagnosis:
     from edgemap.cli.export import variant_line
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder, default_bundle
@@ -182,21 +182,21 @@ def _bundle(name: str | None, camera: str) -> Finding:
             from edgemap.cli.pull import known
 
             if known(name):
-                return Finding("bundle", "missing", f"{name} is not in the cache", f"edgemap pull {name}")
-            return Finding(
+                return Diagnosis("bundle", "missing", f"{name} is not in the cache", f"edgemap pull {name}")
+            return Diagnosis(
                 "bundle", "broken", f"{name} is neither a bundle folder nor a known model", "edgemap pull --help"
             )
         loaded = load_bundle(folder)
         for precision in loaded.manifest.variants:
             load_bundle(folder, precision=precision)
     except EdgemapError as error:
-        return Finding("bundle", "broken", str(error), f"edgemap pull {name}")
+        return Diagnosis("bundle", "broken", str(error), f"edgemap pull {name}")
     detector = loaded.manifest.detector
     heads = [
         f"{kind} ({'trained' if head.trained else 'untrained'})" for kind, head in loaded.manifest.odometry.items()
     ]
     variants = [f"{variant_line(name, item.measured)}; " for name, item in loaded.manifest.variants.items()]
-    return Finding(
+    return Diagnosis(
         "bundle",
         "ok",
         f"{loaded.manifest.name}: {detector.input.width}x{detector.input.height}, {len(loaded.names)} classes, "
@@ -206,7 +206,7 @@ def _bundle(name: str | None, camera: str) -> Finding:
 
 def _camera(
     spec: str, mount: str | None, intrinsics: str | None, camera_file: Path | None, plot: Path | None
-) -> Iterator[Finding]:
+) -> Iterator[Diagnosis]:
     from math import degrees
     from time import monotonic
 
@@ -221,25 +221,25 @@ def _camera(
             until_s = monotonic() + WAIT_S
             frame = next_frame(source, faults.append, lambda: monotonic() > until_s)
             if frame is None:
-                yield Finding("camera", "broken", f"{spec}: no frames within {WAIT_S:.0f} s")
+                yield Diagnosis("camera", "broken", f"{spec}: no frames within {WAIT_S:.0f} s")
                 return
             for fault in faults:
-                yield Finding("camera", "broken", str(fault))
+                yield Diagnosis("camera", "broken", str(fault))
             rate = f"{source.rate_hz:.1f} Hz" if source.rate_hz else "rate unknown"
             width, height = source.size
-            yield Finding("camera", "ok", f"{spec}: {width}x{height}, {rate}")
+            yield Diagnosis("camera", "ok", f"{spec}: {width}x{height}, {rate}")
             try:
                 floor = FloorCamera(*lens_and_mount(source, intrinsics, mount))
             except EdgemapError as error:
                 remedy = "" if HOW_TO_MEASURE in str(error) else HOW_TO_MEASURE
-                yield Finding("mount", "broken", str(error), remedy)
+                yield Diagnosis("mount", "broken", str(error), remedy)
                 return
     except EdgemapError as error:
-        yield Finding("camera", "broken", str(error))
+        yield Diagnosis("camera", "broken", str(error))
         return
     placed, row = floor.mount, floor.horizon_row()
     nearest = floor.floor_points([(floor.intrinsics.cx, floor.intrinsics.height - 1.0)])[0, 0]
-    yield Finding(
+    yield Diagnosis(
         "mount",
         "ok",
         f"lens {placed.height_m:.3f} m above the floor, {degrees(placed.pitch_rad):.1f} deg down; horizon at row "
@@ -254,4 +254,4 @@ def _camera(
 
         written = cv2.imwrite(library_path(plot), draw_floor_grid(frame.image, floor))
         state = "ok" if written else "broken"
-        yield Finding("mount", state, f"grid drawn in {plot}" if written else f"{plot} cannot be written")
+        yield Diagnosis("mount", state, f"grid drawn in {plot}" if written else f"{plot} cannot be written")

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.groups import Network
+from edgemap.cli.groups import NetworkOptions
 from edgemap.cli.options import Json, at_least, in_unit
 
 
 def command(
-    network: Annotated[Network, arg(name="Network")],
+    network: Annotated[NetworkOptions, arg(name="Network")],
     data: Annotated[
         str,
         arg(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.groups import Network
+from edgemap.cli.groups import NetworkOptions
 from edgemap.cli.options import Json, at_least
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    network: Annotated[Network, arg(name="Network")],
+    network: Annotated[NetworkOptions, arg(name="Network")],
     data: Annotated[
         str,
         arg(

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.groups import Motion, Network
+from edgemap.cli.groups import MotionOptions, NetworkOptions
 from edgemap.cli.options import Confidence, ConfigFile, Json, LoopClosure, WithoutDepth, at_least, in_unit
 
 
 def command(
-    motion: Annotated[Motion, arg(name="Robot")],
-    network: Annotated[Network, arg(name="Network")],
+    motion: Annotated[MotionOptions, arg(name="Robot")],
+    network: Annotated[NetworkOptions, arg(name="Network")],
     data: Annotated[
         str,
         arg(

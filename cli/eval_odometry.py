@@ -10,7 +10,7 @@ import tyro
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.groups import Network
+from edgemap.cli.groups import NetworkOptions
 from edgemap.cli.options import ConfigFile, Json, MountText, WithoutDepth, WithoutImu, at_least, read_mount
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
@@ -18,7 +18,7 @@ DEFAULT_DATA = (("demo",),)
 
 
 def command(
-    network: Annotated[Network, arg(name="Network")],
+    network: Annotated[NetworkOptions, arg(name="Network")],
     data: Annotated[
         Repeated,
         arg(

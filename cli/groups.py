@@ -86,7 +86,7 @@ class Source(Optics, _Spec):
 
 
 @dataclass(frozen=True)
-class Network:
+class NetworkOptions:
     """The network and what runs it: `run`, `bench`, `detect`, `eval`."""
 
     bundle: BundleName = None
@@ -102,7 +102,7 @@ class Network:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionOptions:
     """Source of the robot's motion: `run`, `eval map`."""
 
     odometry: OdometrySpec = "hybrid"

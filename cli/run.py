@@ -146,7 +146,7 @@ class _Drive:
     def _drive(self, page: NoPage, stop: Event, edits: Edits, kept: list[LivingMap]) -> None:
         from edgemap.cli.budget import budgeted, read_share
         from edgemap.cli.saved_map import where_it_was
-        from edgemap.cli.summary import Summary, with_map_so_far
+        from edgemap.cli.summary import RunSummary, with_map_so_far
         from edgemap.cli.truth import judge_of
         from edgemap.runtime.outputs.report.sink import ReportFile
         from edgemap.runtime.outputs.service import ServiceNotifier
@@ -155,7 +155,7 @@ class _Drive:
         from edgemap.runtime.step.loop import run
 
         camera, advanced, saved = self.options.camera, self.options.advanced, self.options.map.saved
-        notifier, summary = ServiceNotifier(), Summary(self.floor.mount)
+        notifier, summary = ServiceNotifier(), RunSummary(self.floor.mount)
         trusted = advanced.config if advanced.config_options else None
         source = budgeted(self.source, read_share(advanced.cpu), trusted)
         publishers = self._publishers(edits)

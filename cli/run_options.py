@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from edgemap.cli.arguments import arg
 from edgemap.cli.budget import CpuShare
 from edgemap.cli.fleet import Fleet
-from edgemap.cli.groups import Motion, Network, Source
+from edgemap.cli.groups import MotionOptions, NetworkOptions, Source
 from edgemap.cli.options import Confidence, ConfigFile, ConfigOptions, LoopClosure, WithoutDepth, at_least, in_unit
 from edgemap.cli.publishers import Foxglove, MqttBroker, Rerun, RerunPictures, RobotName
 from edgemap.cli.ros2 import (
@@ -42,7 +42,7 @@ class CameraGroup(Source):
 
 
 @dataclass(frozen=True)
-class RobotGroup(Motion):
+class RobotGroup(MotionOptions):
     """Source of the robot's motion."""
 
     wheel_topic: WheelTopic = None
@@ -118,7 +118,7 @@ class OutputGroup:
 
 
 @dataclass(frozen=True)
-class AdvancedGroup(Network):
+class AdvancedGroup(NetworkOptions):
     """The network, tuned numbers and processor time."""
 
     config: ConfigFile = None

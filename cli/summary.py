@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SHOWN_FAULTS = 3  # kinds of them, the first ones: the rest stands in run.json and the report
 
 
-class Summary:
+class RunSummary:
     """A sink that keeps the last result and counts faults."""
 
     name = "summary"
@@ -78,7 +78,7 @@ class Summary:
 
 
 @contextmanager
-def with_map_so_far(summary: Summary, folder: Path) -> Iterator[None]:
+def with_map_so_far(summary: RunSummary, folder: Path) -> Iterator[None]:
     """Adds the location of the map so far to the message of an EdgemapError in the block."""
     from edgemap.geometry.errors import EdgemapError, MapError
     from edgemap.runtime.frames.errors import RunFolderError

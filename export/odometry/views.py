@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class ViewRule:
+class AugmentationRule:
     """Uniform ranges of random views. yaw_rad, pitch_rad, roll_rad: of the camera against its mount, so far that a
     car's road stays in view. zoom, gain, gamma: natural logarithms, of the focal length and of brightness.
     """
@@ -46,9 +46,9 @@ class AugmentedView:
     mirrored: bool = False
 
     @staticmethod
-    def drawn(index: int, rule: ViewRule | None = None) -> AugmentedView:
+    def drawn(index: int, rule: AugmentationRule | None = None) -> AugmentedView:
         """The view of a number, from 1 on: always the same. Every second one is mirrored."""
-        rule, rng = rule or ViewRule(), np.random.default_rng((77, index))
+        rule, rng = rule or AugmentationRule(), np.random.default_rng((77, index))
         angles = [float(rng.uniform(*span)) for span in (rule.yaw_rad, rule.pitch_rad, rule.roll_rad)]
         factors = [math.exp(rng.uniform(*span)) for span in (rule.zoom, rule.gain, rule.gamma)]
         return AugmentedView(*angles, *factors, mirrored=index % 2 == 1)

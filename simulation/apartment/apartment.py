@@ -9,7 +9,7 @@ import numpy as np
 from edgemap.simulation.apartment.furniture import Purpose
 from edgemap.simulation.apartment.layout import Layout
 from edgemap.simulation.apartment.placed import ALIVE, Placed
-from edgemap.simulation.apartment.plan import FloorPlan, draw_plan
+from edgemap.simulation.apartment.plan import ApartmentPlan, draw_plan
 from edgemap.simulation.apartment.rooms import furnish_room
 
 __all__ = ["Apartment", "Placed", "furnish", "purpose_of"]
@@ -26,7 +26,7 @@ _SEATS = {"chair", "armchair", "stool"}
 class Apartment:
     """A plan and its furniture. before: the home as it was, where furniture was moved since: its walls stay as then."""
 
-    plan: FloorPlan
+    plan: ApartmentPlan
     furniture: tuple[Placed, ...]
     before: Apartment | None = None
 

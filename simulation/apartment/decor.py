@@ -8,7 +8,7 @@ import numpy as np
 
 from edgemap.simulation.apartment import textures
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.openings import Wall, joined
+from edgemap.simulation.apartment.openings import WallFrame, joined
 from edgemap.simulation.apartment.plan import RoomArea, Window
 from edgemap.simulation.apartment.space import Boxes, rectangle_corners
 from edgemap.simulation.render.mesh import Material, Mesh, box, quad
@@ -103,7 +103,9 @@ def pictures(apartment: Apartment, rng: np.random.Generator) -> list[Mesh]:
     for leaf in plan.leaves:
         taken.add(rectangle_corners(leaf), 0.0, plan.height_m, 0)
     for window in plan.windows:
-        _take(taken, Wall(window, plan.rooms[window.room]), window.high_m - window.low_m, window.sill_m, window.top_m)
+        _take(
+            taken, WallFrame(window, plan.rooms[window.room]), window.high_m - window.low_m, window.sill_m, window.top_m
+        )
     meshes = []
     for index, room in enumerate(plan.rooms):
         for _ in range(int(rng.integers(1, 5))):
@@ -111,13 +113,13 @@ def pictures(apartment: Apartment, rng: np.random.Generator) -> list[Mesh]:
             low, high = (room.x0, room.x1) if side in {"near", "far"} else (room.y0, room.y1)
             width, height = float(rng.uniform(0.25, 0.95)), float(rng.uniform(0.25, 0.75))
             start, bottom = float(rng.uniform(low + 0.15, high - 0.15 - width)), float(rng.uniform(1.25, 1.55))
-            wall = Wall(Window(index, side, start, start + width, bottom, bottom + height), room)
+            wall = WallFrame(Window(index, side, start, start + width, bottom, bottom + height), room)
             if _take(taken, wall, width, bottom, bottom + height, 0.05):
                 meshes.append(_picture(wall, width, bottom, height, rng))
     return meshes
 
 
-def _take(taken: Boxes, wall: Wall, width: float, low_m: float, high_m: float, gap_m: float = 0.35) -> bool:
+def _take(taken: Boxes, wall: WallFrame, width: float, low_m: float, high_m: float, gap_m: float = 0.35) -> bool:
     """Claim a place on a wall (`gap_m` beyond it to the sides); False where something is in the way."""
     ends = np.stack([wall.point(-gap_m, 0.001, 0.0), wall.point(width + gap_m, 0.06, 0.0)])[:, :2]
     low, high = ends.min(axis=0), ends.max(axis=0)
@@ -127,7 +129,7 @@ def _take(taken: Boxes, wall: Wall, width: float, low_m: float, high_m: float, g
     return free
 
 
-def _picture(wall: Wall, width: float, bottom: float, height: float, rng: np.random.Generator) -> Mesh:
+def _picture(wall: WallFrame, width: float, bottom: float, height: float, rng: np.random.Generator) -> Mesh:
     image = textures.landscape(rng) if rng.random() < 0.5 else textures.abstract(rng)
     low, up = wall.point(0.0, _PICTURE_DEPTH_M + 0.003, bottom), np.array([0.0, 0.0, height])
     canvas = quad(low, wall.along * width, up, Material(_WHITE, image), (width, height))

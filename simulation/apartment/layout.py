@@ -11,7 +11,7 @@ from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.furniture import Model, Purpose
 from edgemap.simulation.apartment.placed import Placed
-from edgemap.simulation.apartment.plan import FloorPlan, RoomArea
+from edgemap.simulation.apartment.plan import ApartmentPlan, RoomArea
 from edgemap.simulation.apartment.space import Boxes, Floor, rectangle_corners
 from edgemap.simulation.apartment.tint import draw_tint
 
@@ -26,7 +26,7 @@ class Layout:
     """Furniture of one home in the making. Every method that places something returns it, or None where it fits
     nowhere; drawn from one generator, so that a seed always furnishes alike."""
 
-    def __init__(self, plan: FloorPlan, purpose: Purpose, rng: np.random.Generator) -> None:
+    def __init__(self, plan: ApartmentPlan, purpose: Purpose, rng: np.random.Generator) -> None:
         self.plan, self.rng = plan, rng
         self.purpose: Purpose = purpose
         self.placed: list[Placed] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from edgemap.simulation.apartment import textures
-from edgemap.simulation.apartment.plan import Doorway, FloorPlan, Rectangle, RoomArea, Window
+from edgemap.simulation.apartment.plan import ApartmentPlan, Doorway, Rectangle, RoomArea, Window
 from edgemap.simulation.render.mesh import Array, Material, Mesh, box, quad
 from edgemap.simulation.render.scene import AreaLight, Surface
 
@@ -14,7 +14,7 @@ _DAYLIGHT = (5.2, 5.6, 6.0)
 _PANE = (0.9, 0.95, 1.0)
 
 
-def reveals(door: Doorway, plan: FloorPlan, material: Material) -> list[Surface]:
+def reveals(door: Doorway, plan: ApartmentPlan, material: Material) -> list[Surface]:
     """The two cheeks of a doorway and its underside, seen from within the gap; its ceiling where it has no lintel."""
     up = np.array([0.0, 0.0, door.height_m])
     x, y = np.array([door.x1 - door.x0, 0.0, 0.0]), np.array([0.0, door.y1 - door.y0, 0.0])
@@ -66,7 +66,7 @@ def door_leaf(leaf: Rectangle, trim: Material) -> Mesh:
 def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Generator) -> tuple[AreaLight, Mesh]:
     """A bright pane with frame, bars, sill and perhaps curtains; its light comes in as daylight."""
     length, bottom, top = window.high_m - window.low_m, window.sill_m, window.top_m
-    frame = Wall(window, room)
+    frame = WallFrame(window, room)
     low, u, v = frame.point(0.0, 0.012, bottom), frame.along * length, np.array([0.0, 0.0, top - bottom])
     view = textures.outdoors(rng)
     pane = quad(low, u, v, Material((0.0, 0.0, 0.0), view, emission=_PANE, group="day"), (length, top - bottom))
@@ -89,7 +89,7 @@ def window(window: Window, room: RoomArea, trim: Material, rng: np.random.Genera
     return light, joined(meshes)
 
 
-class Wall:
+class WallFrame:
     """Coordinates of one window or picture: metres along the wall, out of it into the room, and up."""
 
     def __init__(self, place: Window, room: RoomArea) -> None:

@@ -107,7 +107,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class FloorPlan:
+class ApartmentPlan:
     """A home without furniture.
 
     walls: solid pieces (x0, y0, x1, y1), outer walls and open door leaves included; doorways are gaps. leaves: the
@@ -124,7 +124,7 @@ class FloorPlan:
     leaves: tuple[Rectangle, ...] = ()
 
 
-def draw_plan(rng: np.random.Generator) -> FloorPlan:
+def draw_plan(rng: np.random.Generator) -> ApartmentPlan:
     """A plan of one (seldom) to four rooms, every room joined to the main one by doorways."""
     count = int(rng.choice([1, 2, 3, 4], p=[0.06, 0.30, 0.36, 0.28]))
     kinds = _HOMES[count][int(rng.integers(len(_HOMES[count])))]
@@ -138,7 +138,7 @@ def draw_plan(rng: np.random.Generator) -> FloorPlan:
         cells = [(x0, depth - y1, x1, depth - y0) for x0, y0, x1, y1 in cells]
     rooms = tuple(RoomArea(kind, *cell) for kind, cell in zip(kinds, cells, strict=True))
     height = float(rng.uniform(2.4, 2.8))
-    plan = FloorPlan(width, depth, height, rooms, (), _doorways(rooms, height, rng), ())
+    plan = ApartmentPlan(width, depth, height, rooms, (), _doorways(rooms, height, rng), ())
     leaves = tuple(_leaf(rooms, door, rng) for door in plan.doorways if door.leaf)
     plan = replace(plan, walls=(*_walls(plan), *leaves), leaves=leaves)
     return replace(plan, windows=_windows(plan, rng))
@@ -236,7 +236,7 @@ def _leaf(rooms: tuple[RoomArea, ...], door: Doorway, rng: np.random.Generator) 
     return (x[0], door.y1, x[1], door.y1 + reach) if room.y0 >= door.y1 else (x[0], door.y0 - reach, x[1], door.y0)
 
 
-def _walls(plan: FloorPlan) -> tuple[Rectangle, ...]:
+def _walls(plan: ApartmentPlan) -> tuple[Rectangle, ...]:
     """What is neither room nor doorway, cut into rectangles along the lines of all of them."""
     holes = [*(room.rectangle for room in plan.rooms), *(door.rectangle for door in plan.doorways)]
     xs = sorted({0.0, plan.width_m, *(x for hole in holes for x in (hole[0], hole[2]))})
@@ -261,7 +261,7 @@ def _walls(plan: FloorPlan) -> tuple[Rectangle, ...]:
     return tuple(pieces)
 
 
-def _windows(plan: FloorPlan, rng: np.random.Generator) -> tuple[Window, ...]:
+def _windows(plan: ApartmentPlan, rng: np.random.Generator) -> tuple[Window, ...]:
     """One or two windows per room on its outer walls; small high ones in bathrooms, now and then down to the floor."""
     windows = []
     for index, room in enumerate(plan.rooms):
@@ -281,7 +281,7 @@ def _windows(plan: FloorPlan, rng: np.random.Generator) -> tuple[Window, ...]:
     return tuple(windows)
 
 
-def _outer_sides(plan: FloorPlan, room: RoomArea) -> dict[str, bool]:
+def _outer_sides(plan: ApartmentPlan, room: RoomArea) -> dict[str, bool]:
     edge = WALL_M + 1e-6
     return {
         "left": room.x0 < edge,

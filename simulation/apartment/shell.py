@@ -8,7 +8,7 @@ import numpy as np
 
 from edgemap.simulation.apartment import decor, openings
 from edgemap.simulation.apartment.apartment import Apartment
-from edgemap.simulation.apartment.plan import FloorPlan, Rectangle, RoomArea
+from edgemap.simulation.apartment.plan import ApartmentPlan, Rectangle, RoomArea
 from edgemap.simulation.render.mesh import Array, Material, Mesh, box
 from edgemap.simulation.render.scene import ROOM_ID, AreaLight, Solid, Surface
 
@@ -62,7 +62,7 @@ def build_shell(apartment: Apartment, rng: np.random.Generator) -> ShellParts:
     return ShellParts(tuple(surfaces), tuple(Solid(ROOM_ID, mesh) for mesh in meshes), tuple(lights))
 
 
-def wall_pieces(plan: FloorPlan, room: RoomArea, side: str) -> list[tuple[float, float, float]]:
+def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[float, float, float]]:
     """Stretches of one wall of a room: low, high along it and the height they start at (0, or above a doorway)."""
     low, high, face = stretch(room, side)
     along_x = side in {"near", "far"}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
 
-from edgemap.simulation.apartment.plan import FloorPlan, Rectangle
+from edgemap.simulation.apartment.plan import ApartmentPlan, Rectangle
 from edgemap.simulation.render.mesh import Array
 
 _CELL_M = 0.05
@@ -60,7 +60,7 @@ def rectangle_corners(rectangle: Rectangle) -> Array:
 class Floor:
     """The floor on a grid; checks that the robot can still pass every doorway and enter every room."""
 
-    def __init__(self, plan: FloorPlan) -> None:
+    def __init__(self, plan: ApartmentPlan) -> None:
         columns, rows = (int(np.ceil(side / _CELL_M)) for side in (plan.width_m, plan.depth_m))
         self._x, self._y = np.meshgrid((np.arange(columns) + 0.5) * _CELL_M, (np.arange(rows) + 0.5) * _CELL_M)
         self._free = np.zeros((rows, columns), dtype=bool)

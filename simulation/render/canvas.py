@@ -15,7 +15,7 @@ from edgemap.simulation.render.batches import FORMATS, Packed
 from edgemap.simulation.render.shaders import SurfaceKind
 
 
-class Canvas:
+class RenderTarget:
     """One OpenGL context and what lives in it. Raises SimulationError where OpenGL is missing."""
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class Canvas:
 class Meshes:
     """Vertices and triangles in OpenGL's memory, drawable by any program."""
 
-    def __init__(self, canvas: Canvas, packed: Packed) -> None:
+    def __init__(self, canvas: RenderTarget, packed: Packed) -> None:
         self.packed = packed
         self._canvas = canvas
         self._arrays: dict[int, Any] = {}

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from edgemap.simulation.render.batches import pack_parts
-from edgemap.simulation.render.canvas import Canvas, Meshes
+from edgemap.simulation.render.canvas import Meshes, RenderTarget
 from edgemap.simulation.render.draw import Draw
 from edgemap.simulation.render.mesh import Array, Mesh
 from edgemap.simulation.render.movers import Mover, mid_air_light, stand
@@ -18,7 +18,7 @@ from edgemap.simulation.render.view import View
 class Moving:
     """The shapes of movers so far. probes: the light in mid-air."""
 
-    def __init__(self, canvas: Canvas, probes: Probes | None) -> None:
+    def __init__(self, canvas: RenderTarget, probes: Probes | None) -> None:
         self._canvas, self._probes = canvas, probes
         self._known: dict[int, tuple[Mesh, Meshes]] = {}
 
@@ -55,7 +55,7 @@ class Moving:
         return points @ home_mover[:3, :3].T + home_mover[:3, 3]
 
     def shadows(self, clip: Array, movers: Iterable[Mover]) -> list[tuple[Array, tuple[float, float, float, float]]]:
-        """What `Canvas.shadow` darkens: a clip matrix per mover, and where it touches the floor."""
+        """What `RenderTarget.shadow` darkens: a clip matrix per mover, and where it touches the floor."""
         return [
             (clip @ mover.matrix_home_mover(), stand(self.meshes(mover.mesh).packed.vertices["position"]))
             for mover in movers

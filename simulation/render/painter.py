@@ -9,7 +9,7 @@ import numpy as np
 
 from edgemap.simulation.render import shaders
 from edgemap.simulation.render.batches import Batch
-from edgemap.simulation.render.canvas import Canvas
+from edgemap.simulation.render.canvas import RenderTarget
 from edgemap.simulation.render.draw import Draw
 from edgemap.simulation.render.mesh import Array, LightGroup
 from edgemap.simulation.render.scene import AreaLight, LightMix
@@ -21,7 +21,7 @@ _Place = tuple[float, ...]
 class Painter:
     """Draws colours, with the slots of the ids in the fourth byte, and depths. lights: of the home."""
 
-    def __init__(self, canvas: Canvas, lights: Sequence[AreaLight]) -> None:
+    def __init__(self, canvas: RenderTarget, lights: Sequence[AreaLight]) -> None:
         self._canvas, self._lights = canvas, lights
         self._near_batch: dict[int, tuple[list[AreaLight], list[_Place]]] = {}
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.simulation.render import shaders
-from edgemap.simulation.render.canvas import Canvas, depth_of, release
+from edgemap.simulation.render.canvas import RenderTarget, depth_of, release
 from edgemap.simulation.render.draw import Draw, Slots
 from edgemap.simulation.render.lens import Lens
 from edgemap.simulation.render.mesh import Array
@@ -49,7 +49,7 @@ class Renderer:
 
     def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0, oversampling: int = 2) -> None:
         self.exposure, self._times = exposure, oversampling
-        self._canvas = Canvas()
+        self._canvas = RenderTarget()
         self._fine: Any = None
         self._last: tuple[Any, RenderedFrame] | None = None
         # Several contexts may live side by side: every public method makes its own one current.

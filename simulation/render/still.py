@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from edgemap.simulation.render.atlas import Atlas
 from edgemap.simulation.render.batches import Batch, pack_parts, pack_surfaces
-from edgemap.simulation.render.canvas import Canvas, Meshes, depth_of
+from edgemap.simulation.render.canvas import Meshes, RenderTarget, depth_of
 from edgemap.simulation.render.culling import in_view
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene
@@ -19,7 +19,7 @@ _WALLS_PX = (80, 60)
 class Still:
     """All of a lit scene that never moves. parts: the meshes of its solids, None where there are none."""
 
-    def __init__(self, canvas: Canvas, scene: LitScene) -> None:
+    def __init__(self, canvas: RenderTarget, scene: LitScene) -> None:
         self._canvas = canvas
         self._light: LightMix | None = None
         self._atlas = Atlas(scene.surfaces)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edgemap.simulation.render import silhouettes
-from edgemap.simulation.render.canvas import Canvas
+from edgemap.simulation.render.canvas import RenderTarget
 from edgemap.simulation.render.lens import Lens
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.movers import Mover
@@ -21,7 +21,7 @@ from edgemap.simulation.render.view import View, clip_matrix
 class Wholes:
     """Draws silhouettes side by side on one sheet."""
 
-    def __init__(self, canvas: Canvas, still: Still, moving: Moving) -> None:
+    def __init__(self, canvas: RenderTarget, still: Still, moving: Moving) -> None:
         self._canvas, self._still, self._moving = canvas, still, moving
         self._sheet = canvas.target((TILE_PX * COLUMNS, TILE_PX * ROWS), 1, depth=False)
         self._outlines = silhouettes.Outlines(still.points())
