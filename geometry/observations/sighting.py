@@ -1,7 +1,7 @@
 """From boxes to places on the floor: which objects stand on it, where, and how surely."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,16 +13,14 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.box_ranges import box_ranges
 from edgemap.geometry.observations.class_extents import WIDEST_M, Shape, extent_m, shape_of
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.feet import BoxOnFloor
 from edgemap.geometry.observations.occlusion import carried, covered
 from edgemap.geometry.se2 import SE2
 
 DOUBLE_OVERLAP = 0.7  # share of the smaller box inside the other
 WEIGHT_SPAN = 0.2  # of scores over which a sighting comes to count fully
-SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
-NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
 CUT_SHARE = 0.1  # of its extent: how much nearer the middle is of what the picture's side cuts
 PART_COUNTS = 0.5  # of a whole box: one that the picture or a nearer box cuts, when objects are made
-HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,10 +165,37 @@ def sightings_of(
     depth: (H, W) metres, where the camera has it: the range of the object in a box is another measurement of its
     position.
     """
+    sightings = []
+    for row, box, shared_m2 in _on_floor(detections, camera, rule, depth):
+        label, score, foot = detections.labels[row], float(detections.scores[row]), box.foot()
+        width_m, height_m = box.width_m, box.height_m
+        if box.low or box.has_depth:
+            nearer = float(box.direction @ (foot.position_m - box.lens_m)) / box.reach_m
+            width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
+        along = np.outer(box.direction, box.direction)
+        guessed = along * box.shape.along**2 + (np.eye(2) - along) * box.shape.across**2  # the footprint is not seen
+        middle_m = box.shape.reach_m(width_m)
+        if box.cut:  # and with it, often, its nearest corner
+            middle_m = max(middle_m - CUT_SHARE * extent_m(label, width_m), 0.0)
+        sightings.append(
+            Sighting(
+                label, score, foot.position_m + box.direction * middle_m, foot.covariance_m2 + guessed, shared_m2,
+                width_m, height_m, box.extent_m, box.reach_m, row, frame, stamp_s,
+                rule.weight(score) * (PART_COUNTS if box.is_hidden or box.cut else 1.0),
+            )
+        )  # fmt: skip
+    return _without_doubles(sightings, detections.boxes)
+
+
+def _on_floor(
+    detections: Detections, camera: FloorCamera, rule: FloorRule, depth: NDArray[np.float32] | None
+) -> Iterator[tuple[int, BoxOnFloor, Array]]:
+    """Boxes whose lower edge is on the floor, near enough to be sure of and not too wide for their class: row of each,
+    the box, and the covariance of the edge by the mount (2, 2)."""
     feet = feet_px(detections)
     rows = np.flatnonzero(camera.below_horizon(feet) & _allowed(detections, rule))
     if len(rows) == 0:
-        return []
+        return
     boxes, feet = detections.boxes[rows], feet[rows]
     low = _feet_cut(boxes, camera, rule)
     px_per_m = camera.intrinsics.fx / camera.optical_depth_m(camera.floor_points(feet))
@@ -183,13 +208,13 @@ def sightings_of(
     near = camera.floor_points(feet)
     own, shared = floor_covariances(camera, feet, sigmas_px, rule.noise)
     depths_m = camera.optical_depth_m(near)
-    lens, sightings = camera.mount.position_base_m()[:2], []
+    lens = camera.mount.position_base_m()[:2]
     ranges = np.full((len(boxes), 2), np.nan) if depth is None else box_ranges(depth, boxes, camera)
-    for at, (row, shape) in enumerate(zip(rows, shapes, strict=True)):
+    for at, row in enumerate(rows.tolist()):
         if not np.isfinite(own[at]).all():  # half a pixel from the horizon
             continue
         x0, y0, x1, y1 = boxes[at]
-        depth_m = float(depths_m[at])  # sizes: the paper's eq. 4
+        depth_m = float(depths_m[at])
         width_m = depth_m * (x1 - x0) / camera.intrinsics.fx
         height_m = depth_m * (y1 - y0) / camera.intrinsics.fy
         bearing = near[at] - lens
@@ -199,38 +224,10 @@ def sightings_of(
             continue
         if width_m * (1.0 - 2.0 * sigma_m / reach_m) > WIDEST_M.get(labels[row], math.inf):  # it is something else
             continue
-        direction = bearing / max(reach_m, 1e-9)
-        foot_m, foot_m2, range_m = near[at], own[at], reach_m
-        if low[at]:
-            foot_m, foot_m2, range_m = _before(foot_m, foot_m2, direction, reach_m)
-        if (cover[at] > HIDDEN or low[at]) and not cut[at]:
-            usual_m = reach_m * shape.width / max(width_m, 1e-9)
-            sigma_m = usual_m * shape.width_sigma / shape.width
-            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, usual_m - range_m, sigma_m)
-        seen_m, seen_sigma_m = ranges[at]
-        if np.isfinite(seen_m):
-            behind_m = shape.reach_m(width_m) * SURFACE_SHARE
-            error_m = seen_m - behind_m - float(direction @ (foot_m - lens))
-            sigma_m = math.hypot(seen_sigma_m, SURFACE_SIGMA * shape.reach_m(width_m))
-            foot_m, foot_m2 = _ranged(foot_m, foot_m2, direction, error_m, sigma_m)
-        if low[at] or np.isfinite(seen_m):
-            nearer = float(direction @ (foot_m - lens)) / reach_m
-            width_m, height_m = width_m * nearer, height_m * nearer + camera.mount.height_m * (1.0 - nearer)
-        along = np.outer(direction, direction)
-        guessed = along * shape.along**2 + (np.eye(2) - along) * shape.across**2  # the footprint is not seen
-        middle_m = shape.reach_m(width_m)
-        if cut[at]:  # and with it, often, its nearest corner
-            middle_m = max(middle_m - CUT_SHARE * extent_m(labels[row], width_m), 0.0)
-        score = float(detections.scores[row])
-        part = low[at] or cut[at] or cover[at] > HIDDEN
-        sightings.append(
-            Sighting(
-                labels[row], score, foot_m + direction * middle_m,
-                foot_m2 + guessed, shared[at], width_m, height_m, extent_m(labels[row], float(widths_m[at])), reach_m,
-                int(row), frame, stamp_s, rule.weight(score) * (PART_COUNTS if part else 1.0),
-            )
-        )  # fmt: skip
-    return _without_doubles(sightings, detections.boxes)
+        direction, extent = bearing / max(reach_m, 1e-9), extent_m(labels[row], float(widths_m[at]))
+        flags = bool(cut[at]), bool(low[at]), float(cover[at])
+        place = lens, near[at], own[at], direction, reach_m
+        yield row, BoxOnFloor(shapes[at], *place, width_m, height_m, extent, *flags, *ranges[at].tolist()), shared[at]
 
 
 def _largest_sigma(covariance: Array) -> float:
@@ -256,25 +253,6 @@ def _edges(
     sigmas_px = np.hypot(rule.box.picture_share * longer, shares * sizes)
     sigmas_px[:, 0] = np.hypot(sigmas_px[:, 0], np.where(left | right, 0.5 * unsure_px + 0.25 * missing_px, 0.0))
     return left | right, across_px, sigmas_px
-
-
-def _before(foot_m: Array, foot_m2: Array, direction: Array, reach_m: float) -> tuple[Array, Array, float]:
-    """A place (2,) with covariance (2, 2), and its range, of what stands anywhere before the nearest floor seen."""
-    nearest_m = min(NEAREST_M, 0.5 * reach_m)
-    range_m, sigma_m = (reach_m + nearest_m) / 2.0, (reach_m - nearest_m) / math.sqrt(12.0)
-    share = range_m / reach_m
-    along = np.outer(direction, direction)
-    across = np.eye(2) - along
-    return foot_m + direction * (range_m - reach_m), across @ foot_m2 @ across * share**2 + along * sigma_m**2, range_m
-
-
-def _ranged(foot_m: Array, foot_m2: Array, direction: Array, error_m: float, sigma_m: float) -> tuple[Array, Array]:
-    """A place (2,) with covariance (2, 2) after a measured range: Kalman's update with one scalar.
-
-    error_m: measured range less that of the place, along the direction (2,); sigma_m: its standard deviation.
-    """
-    gain = foot_m2 @ direction / (direction @ foot_m2 @ direction + sigma_m**2)
-    return foot_m + gain * error_m, foot_m2 - np.outer(gain, foot_m2 @ direction)
 
 
 def _without_doubles(sightings: list[Sighting], boxes: Array) -> list[Sighting]:

@@ -1,0 +1,112 @@
+"""Where the foot of a box stands on the floor: by its lower edge, by its class's usual width, by depth.
+
+Each model takes a box and the foot that the models before it have placed, and gives the foot with what it measures.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from edgemap.geometry.arrays import Array
+from edgemap.geometry.observations.class_extents import Shape
+
+SURFACE_SHARE, SURFACE_SIGMA = 0.5, 0.5  # of the way to its middle: how far behind its lower edge an object is seen
+NEAREST_M = 0.2  # from the lens to the lower edge of anything: the robot itself is in between
+HIDDEN = 0.5  # share of a lower edge covered by nearer boxes, from which on it may well be hidden
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Foot:
+    """position_m (2,), covariance_m2 (2, 2): of the middle of a lower edge on the floor, base frame. range_m: from the
+    lens, by the lower edge alone."""
+
+    position_m: Array
+    covariance_m2: Array
+    range_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoxOnFloor:
+    """A box whose lower edge the camera projects to the floor.
+
+    lens_m, edge_m (2,), edge_m2 (2, 2): the lens and that projection, base frame; direction (2,), reach_m: from the one
+    to the other. width_m, height_m: apparent, there (the paper's eq. 4). extent_m: the longer side of its class's usual
+    footprint. cut: by the picture's left or right border; low: by its lower one. cover: share of the lower edge that
+    nearer boxes cover. seen_m, seen_sigma_m: range of what the box shows by depth; NaN where there is none.
+    """
+
+    shape: Shape
+    lens_m: Array
+    edge_m: Array
+    edge_m2: Array
+    direction: Array
+    reach_m: float
+    width_m: float
+    height_m: float
+    extent_m: float
+    cut: bool
+    low: bool
+    cover: float
+    seen_m: float
+    seen_sigma_m: float
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether the foot of the object may be another place than the lower edge shows."""
+        return self.low or self.cover > HIDDEN
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether depth shows the object."""
+        return bool(np.isfinite(self.seen_m))
+
+    def foot(self) -> Foot:
+        """The foot by all models that apply."""
+        foot = by_lower_edge(self)
+        if self.low:
+            foot = before_view(self, foot)
+        if self.is_hidden and not self.cut:
+            foot = by_usual_width(self, foot)
+        return by_depth(self, foot) if self.has_depth else foot
+
+
+def by_lower_edge(box: BoxOnFloor) -> Foot:
+    """The lower edge is on the floor."""
+    return Foot(box.edge_m, box.edge_m2, box.reach_m)
+
+
+def before_view(box: BoxOnFloor, foot: Foot) -> Foot:
+    """The picture ends above the foot: it is anywhere before the nearest floor in view."""
+    nearest_m = min(NEAREST_M, 0.5 * box.reach_m)
+    range_m, sigma_m = (box.reach_m + nearest_m) / 2.0, (box.reach_m - nearest_m) / math.sqrt(12.0)
+    share, direction = range_m / box.reach_m, box.direction
+    along = np.outer(direction, direction)
+    across = np.eye(2) - along
+    covariance_m2 = across @ foot.covariance_m2 @ across * share**2 + along * sigma_m**2
+    return Foot(foot.position_m + direction * (range_m - box.reach_m), covariance_m2, range_m)
+
+
+def by_usual_width(box: BoxOnFloor, foot: Foot) -> Foot:
+    """The object is as wide as its class usually is, so its apparent width shows its range."""
+    usual_m = box.reach_m * box.shape.width / max(box.width_m, 1e-9)
+    return _ranged(foot, box.direction, usual_m - foot.range_m, usual_m * box.shape.width_sigma / box.shape.width)
+
+
+def by_depth(box: BoxOnFloor, foot: Foot) -> Foot:
+    """Depth shows a surface some way behind the foot."""
+    behind_m = box.shape.reach_m(box.width_m) * SURFACE_SHARE
+    error_m = box.seen_m - behind_m - float(box.direction @ (foot.position_m - box.lens_m))
+    sigma_m = math.hypot(box.seen_sigma_m, SURFACE_SIGMA * box.shape.reach_m(box.width_m))
+    return _ranged(foot, box.direction, error_m, sigma_m)
+
+
+def _ranged(foot: Foot, direction: Array, error_m: float, sigma_m: float) -> Foot:
+    """A foot after a measured range: Kalman's update with one scalar.
+
+    error_m: measured range less that of the foot, along the direction (2,); sigma_m: its standard deviation.
+    """
+    covariance_m2 = foot.covariance_m2
+    gain = covariance_m2 @ direction / (direction @ covariance_m2 @ direction + sigma_m**2)
+    position_m = foot.position_m + gain * error_m
+    return Foot(position_m, covariance_m2 - np.outer(gain, covariance_m2 @ direction), foot.range_m)
