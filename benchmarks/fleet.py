@@ -1,8 +1,8 @@
 """Many robots, one map: `python -m edgemap.benchmarks.fleet --data drive:DIR [--robots 8] [--frames 450]`.
 
 One drive through a home is cut into overlapping parts, each driven by an `edgemap run --fleet` of its own that starts
-in a frame of its own, all at once; a keeper merges their maps. Prints as JSON what became of each map, how true the
-merged map and the single ones are (F1, all against what the whole drive has seen), how far the alignments are off, and
+in a frame of its own, all at once; a keeper merges their maps. Prints as JSON the result of each map, the F1 of the
+merged map and the single ones (against the objects visible on the complete drive), the errors of the alignments, and
 what a robot sends, by hour of its stream: bytes of zenoh's payloads and keys.
 """
 

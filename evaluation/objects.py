@@ -46,9 +46,9 @@ def score_map(
 ) -> dict[str, Any]:
     """Match by class, one to one, within the radius, no alignment; most pairs first, then smallest distance.
 
-    True objects seen in fewer frames are ignored: neither hit nor miss. A mapped object that is not on the floor is a
-    false positive. Gives precision, recall, f1, median_error_m, p90_error_m, covered95 (share of true positions inside
-    the 95 % ellipse), counts, and the same per class; figures without data are null. anees (normalised: 1 is
+    True objects visible in fewer frames are ignored: neither hit nor miss. A mapped object that is not on the floor is
+    a false positive. Gives precision, recall, f1, median_error_m, p90_error_m, covered95 (share of true positions
+    inside the 95 % ellipse), counts, and the same per class; figures without data are null. anees (normalised: 1 is
     consistent) and ellipse_m2 (mean area of the 95 % ellipse) are over all mapped objects with a true one of their
     class on the floor within 1.5 m, the nearest, matched or not and however seldom seen. reliability: of `reliability`.
     """

@@ -16,7 +16,9 @@ MAXIMUM_SHOWN, MAXIMUM_JUDGED = 64, 200  # AP50 changes by 0.002 with another 64
 
 @dataclass(frozen=True)
 class Calibration:
-    """shown: pictures that ranges are taken from. judged: others (a single one does both), with truth where known."""
+    """shown: pictures that determine the ranges. judged: other ones for evaluation (a single picture serves both), with
+    truth where available.
+    """
 
     folder: Path
     shown: tuple[Path, ...]

@@ -1,4 +1,4 @@
-"""Static int8: the backbone once more with 8-bit weights and activations, by onnxruntime's own quantiser."""
+"""Static int8 variant of the backbone: 8-bit weights and activations, by onnxruntime's quantiser."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def record_locobot(
 ) -> None:
     """Write the set: `training-1` … `training-5` and `test-…`, each a folder for `--data locobot:DIR`.
 
-    Finished pictures are kept when it is stopped. Raises SimulationError and MissingExtraError, one line each.
+    An interrupted rendering keeps its finished pictures. Raises SimulationError and MissingExtraError, one line each.
     """
     todo = parts(seed, training_frames, test_frames)
     total, before = sum(part.frames for part in todo), 0

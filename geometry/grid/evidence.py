@@ -25,7 +25,7 @@ class Evidence:
         self._occupied.append((cells, np.broadcast_to(log_odds, len(cells))))
 
     def steps(self) -> tuple[Cells, Steps]:
-        """The cells (N, 2), none twice, and by how many steps each one's log-odds changes (N,)."""
+        """The distinct cells (N, 2), and the change of each one's log-odds in steps (N,)."""
         every = np.concatenate([np.zeros((0, 2), np.int32), *(cells for cells, _ in (*self._free, *self._occupied))])
         if not len(every):
             return every, np.zeros(0, np.int16)

@@ -37,7 +37,7 @@ class Room:
 
 @lru_cache(maxsize=4)
 def rooms_of(grid: OccupancyGrid) -> tuple[Room, ...]:
-    """The rooms of a grid, the largest first; none where nothing is closed."""
+    """The rooms of a grid, the largest first; empty where none is enclosed."""
     cell_m = grid.cell_m
     barrier = _drawn(walls_of(grid), grid)
     inside = cast(Mask, binary_fill_holes((grid.cells == FREE) | (grid.cells == OCCUPIED) | barrier)) & ~barrier

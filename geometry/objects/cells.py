@@ -1,4 +1,4 @@
-"""Points of the plane in a grid of cells: what is near a place, whatever the size of the map."""
+"""A grid index of points in the plane: nearby points are found in constant time."""
 
 import math
 from collections.abc import Hashable
@@ -33,7 +33,7 @@ class Cells(Generic[Key]):
         self._cells.setdefault(cell, {})[key] = None
 
     def remove(self, key: Key) -> None:
-        """Remove a key that is there."""
+        """Removes an existing key."""
         self._leave(key, *self._places.pop(key))
 
     def within(self, point_m: Array, reach_m: float) -> list[Key]:

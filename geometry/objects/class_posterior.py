@@ -42,7 +42,7 @@ class OverlapRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """Sightings of one label in one place. evidence: how much speaks for an object there (count times confidence)."""
+    """Sightings of one label in one place. evidence: count times confidence."""
 
     id: str
     label: str

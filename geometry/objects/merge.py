@@ -28,12 +28,12 @@ def moved(item: MapObject, alignment: Alignment) -> MapObject:
 def merge_maps(
     first: Sequence[MapObject], second: Sequence[MapObject], alignment: Alignment, rule: LandmarkRule | None = None
 ) -> tuple[list[MapObject], dict[str, str]]:
-    """One map in the first one's frame, ordered by id, and the second map's ids to what they became.
+    """One map in the first one's frame, ordered by id, and the new ids of the second map's objects.
 
-    The first map's ids stay; an object that only the second map has keeps its own id where the first map has no such,
-    else it gets the next free number of its label. Counts add up, times span both, confidence is that not both are
-    wrong, and positions are weighted by their information. Objects of one label that would stand in one another are
-    one, though their covariances disagree: the fused one is as unsure as they differ.
+    The first map's ids stay; an object that only the second map has keeps its id where the first map does not use it,
+    and otherwise gets the next free number of its label. Counts add up, times span both, the confidence is the
+    probability that not both are wrong, and positions are weighted by their information. Overlapping objects of one
+    label are one object, even if their covariances disagree; the fused covariance then covers their distance.
     """
     rule = rule or LandmarkRule()
     here = [moved(item, alignment) for item in second]

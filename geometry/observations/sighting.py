@@ -1,4 +1,4 @@
-"""From boxes to places on the floor: which objects stand on it, where, and how surely."""
+"""From boxes to positions on the floor: which objects stand on it, their positions and covariances."""
 
 import math
 from collections.abc import Collection, Iterator

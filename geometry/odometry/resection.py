@@ -61,7 +61,7 @@ class DepthLandmarks:
 
     @classmethod
     def joined(cls, parts: list[DepthLandmarks]) -> DepthLandmarks:
-        """One after the other."""
+        """The landmarks of all parts, concatenated."""
         return cls(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("points_m", "along", "sigma_m")))
 
 

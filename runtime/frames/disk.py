@@ -12,7 +12,9 @@ MAX_WAITING = 200_000  # lines; an hour at 10 Hz with five sightings in each fra
 
 
 def append(path: Path, data: bytes, create: bool = True) -> None:
-    """Write all of it. create: make the file where it is not there. Raises DiskError where nothing was written."""
+    """Appends all of it or nothing. create: whether to create a missing file. Raises DiskError where nothing was
+    written.
+    """
     flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_CREAT if create else 0)
     try:
         handle = os.open(path, flags, 0o644)

@@ -30,7 +30,7 @@ class DiskError(MapError):
 
 
 class RecordingError(EdgemapError):
-    """A recording that cannot be written, or that would write over a file that is there."""
+    """A recording cannot be written, or would overwrite an existing file."""
 
 
 class PublishError(EdgemapError):

@@ -34,7 +34,7 @@ class CameraState(StrEnum):
 
 
 class CameraFault(CameraError):
-    """One fault of delivery, raised by `Camera.read` in place of a frame: reading may go on."""
+    """One fault of delivery, raised by `Camera.read` instead of a frame; reading may continue."""
 
     def __init__(self, kind: FaultKind, text: str) -> None:
         super().__init__(text)

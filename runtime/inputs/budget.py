@@ -67,7 +67,7 @@ class Budget:
         self._frame = searched, self._processor_s()
 
     def decide(self) -> tuple[Effort, str] | None:
-        """Called before every frame: another effort, and why; None to go on."""
+        """Called before every frame. Returns a new effort with the reason, or None to keep the current one."""
         now_s, used_s = self._clock_s(), self._processor_s()
         self._book(used_s)
         start_s, start_used_s = self._window

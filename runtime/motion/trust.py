@@ -151,7 +151,7 @@ class SourceTrust:
 
     @property
     def distrusted(self) -> bool:
-        """Whether it is left out."""
+        """Whether the source is excluded."""
         return Trust.DISTRUSTED in (self.yaw.state, self.length.state)
 
     @property

@@ -94,7 +94,7 @@ class Bundle:
         return tuple(entry.name for entry in self.manifest.detector.classes)
 
     def full_weight_score(self, confidence: float | None) -> float:
-        """Score of a box that counts half towards making an object. confidence: what the user asks of every box."""
+        """Score of a box with half the weight as evidence for an object. confidence: the user's minimum score."""
         return self.manifest.sure_confidence if confidence is None else 0.0
 
     @property

@@ -51,7 +51,9 @@ def stored_engine(key: str, load: Callable[[Engine], Network]) -> Engine:
 
 
 def best_engine(engines: Sequence[Engine], load: Callable[[Engine], Network]) -> Engine:
-    """The fastest of the engines, the first one unless another is clearly faster; one that disagrees is left out."""
+    """The fastest of the engines, the first one unless another is clearly faster; engines whose outputs disagree are
+    excluded.
+    """
     best, best_ms = engines[0], FASTER * minimum_ms(load(engines[0]))
     for engine in engines[1:]:
         try:

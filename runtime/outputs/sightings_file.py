@@ -14,7 +14,7 @@ RUN_BYTES = 64 << 20
 
 
 class SeenRecord(msgspec.Struct):
-    """One sighting. object: id of what it became part of, empty where it joined nothing. map_m: x, y."""
+    """One sighting. object: id of its object, empty without one. map_m: x, y."""
 
     label: Name
     map_m: tuple[Coordinate, Coordinate]

@@ -93,7 +93,7 @@ class Config:
 
 
 def config_document(config: Config) -> dict[str, Any]:
-    """The resolved tree as plain values, without what a bundle decides."""
+    """The resolved tree as plain values, without the bundle's own settings."""
     document = msgspec.to_builtins(config)
     for part, names in DERIVED.items():
         for name in names:

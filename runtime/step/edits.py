@@ -111,7 +111,7 @@ class Edits:
         return failed
 
     def settle(self, mapper: Mapper) -> list[str]:
-        """Have saved what was edited since the last time. Returns what savers failed at."""
+        """Saves the edits since the last call. Returns the savers' failures."""
         if not self._unsaved:
             return []
         self._unsaved, self._saved_s = False, time.monotonic()

@@ -44,7 +44,7 @@ class FrameObservations:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the picture, the mount or the motion, where it is news."""
+        """New faults of the picture, the mount or the motion."""
         return tuple(
             dict.fromkeys(filter(None, (self.health.fault, self._attitude_fault, self.mount_fault, self.motion.fault)))
         )

@@ -30,10 +30,10 @@ class NoLoopClosure:
     busy = False
 
     def begin(self, graph: PoseGraph) -> None:
-        """Nothing is searched."""
+        """Does nothing."""
 
     def step(self, graph: PoseGraph, now_s: float) -> LoopCorrection | None:  # noqa: ARG002
-        """Nothing is corrected."""
+        """Returns no correction."""
         return None
 
 

@@ -1,4 +1,4 @@
-"""Maps by name: where they lie on this machine, and what a MAP on the command line means."""
+"""Maps by name: their folder on this machine, and the resolution of MAP on the command line."""
 
 import os
 import re

@@ -40,16 +40,14 @@ START_SIGMAS = (0.10, 0.10, math.radians(3.0))  # m, m, rad: how well a person k
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapUpdate:
-    """What one frame changed in the back end.
-
-    sightings: the boxes that stand on the floor, in the map. object_ids: one per sighting. merged: ids of the complete
-    run that are no more, to the id that they became part of. pose_covariance: (3, 3) of x, y, yaw: m, m, rad.
-    trajectory: all poses so far, as known now. travelled_m: path length by odometry. correction: of a loop closure in
-    this step. relocated: in the one update from which on everything is in a saved map's frame, that frame's view of the
-    frame before (`pose_map_start`). pose_odom_base, odom_covariance: by odometry alone since the first frame,
-    continuous whatever loop closure and relocalisation move (REP-105). annotations: zones and deleted objects. grid: at
-    most one stream second old; None before any floor is known. floor_scan: of this frame's picture, where the grid took
-    it in.
+    """The back end's update by one frame. sightings: the boxes that stand on the floor, in the map. object_ids: one per
+    sighting. merged: retired ids of the run so far, each with the id of the object that replaced it. pose_covariance:
+    (3, 3) of x, y, yaw: m, m, rad. trajectory: current estimates of all poses so far. travelled_m: path length by
+    odometry. correction: of a loop closure in this step. relocated: in the one update from which on everything is in a
+    saved map's frame, that frame's view of the frame before (`pose_map_start`). pose_odom_base, odom_covariance: by
+    odometry alone since the first frame, continuous whatever loop closure and relocalisation move (REP-105).
+    annotations: zones and deleted objects. grid: at most one stream second old; None before any floor is known.
+    floor_scan: of this frame's picture, where the grid took it in.
     """
 
     sightings: list[PlacedSighting]
@@ -114,7 +112,7 @@ class Mapper:
         annotations: Annotations = NO_ANNOTATIONS,
         grid: OccupancyGrid | None = None,
     ) -> None:
-        """Go on with a saved map from a known pose. sigmas: of the start pose, m, m, rad. grid: the saved map's."""
+        """Continues a saved map from a given pose. sigmas: of the start pose, m, m, rad. grid: the saved map's."""
         if grid is not None:
             self.grid.continue_from(grid)
         self.edits = MapEdits.of(saved, annotations)
@@ -129,11 +127,10 @@ class Mapper:
         grid: OccupancyGrid | None = None,
         guesses: Sequence[SE2] = (),
     ) -> None:
-        """Make a map of its own until its objects show where in the saved map the robot is, then go on with that one.
-        guesses: poses in the saved map at which the run may start; fewer objects prove one of these.
-
-        New objects are numbered after the saved ones, so an id means one thing throughout; `merged` tells which of
-        them turned out to be saved ones. grid: the saved map's.
+        """Builds a separate map until its objects determine the robot's pose in the saved map, then continues that one.
+        guesses: poses in the saved map at which the run may start; fewer objects confirm one of these. New objects are
+        numbered after the saved ones, so ids stay unique; `merged` maps new objects to matching saved ones. grid: the
+        saved map's.
         """
         self._saved_grid = grid
         self.edits = MapEdits.of(saved, annotations)
@@ -144,7 +141,7 @@ class Mapper:
         self.map = self.relocaliser.own
 
     def step(self, observed: FrameObservations) -> MapUpdate:
-        """Take in one frame's observations: advance, close loops, associate, forget, relocalise."""
+        """Processes one frame's observations: advance, close loops, associate, forget, relocalise."""
         self._watch.start()
         stage = self._watch.stage
         observed, self._blind = self._timed(_after(self._blind, _sound(observed))), None
@@ -193,7 +190,7 @@ class Mapper:
         return self.pose_map_base @ self._blind.motion, covariance
 
     def edit(self, edit: Edit) -> str:
-        """Take in what a person says of the map, between two steps; the id of its object or zone. Raises EditError.
+        """Applies a person's edit of the map between two steps. Returns the id of its object or zone. Raises EditError.
 
         Edits are inputs as frames are: the same ones after the same frames make the same map. Pose, trajectory and
         measured objects do not depend on them, but on `pose`; a confirmed object is not forgotten.
@@ -203,7 +200,7 @@ class Mapper:
         return self.edits.take(edit, self.map, self.trajectory.stamps_near)
 
     def objects(self) -> list[MapObject]:
-        """The map as it stands, edits laid over it."""
+        """The current map with edits applied."""
         return self.edits.shown(self.map)
 
     def annotations(self) -> Annotations:

@@ -55,7 +55,7 @@ class Moving:
         return points @ home_mover[:3, :3].T + home_mover[:3, 3]
 
     def shadows(self, clip: Array, movers: Iterable[Mover]) -> list[tuple[Array, tuple[float, float, float, float]]]:
-        """What `RenderTarget.shadow` darkens: a clip matrix per mover, and where it touches the floor."""
+        """Inputs of `RenderTarget.shadow`: a clip matrix per mover, and its floor contact."""
         return [
             (clip @ mover.matrix_home_mover(), stand(self.meshes(mover.mesh).packed.vertices["position"]))
             for mover in movers

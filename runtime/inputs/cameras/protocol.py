@@ -51,8 +51,8 @@ class Camera(Protocol):
     def read(self) -> Frame | None:
         """The next frame; None at the end. Files: every frame, in order. Live: the newest frame not yet delivered.
 
-        Raises CameraFault in place of what was wrong with the delivery, and FrameTimeout where a live or paced
-        camera has nothing yet: reading may go on. Any other CameraError is the end.
+        Raises CameraFault for a fault of the delivery, and FrameTimeout where a live or paced camera has no frame yet;
+        reading may continue after both. Any other CameraError ends the source.
         """
         ...
 
@@ -78,7 +78,7 @@ class Picture(NamedTuple):
 
 
 class Device(Protocol):
-    """An open camera. size: (width, height) in px. rate_hz: nominal, None where it does not say."""
+    """An open camera. size: (width, height) in px. rate_hz: nominal, None where unknown."""
 
     size: tuple[int, int]
     intrinsics: Intrinsics | None

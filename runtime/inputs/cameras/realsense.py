@@ -48,7 +48,7 @@ def _kept_context() -> Any:
 
 
 def is_recording(rest: str) -> bool:
-    """Whether what follows `realsense:` is a file, and no serial number."""
+    """Whether the address after `realsense:` is a file and not a serial number."""
     return rest.endswith((".db3", ".bag")) or "/" in rest
 
 
@@ -118,8 +118,8 @@ class RealSenseDevice:
 
 
 class RealSenseDriver:
-    """A RealSense, the one with this serial or the first one: colour, 640x480 at 30 Hz or what it offers, and depth
-    beside it where it has any and `depth` wants it.
+    """The RealSense with this serial number, or the first one: colour, 640x480 at 30 Hz or its nearest mode, and depth
+    where it has any and `depth` is set.
 
     imu: filled by the device's gyro and accelerometer, where it has them.
     """

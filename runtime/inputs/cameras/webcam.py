@@ -55,7 +55,7 @@ class WebcamDriver:
         self._device, self._intrinsics = device, intrinsics
 
     def open(self) -> CaptureDevice:
-        """Open it. Raises CameraError where there is no such device, it may not be opened, or it is no camera."""
+        """Opens the device. Raises CameraError where it does not exist, access is denied, or it is not a camera."""
         device = self._device
         if not device.exists():
             others = ", ".join(sorted(str(path) for path in Path("/dev").glob("video*"))) or "none"

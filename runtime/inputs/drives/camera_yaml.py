@@ -157,7 +157,7 @@ def read_setup(folder: Path, world_up: str, intrinsics: Intrinsics | None = None
 
 
 def stamps_for(folder: Path, names: tuple[str, ...], pictures: int, where: Path, rate_hz: float) -> NDArray[np.float64]:
-    """Stamps in seconds, one per picture: from the first of the named files that is there, else index / rate."""
+    """Stamps in seconds, one per picture: from the first existing one of the named files, else index / rate."""
     for name in names:
         path = folder / name
         if path.is_file():

@@ -21,10 +21,9 @@ SAME_SHARE = 0.01  # of the picture's width: focal lengths and centres that diff
 
 
 class DepthTopic:
-    """Depth of the colour pictures' own pixels, by stamps that increase; nothing that is wrong with it is a fault.
-
-    topic: None for one that Intel's driver has aligned to the colour, once it is published. What comes late, is
-    damaged, or is of another lens by the CameraInfo beside it is left out.
+    """Depth registered to the colour pictures, looked up by increasing stamps. Errors are ignored, since depth is
+    optional. topic: None for the aligned topic of Intel's driver, once it is published. Late or damaged pictures, and
+    those with other intrinsics in their CameraInfo, are dropped.
     """
 
     def __init__(self, node: Node, topic: str | None = None) -> None:

@@ -62,7 +62,7 @@ class Publisher:
 
 
 class Subscription:
-    """Reads one topic, when it is asked: nothing runs in between."""
+    """Reads one topic on demand, without a thread."""
 
     def __init__(self, participant: Any, topic: str, kind: str, reliability: Reliability, depth: int) -> None:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet

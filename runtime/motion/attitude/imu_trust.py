@@ -71,7 +71,7 @@ class _Sensor:
 
 
 class ImuTrust:
-    """Samples that can be measurements, and which sensor is to be left out."""
+    """Selects valid samples, and decides which sensor is excluded."""
 
     def __init__(self, rule: ImuTrustRule | None = None) -> None:
         self._rule = rule = rule or ImuTrustRule()

@@ -34,12 +34,13 @@ START_S = 0.1  # of samples, whose mean force is the first guess of where up is
 
 @dataclass(frozen=True, slots=True)
 class AttitudeRule:
-    """How gravity is weighed against the mount; between both lies a constant tilt: the accelerometer's offset (BMI055:
-    70 mg, 4 deg) and the mount's error.
+    """Weights of gravity and mount, which differ by a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg)
+    and the mount's error.
 
-    farthest_rad: the filter starts at a mount that is nearer to gravity; what is tilted more is held otherwise.
-    nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so; held_every_s: how often the
-    filter takes the mount in, as each time costs processor time and neighbours tell the same.
+    farthest_rad: greatest angle between mount and gravity at which the filter starts from the mount; beyond it the
+    camera is held in another way. nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays
+    so; held_every_s: interval between the mount's updates of the filter, since each costs processor time and
+    neighbouring ones are redundant.
     swings_rad_s: of the tilt, up to which a gyro is not believed before the odometry confirms it; robots have 1 to 4
     degrees a second. noise: of the sensor and the filter. trust: in its samples. pictures: where no samples come.
     check: of the mount, by the pictures.

@@ -25,12 +25,11 @@ LONGEST_S = 1.0  # between two frames of one drive
 
 @dataclass(frozen=True, slots=True)
 class PicturesRule:
-    """How the rotation between pictures, the room's edges and the mount are weighed.
-
-    nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays so. likely: standard deviations
-    of nodding, at which the mount tells half as much of the tilt. carried_rad: within which a carried camera is about
-    the mount's angles. rotation_rad, rotation_share: standard deviation of the rotation between two pictures beside
-    what the corners say, and relative to it.
+    """Weights of the rotation between pictures, the room's edges and the mount. nodding_rad, nodding_s: of a level
+    robot about its mount, and for how long it stays so. likely: standard deviations of nodding, at which the mount's
+    weight is halved. carried_rad: within which a carried camera is about the mount's angles. rotation_rad,
+    rotation_share: standard deviation of the rotation between two pictures beside what the corners say, and relative to
+    it.
     edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in two
     real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a wrong
     direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3

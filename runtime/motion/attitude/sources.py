@@ -52,7 +52,7 @@ class RecordedAttitude:
         return self._track.at(frame.stamp_s, self._height_m)
 
     def update(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
-        """The same again: nothing is predicted."""
+        """Returns the same attitude: there is no prediction to correct."""
         return self._track.at(self._seen_s, self._height_m)
 
     def correct_mount(self, mount: Mount) -> None:

@@ -29,7 +29,7 @@ class DriftRate:
     """Errors of a recorded motion, as standard deviations. per_metre, per_radian: as a share of path and rotation.
     still_m, still_rad: what remains at rest. roughness_m, roughness_rad: of place and heading per square root of a
     metre that wheels roll: small slips add up like a random walk (Chong and Kleeman 1997). half_track_m: what a wheel
-    rolls per radian of rotation. fastest_m_s, fastest_rad_s: between two samples; what is faster is a jump and no
+    rolls per radian of rotation. fastest_m_s, fastest_rad_s: between two samples; a faster change is a jump, not a
     motion.
     """
 

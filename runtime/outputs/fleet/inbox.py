@@ -9,11 +9,9 @@ ON_TRIAL = 10  # rooms besides: in a full place too a new robot's map is looked 
 
 
 class Inbox:
-    """The newest message of each robot and kind, put in by zenoh's threads: bounded, whatever comes.
-
-    Only who brings a map takes the room of another: of a name that never brought one, else of the first of `give_way`.
-    A name whose map the keeper has not looked at holds its room until then, unless more names come than there is room
-    for: all of them have the same chance then.
+    """The newest message of each robot and kind, stored by zenoh's threads; its size is bounded. Only a sender of a map
+    replaces another name: one that never sent a map, else the first of `give_way`. A name whose map the keeper has not
+    read yet keeps its slot, unless there are more names than slots; then all have the same chance.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
@@ -40,7 +38,9 @@ class Inbox:
             return taken
 
     def put_back(self, kind: str, name: str, message: bytes) -> None:
-        """Not taken in this turn; a newer one goes before it, and nothing is kept of who has no room any more."""
+        """Returns a message that was not processed in this turn; a newer one replaces it, and it is dropped if its
+        sender lost its slot.
+        """
         with self._lock:
             if name in self._names:
                 self._newest.setdefault((kind, name), message)

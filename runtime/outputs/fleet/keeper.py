@@ -235,7 +235,7 @@ class PlaceKeeper:
         return merged, text
 
     def document(self) -> dict[str, Any]:
-        """The place's map as `map.json` holds it, and `fleet`: what became of each robot's map."""
+        """The place's map as `map.json` holds it, with `fleet`: the state of each robot's map."""
         return self._document_of(self.merged)
 
     def _document_of(self, merged: PlaceMap) -> dict[str, Any]:

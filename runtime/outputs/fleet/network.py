@@ -126,7 +126,7 @@ def unpacked(message: bytes, source: str, limit: int = MAP_BYTES) -> bytes:
 
 
 def unpacked_map(message: bytes, source: str) -> tuple[list[MapObject], Annotations]:
-    """A robot's map as it came, every value checked, and nothing made of one that is too large. Raises MapError."""
+    """Decodes a robot's map and checks every value; a map that is too large is rejected first. Raises MapError."""
     return read_map(unpacked(message, source, ROBOT_BYTES), source, MAXIMUM_OBJECTS)
 
 

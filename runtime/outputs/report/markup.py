@@ -27,7 +27,7 @@ def el(name: str, /, *children: Child, **attributes: object) -> Markup:
 
 
 def joined(*children: Child) -> Markup:
-    """Children one after the other."""
+    """Concatenated children."""
     parts: list[str] = []
     for child in children:
         if child is None:

@@ -1,4 +1,4 @@
-"""Puts the report together: one HTML file that asks for nothing else."""
+"""Builds the report: one self-contained HTML file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -50,7 +50,7 @@ class ReportContent:
 
     @property
     def crowded(self) -> bool:
-        """Whether some are left out."""
+        """Whether some objects are omitted."""
         return len(self.objects) > MAXIMUM_DRAWN
 
 

@@ -1,4 +1,4 @@
-"""What a run prints on standard error while it lasts: a progress bar on a terminal, plain lines elsewhere."""
+"""Progress of a run on standard error: a progress bar on a terminal, plain lines elsewhere."""
 
 import re
 import sys

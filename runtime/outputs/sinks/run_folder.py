@@ -134,7 +134,7 @@ class RunFolder:
             raise self._failure
 
     def fault(self, text: str) -> None:
-        """Note a fault with the frame it came at; while a camera is away nothing but its faults has them saved."""
+        """Records a fault with its frame; while a camera is disconnected, its faults trigger the saving."""
         self._fault_count += 1
         if len(self._faults) < MAX_FAULTS:
             self._faults.append(f"frame {self._frames}: {text}")

@@ -1,1 +1,1 @@
-"""How far a map can be trusted, and why: a verdict of what a run counted, and the causes that explain a poor one."""
+"""The verdict on a map, from a run's statistics, and the causes that explain a poor one."""

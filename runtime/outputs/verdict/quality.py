@@ -1,4 +1,4 @@
-"""What a run counts of itself, frame by frame: the facts by which its map is judged. `quality` of run.json."""
+"""Statistics that a run collects per frame and that determine the verdict: `quality` of run.json."""
 
 import math
 from collections import Counter

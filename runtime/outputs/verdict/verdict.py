@@ -1,4 +1,4 @@
-"""How far a map can be trusted, in one word, and why: a pure function of what run.json and map.json hold."""
+"""The verdict on a map, with reasons: a pure function of run.json and map.json."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -24,7 +24,7 @@ WORST_HEIGHT_SHARE, WORST_TILT_RAD = 0.02, math.radians(0.5)  # one standard dev
 
 @dataclass(frozen=True, slots=True)
 class MountFit:
-    """What came out. sigma: one standard deviation of height_m, pitch_rad, roll_rad."""
+    """The fitted mount. sigma: one standard deviation of height_m, pitch_rad, roll_rad."""
 
     mount: Mount
     rms_px: float

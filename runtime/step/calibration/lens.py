@@ -20,7 +20,7 @@ OUTLIER = 3.0  # times the median view's error
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """What came out. rms_px: over all corners. sigma: one standard deviation of fx, fy, cx, cy, px."""
+    """The fitted intrinsics. rms_px: over all corners. sigma: one standard deviation of fx, fy, cx, cy, px."""
 
     intrinsics: Intrinsics
     rms_px: float

@@ -23,7 +23,7 @@ WORST_TILT_RAD = math.radians(1.0)  # one standard deviation
 
 @dataclass(frozen=True, slots=True)
 class TiltFit:
-    """What came out. sigma: one standard deviation of pitch_rad and roll_rad, by leaving out pictures (jackknife)."""
+    """The fitted tilt. sigma: one standard deviation of pitch_rad and roll_rad, by leaving out pictures (jackknife)."""
 
     pitch_rad: float
     roll_rad: float
