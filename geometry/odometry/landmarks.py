@@ -32,10 +32,12 @@ class AttitudeError:
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """Pose of the base in the landmarks' frame, and tilt of the camera there."""
+    """Pose of the base in the landmarks' frame, and tilt of the camera there. rise_m: of the lens above the mount's
+    height."""
 
     pose: SE2 = field(default_factory=SE2)
     tilt: AttitudeError = AttitudeError()
+    rise_m: float = 0.0
 
 
 def rotated(
@@ -68,8 +70,9 @@ class Noise:
     """Standard deviations. track_rad: of a track's position in one picture; drift_rad: of a track's drift per picture,
     as its template is renewed; tilt_rad: of pitch and roll in one picture; floor_tilt_rad: of the tilt once it is
     estimated; scale: relative, of the common scale per picture of points off the floor; unknown: of the inverse depth,
-    1/m, of a new point, about unknown_mean; yaw_rad: of the rotation since the last picture where a gyro measures it;
-    gate: share of the usual gates, squared, within which a track fits."""
+    1/m, of a new point, about unknown_mean; rise_m: of the lens's height, from one picture to the next; yaw_rad: of the
+    rotation since the last picture where a gyro measures it; gate: share
+    of the usual gates, squared, within which a track fits."""
 
     track_rad: float
     drift_rad: float
@@ -78,6 +81,7 @@ class Noise:
     scale: float = 0.05
     unknown_mean: float = 0.2
     unknown: float = 0.3
+    rise_m: float = 1e-4
     yaw_rad: float = math.inf
     gate: float = 1.0
 
@@ -131,7 +135,7 @@ def new_landmarks(
     """
     base = rays @ camera.mount.rotation_base_optical().T @ view.tilt.rotation().T
     base /= np.linalg.norm(base, axis=1)[:, None]
-    lens = camera.mount.position_base_m()
+    lens = _lens(camera, view)
     on_floor = -base[:, 2] / lens[2]
     reached = on_floor > 1.0 / reach_m
     floor = reached & trusting
@@ -150,8 +154,8 @@ def new_landmarks(
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
     """Landmarks projected into a view, with Jacobians. seen (N, 2), predicted observations: normalised image points;
-    by_view (N, 2, 5): per metre forward and left, radian of yaw, pitch and roll; by_inverse (N, 2): per 1/m. ahead
-    (N,): in front.
+    by_view (N, 2, 6): per metre forward and left, radian of yaw, pitch and roll, metre of rise; by_inverse (N, 2): per
+    1/m. ahead (N,): in front.
     """
 
     seen: Array
@@ -163,30 +167,31 @@ class Projection:
 def project(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint) -> Projection:
     """Landmarks projected from a view, with the Jacobians that `locate` needs (perturbed in the view's base frame)."""
     rotation = _rotation_z(view.pose)
-    lens = camera.mount.position_base_m()
+    lens = _lens(camera, view)
     to_optical = (view.tilt.rotation() @ camera.mount.rotation_base_optical()).T
     away = (landmarks.anchor_m - [view.pose.x_m, view.pose.y_m, 0.0]) @ rotation
     inverse = landmarks.inverse_m
     base = landmarks.ray @ rotation + inverse[:, None] * away
     lensed = base - inverse[:, None] * lens
-    moved = np.zeros((3, 7, len(inverse)))  # base-frame change per parameter; last: per inverse depth, and the point
+    moved = np.zeros((3, 8, len(inverse)))  # base-frame change per parameter; last: per inverse depth, and the point
     moved[0, 0] = moved[1, 1] = -inverse
     moved[0, 2], moved[1, 2] = base[:, 1], -base[:, 0]
     moved[0, 3], moved[2, 3] = -lensed[:, 2], lensed[:, 0]
     moved[1, 4], moved[2, 4] = lensed[:, 2], -lensed[:, 1]
-    moved[:, 5], moved[:, 6] = (away - lens).T, lensed.T
+    moved[2, 5] = -inverse
+    moved[:, 6], moved[:, 7] = (away - lens).T, lensed.T
     optical = (to_optical @ moved.reshape(3, -1)).reshape(moved.shape)
-    depth = optical[2, 6]
+    depth = optical[2, 7]
     ahead = depth > 0.02
     depth = np.where(ahead, depth, 1.0)
-    seen = optical[:2, 6] / depth
-    by = (optical[:2, :6] - seen[:, None] * optical[2, :6]) / depth
-    return Projection(seen.T, by[:, :5].transpose(2, 0, 1), by[:, 5].T, ahead)
+    seen = optical[:2, 7] / depth
+    by = (optical[:2, :7] - seen[:, None] * optical[2, :7]) / depth
+    return Projection(seen.T, by[:, :6].transpose(2, 0, 1), by[:, 6].T, ahead)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """view: the estimated pose. covariance: (5, 5) of it in its own base frame, (m, m, rad, rad, rad), given
+    """view: the estimated pose. covariance: (6, 6) of it in its own base frame, (m, m, rad, rad, rad, m), given
     landmarks. weights (N,): 0 for a track that does not fit. residual (N, 2), projection: at that view. scale: relative
     correction of the inverse depths off the floor. lateral: m and m^2, lateral motion from the floor alone and its
     variance, None where little floor is in view. slid: whether that contradicts rolling.
@@ -219,7 +224,7 @@ def locate(
     """The view that best fits the observed points, (N, 2) normalised image points: robust Gauss-Newton from a start.
 
     A landmark's uncertain depth widens its expected residual along its epipolar line, so a far or new one constrains
-    the rotation only. `noise` is the prior of yaw, pitch and roll about the start's. Points off the floor keep
+    the rotation only. `noise` is the prior of yaw, pitch, roll and rise about the start's. Points off the floor keep
     their shape; their common scale may change within `noise.scale`, so that the floor determines it. Tukey's weights,
     scale annealed. doubtful (N,): points on objects that may move, used only once the others have determined the view.
     rolling: the last picture's pose and how the robot rolled on from it, unless much floor in view shows that it slid.
@@ -231,12 +236,12 @@ def locate(
     known_yaw = noise.yaw_rad < KNOWN_YAW_RAD
     view, log_scale = start if known_yaw else _rotated_to(projection, seen, start, sure), 0.0
     weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
-    residual, inverse = seen, np.eye(6)
+    residual, inverse = seen, np.eye(7)
     off_floor = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
-    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.scale**-2])
-    damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0])
+    prior = np.array([0.0, 0.0, noise.yaw_rad**-2, tight, tight, noise.rise_m**-2, noise.scale**-2])
+    damped = np.diag(prior + [1e-2, 1e-2, 1e-2, 0.0, 0.0, 0.0, 0.0])
     across_m, variance_m2, conflict, worst = 0.0, 0.0, 1.0, 1.0  # of landmarks alone; worst: ere they lose weight
     before, how = rolling or (SE2(), None)
     for scale in ANNEALING:
@@ -252,7 +257,7 @@ def locate(
         gradient = (weighted @ white[:, :, None]).sum(axis=(0, 2))
         beyond = view.tilt.pitch_rad - start.tilt.pitch_rad, view.tilt.roll_rad - start.tilt.roll_rad
         yawed = wrap_angle(view.pose.yaw_rad - start.pose.yaw_rad)
-        gradient[2:] -= prior[2:] * [yawed, *beyond, log_scale]
+        gradient[2:] -= prior[2:] * [yawed, *beyond, view.rise_m - start.rise_m, log_scale]
         inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
         if how is not None:
             lateral = how.lateral(before.inverse() @ view.pose)
@@ -264,7 +269,7 @@ def locate(
             gradient[:3] -= lateral.by_motion * conflict * lateral.residual_m / lateral.variance_m2
             inverse -= np.outer(along, along) / (lateral.variance_m2 / conflict + variance_m2)  # Sherman and Morrison
         step = inverse @ gradient
-        view, log_scale = _moved(view, step), float(np.clip(log_scale + step[5], -0.3, 0.3))
+        view, log_scale = _moved(view, step), float(np.clip(log_scale + step[6], -0.3, 0.3))
     degrees = max(2.0 * weights.sum() - 6.0, 1.0)
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
     shows, measured = landmarks.floor, None
@@ -278,7 +283,7 @@ def locate(
             return replace(slid, lateral=apart, slid=True)
     elif how is not None and float(weights[shows].sum()) > SHOWS_LATERAL:
         measured = across_m, variance_m2 * excess
-    return Located(view, inverse[:5, :5] * (excess * conflict), weights, residual, projection, log_scale, measured)
+    return Located(view, inverse[:6, :6] * (excess * conflict), weights, residual, projection, log_scale, measured)
 
 
 SHOWS_LATERAL = 30.0  # landmarks on the floor that show how the robot moves across its heading
@@ -352,6 +357,7 @@ def refined(
     return _classified(after, noise), (fits & (inverse > -0.05)) | off_floor
 
 
+RISE_SHARE = 0.05  # of the rise that is attributed to the landmarks and not to the lens
 KNOWN_DEPTH = 0.1  # relative standard deviation below which an inverse depth separates floor from objects
 FLOOR_BAND = 0.08  # relative difference of inverse depths that still counts as floor, as the scale may be off too
 BELOW_SHARE, BELOW_COUNT = 0.1, 8  # of the landmarks: as many on one plane below the floor are the floor
@@ -416,10 +422,11 @@ def rescaled(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint, factor:
 def reduce_tilt(
     landmarks: Landmarks, camera: FloorCamera, view: Viewpoint, share: float
 ) -> tuple[Landmarks, Viewpoint]:
-    """Landmarks and view rotated together about the lens: a share of the view's tilt is removed.
+    """Landmarks and view rotated together about the lens, and moved up or down together: a share of the view's tilt and
+    rise is removed.
 
-    Tracks observe only differences of tilt, so its common part drifts; by the mount it is zero on average. Floor
-    landmarks are moved to where their rotated rays meet the floor.
+    Tracks observe only differences of tilt and height, so their common part drifts; by the mount both are zero on
+    average. Floor landmarks are moved to where their rotated rays meet the floor.
     """
     yaw = _rotation_z(view.pose)
     part = AttitudeError(share * view.tilt.pitch_rad, share * view.tilt.roll_rad)
@@ -430,17 +437,21 @@ def reduce_tilt(
     slope = np.where(below, np.clip(ray[:, 2] / np.where(below, landmarks.ray[:, 2], 1.0), 0.5, 2.0), 1.0)
     ratio = np.where(landmarks.floor, slope, 1.0)
     anchor = np.where(landmarks.floor[:, None], landmarks.anchor_m, lens + (landmarks.anchor_m - lens) @ removed)
+    lower = RISE_SHARE * view.rise_m
+    low = np.clip(anchor[:, 2] / np.maximum(anchor[:, 2] - lower, 0.1), 0.5, 2.0)
+    anchor = anchor - [0.0, 0.0, lower]
+    slope, ratio = np.where(below, slope * low, 1.0), np.where(landmarks.floor, ratio * low, 1.0)
     after = replace(
         landmarks, anchor_m=anchor, ray=ray, inverse_m=landmarks.inverse_m * ratio, on_floor=landmarks.on_floor * slope
     )
     left = AttitudeError(view.tilt.pitch_rad - part.pitch_rad, view.tilt.roll_rad - part.roll_rad)
-    return after, Viewpoint(view.pose, left)
+    return after, Viewpoint(view.pose, left, view.rise_m - lower)
 
 
 def _whitened(
     projection: Projection, residual: Array, off_floor: Array, variance: Array, sigma2: Array
 ) -> tuple[Array, Array]:
-    """Residual (2, N) and Jacobian (2, 6, N), by view and common scale, in units of the expected residual.
+    """Residual (2, N) and Jacobian (2, 7, N), by view and common scale, in units of the expected residual.
 
     That has the covariance sigma2 I + variance g g^T, g being the residual per inverse depth.
     """
@@ -448,8 +459,8 @@ def _whitened(
     slope2 = (by_inverse**2).sum(axis=0)
     along = by_inverse / np.sqrt(np.maximum(slope2, 1e-18))
     lost = 1.0 - np.sqrt(sigma2 / (sigma2 + variance * slope2))
-    both = np.empty((2, 7, len(slope2)))
-    both[:, 0], both[:, 1:6], both[:, 6] = residual.T, projection.by_view.transpose(1, 2, 0), by_inverse * off_floor
+    both = np.empty((2, 8, len(slope2)))
+    both[:, 0], both[:, 1:7], both[:, 7] = residual.T, projection.by_view.transpose(1, 2, 0), by_inverse * off_floor
     both -= (lost * along)[:, None] * (along[0] * both[0] + along[1] * both[1])
     both /= np.sqrt(sigma2)
     return both[:, 0], both[:, 1:]
@@ -459,7 +470,7 @@ def _rotated_to(projection: Projection, seen: Array, start: Viewpoint, sure: NDA
     """The start, rotated by the median residual of its projection: yaw and pitch change fast, and are common to all."""
     across, down = medians((seen - projection.seen)[sure])
     yaw, pitch = medians(projection.by_view[sure][:, [0, 1], [2, 3]])
-    return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0]))
+    return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))
 
 
 def medians(columns: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
@@ -470,12 +481,17 @@ def medians(columns: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
 
 def _moved(view: Viewpoint, step: Array) -> Viewpoint:
     tilt = AttitudeError(view.tilt.pitch_rad + float(step[3]), view.tilt.roll_rad + float(step[4]))
-    return Viewpoint(view.pose @ SE2(*step[:3]), tilt)
+    return Viewpoint(view.pose @ SE2(*step[:3]), tilt, view.rise_m + float(step[5]))
+
+
+def _lens(camera: FloorCamera, view: Viewpoint) -> Array:
+    """Where the lens is in the view's base frame, (3,) m."""
+    return camera.mount.position_base_m() + [0.0, 0.0, view.rise_m]
 
 
 def _lens_at(camera: FloorCamera, view: Viewpoint) -> Array:
     """Where the lens is in the landmarks' frame, (3,) m."""
-    return _rotation_z(view.pose) @ camera.mount.position_base_m() + [view.pose.x_m, view.pose.y_m, 0.0]
+    return _rotation_z(view.pose) @ _lens(camera, view) + [view.pose.x_m, view.pose.y_m, 0.0]
 
 
 def _rotation_z(pose: SE2) -> Array:

@@ -47,7 +47,7 @@ def scene(seed: int, floor: int = 80, walls: int = 40):
 def seen_from(points, view: Viewpoint):
     """Image points of a scene, worked out with matrices and not with the code under test."""
     base = np.column_stack([view.pose.inverse().apply(points[:, :2]), points[:, 2]])
-    turned = (base - CAMERA.mount.position_base_m()) @ view.tilt.rotation()
+    turned = (base - CAMERA.mount.position_base_m() - [0.0, 0.0, view.rise_m]) @ view.tilt.rotation()
     optical = turned @ CAMERA.mount.rotation_base_optical()
     return optical[:, :2] / optical[:, 2:]
 
@@ -79,6 +79,8 @@ def test_jacobians_are_the_slopes_of_what_is_seen():
         np.testing.assert_allclose((moved - projection.seen) / step, projection.by_view[:, :, column], atol=1e-4)
     pitched = project(known, CAMERA, Viewpoint(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).seen
     np.testing.assert_allclose((pitched - projection.seen) / step, projection.by_view[:, :, 3], atol=1e-4)
+    risen = project(known, CAMERA, Viewpoint(pose, tilt, step)).seen
+    np.testing.assert_allclose((risen - projection.seen) / step, projection.by_view[:, :, 5], atol=1e-4)
     nearer = replace(known, inverse_m=known.inverse_m + step)
     np.testing.assert_allclose(
         (project(nearer, CAMERA, Viewpoint(pose, tilt)).seen - projection.seen) / step, projection.by_inverse, atol=1e-4
@@ -261,11 +263,27 @@ def test_what_was_taken_for_floor_is_a_table_where_others_lie_below():
     assert excess_scale(after) == 1.0
 
 
-def test_levelling_takes_a_share_of_the_tilt_and_changes_nothing_that_is_seen():
-    points, tilted = scene(4), Viewpoint(SE2(0.1, 0.02, 0.03), AttitudeError(0.02, -0.01))
+def test_the_rise_of_a_carried_lens_is_found_where_it_may_be():
+    """Three centimetres up and a step ahead; held to the mount's height it is taken for another step."""
+    points, motion = scene(3), SE2(0.1, 0.0, 0.02)
+    known = landmarks_of(points)
+    known.inverse_m[80:] = 1.0 / np.linalg.norm(points[80:] - CAMERA.mount.position_base_m(), axis=1)
+    known.variance[80:] = 1e-6
+    seen = seen_from(points, Viewpoint(motion, AttitudeError(0.01, 0.0), 0.03))
+    carried = locate(known, seen, CAMERA, Viewpoint(), replace(NOISE, rise_m=0.05, tilt_rad=0.05))
+    assert carried.view.rise_m == pytest.approx(0.03, abs=1e-3)
+    assert np.abs((motion.inverse() @ carried.view.pose).vector()).max() < 2e-3
+    level = locate(known, seen, CAMERA, Viewpoint(), NOISE)
+    assert level.view.rise_m == pytest.approx(0.0, abs=1e-3)
+    assert abs((motion.inverse() @ level.view.pose).x_m) > 0.01
+
+
+def test_levelling_takes_a_share_of_tilt_and_rise_and_changes_nothing_that_is_seen():
+    points, tilted = scene(4), Viewpoint(SE2(0.1, 0.02, 0.03), AttitudeError(0.02, -0.01), 0.04)
     known = landmarks_of(points)
     known.floor[:] = False
     after, level = reduce_tilt(known, CAMERA, tilted, 0.5)
+    assert level.rise_m == pytest.approx(0.038)
     assert level.tilt.pitch_rad == pytest.approx(0.01)
     np.testing.assert_allclose(project(after, CAMERA, level).seen, project(known, CAMERA, tilted).seen, atol=2e-3)
 

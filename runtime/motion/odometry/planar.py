@@ -72,7 +72,8 @@ class PlanarRule:
     scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
     longest_gap_s: without a picture; after a longer one the corners are not looked for any more.
     carried: when the camera counts as carried, and as one on wheels. nodding_sigmas: of how much it nods from picture
-    to picture, the standard deviation of a picture's tilt.
+    to picture, the standard deviation of a picture's tilt. What is carried rises and sinks as well: by rise_per_rad of
+    the mount's height for each radian beyond `carried.level_rad`.
     mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
     `Rolling`, for robots on wheels. unknown_axle_m: standard deviation of the axle's place where the mount's lever arm
     is not known. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways
@@ -125,6 +126,7 @@ class PlanarRule:
     travelled_rad: float = 0.035
     travelled_fewest: int = 30
     neighbour_px: float = 40.0
+    rise_per_rad: float = 0.5
     carried_gate: float = 0.6
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
@@ -305,7 +307,7 @@ class PlanarOdometry:
         # This camera is the last one as its rotation, or its mount, was corrected: what is left is wrong.
         if ahead or self._predicted or self._mount != mount:
             _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), self._camera)
-            view = Viewpoint(self._view.pose, tilt)
+            view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
             self._landmarks, self._view = reduce_tilt(self._landmarks, self._camera, view, share)
             self._camera_before = self._camera
         self._predicted = ahead
@@ -346,7 +348,7 @@ class PlanarOdometry:
         share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.gyro_levelling)
         drift = self._rule.gyro_levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
         self._levelled_rad = min(sigma_rad, math.sqrt(self._levelled_rad**2 + drift))
-        view = Viewpoint(self._view.pose, tilt)
+        view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
         self._landmarks, self._view = reduce_tilt(self._landmarks, before, view, share)
         self._camera_before = before
 
@@ -428,7 +430,7 @@ class PlanarOdometry:
 
     def _ahead(self, motion: SE2) -> Viewpoint:
         """The view after a motion, tilted and as high as before."""
-        return Viewpoint(self._view.pose @ motion, self._tilt)
+        return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
 
     def _seen_rotation(self, found: Located) -> SeenRotation:
         """Of the camera since the last picture, among the landmarks."""
@@ -457,7 +459,7 @@ class PlanarOdometry:
         return found
 
     def _learn_nodding(self, found: Viewpoint, motion: SE2, dt_s: float) -> None:
-        """Estimate how much the camera nods between pictures: one that nods is carried."""
+        """Estimate how much the camera nods between pictures: one that nods is carried, and its height varies."""
         before, now = self._camera_before.mount, self._camera.mount
         pitch_rad = now.pitch_rad + found.tilt.pitch_rad - before.pitch_rad - self._view.tilt.pitch_rad
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
@@ -466,10 +468,18 @@ class PlanarOdometry:
         self._carried = self._carried.seen(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
 
     def _noise_now(self) -> Noise:
-        """What is unknown of this picture's tilt."""
+        """What is unknown of this picture's tilt and height."""
+        known_height = self._attitude is not None and self._attitude.height_m is not None
         measured = self._attitude is not None and self._attitude.source != "mount" and not self._predicted
         nodding_rad = 0.0 if measured else self._rule.nodding_sigmas * self._carried.nodding_rad
-        return replace(self._noise, tilt_rad=max(self._noise.tilt_rad, nodding_rad), gate=self._gate())
+        carried_rad = 0.0 if known_height else self._carried.beyond_rad
+        rise_m = max(self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m, self._noise.rise_m)
+        return replace(
+            self._noise,
+            tilt_rad=max(self._noise.tilt_rad, nodding_rad),
+            rise_m=rise_m,
+            gate=self._gate(),
+        )
 
     def _gate(self) -> float:
         """Share of the usual gates within which a track fits."""
