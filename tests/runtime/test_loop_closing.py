@@ -21,6 +21,7 @@ from edgemap.runtime.outputs.report.history import History
 from edgemap.runtime.outputs.sinks.run_folder import RunFolder
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.loop_closing import LoopCloser, NoLoopClosure
+from edgemap.runtime.step.map_file import load_map, save_map
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pose_journal import PoseJournal
 from edgemap.view.page import LivePage
@@ -147,6 +148,21 @@ def test_a_start_told_roughly_is_corrected_by_the_saved_maps_objects():
     off = (WAY[0].inverse() @ WAY[119]).inverse() @ result.pose_map_base
     assert np.hypot(off.x_m, off.y_m) < 0.1
     assert abs(off.yaw_rad) < 0.045  # of 0.06; the view ahead says little of yaw
+
+
+def test_a_second_visit_the_other_way_round_leaves_no_twins(corrected, tmp_path):
+    """Over the saved map, with odometry that drifts and no start pose: nothing twice, and no object's place worse."""
+    save_map(tmp_path / "map.json", corrected[-1][1])
+    saved = load_map(tmp_path / "map.json")
+    mapper, back = Mapper(loop_closer=LoopCloser()), WAY[::-1]
+    mapper.relocalise_in(saved)
+    relocated = [result.relocated for result, _ in drive(mapper, ROOM, back, drifting(back, 8), 8)]
+    assert sum(pose is not None for pose in relocated) == 1
+    first, second = errors_m(saved), errors_m(mapper.objects())
+    assert second[1] == 0
+    assert len(second[0]) == len(first[0])
+    assert np.median(second[0]) < np.median(first[0]) + 0.03
+    assert {item.id for item in saved} == {item.id for item in mapper.objects()}
 
 
 def test_a_correction_in_the_step_that_finds_the_saved_map_moves_the_past_before_it_turns():
