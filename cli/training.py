@@ -31,7 +31,9 @@ FeatureCache = Annotated[
 def check_training(
     minutes: float | None, rate: float | None, validate_minutes: float | None, mix: Sequence[float] = (), data: int = 0
 ) -> None:
-    """Raises OptionError for budgets and rates of 0 or less, and for shares that do not fit so many --data."""
+    """Raises OptionError for budgets and rates of 0 or less, and for a number of shares that differs from that of
+    --data.
+    """
     for name, value in (("minutes", minutes), ("rate", rate), ("validate-minutes", validate_minutes)):
         if value is not None and not 0.0 < value < 1e6:
             raise OptionError(f"--{name} {value}: must be above 0")

@@ -1,4 +1,4 @@
-"""From frames to a map on the robot. What programs that embed it need has its name here, imported when first used."""
+"""From frames to a map on the robot. Exports the names that embedding programs need; each is imported on first use."""
 
 import sys
 from importlib import import_module

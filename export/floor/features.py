@@ -22,7 +22,7 @@ from edgemap.runtime.network.preprocess import Placement, Preprocessor
 class Features:
     """Pictures to a detector's features, in onnxruntime. backbone: a bundle, by name or folder, or a best.pt.
 
-    key: a sum of all that they depend on.
+    key: a hash of everything that they depend on.
     """
 
     def __init__(self, backbone: str, threads: int = 1) -> None:

@@ -50,8 +50,9 @@ class _Step:
 def fit_smaller(
     small: FlowHead, large: FlowHead, pairs: Sequence[tuple[FeatureDrive, FeatureDrive]], every: int = EVERY
 ) -> None:
-    """Fit the small head to the large one. pairs: the same drives as features that the small and the large one read,
-    cell by cell of the same places. every: stride of the sampled steps."""
+    """Fit the small head to the large one. pairs: the same drives as features of the small and the large head, with
+    corresponding cells. every: stride of the sampled steps.
+    """
     small.unit_m = large.unit_m
     steps = [
         step for index, pair in enumerate(pairs) for step in _steps(large, *pair, SKIPS[index % len(SKIPS)], every)

@@ -1,4 +1,4 @@
-"""One picture with its time: what every camera delivers and every stage of the step reads."""
+"""One picture with its stamp: the output of every camera and the input of the step."""
 
 from dataclasses import dataclass, field
 

@@ -48,9 +48,9 @@ class Habits:
 def explore(
     grid: PlanGrid, sight: VisibilityEstimate, limits: Limits, rng: np.random.Generator, habits: Habits | None = None
 ) -> Iterator[Array]:
-    """Moves without end, as `simulation.robot.motion` samples them; the first is the start alone, (1, 3).
+    """An infinite sequence of moves, sampled as in `simulation.robot.motion`; the first is the start alone, (1, 3).
 
-    Raises SimulationError where the home has no floor to drive on, or the robot finds no way on.
+    Raises SimulationError where the home has no free floor, or no path leads on.
     """
     explorer = _Explorer(grid, sight, limits, rng, habits or Habits())
     yield explorer.pose[None]

@@ -218,8 +218,10 @@ class DepthKeyframes:
 def patch_depths(
     depth: NDArray[np.float32], pixels: NDArray[np.floating[Any]], half_px: int, valid: int, flat: float
 ) -> tuple[Array, Array]:
-    """Depths and their spreads (N,) at pixels (N, 2) of a picture (H, W) with holes: medians of the valid ones of a
-    patch; NaN where they are too few, or lie at two depths. Pixels count from the picture's outer edge."""
+    """Depths and their scatter (N,) at pixels (N, 2) of a picture (H, W) with holes: medians over the valid pixels of a
+    patch; NaN where there are too few, or where the patch covers two depths. Pixels count from the picture's outer
+    edge.
+    """
     height, width = depth.shape
     columns, rows = np.clip(pixels.astype(np.intp), half_px, [width - 1 - half_px, height - 1 - half_px]).T
     offsets = np.arange(-half_px, half_px + 1)

@@ -51,7 +51,7 @@ class Inbox:
             self._judged, self._yielding = frozenset({*stays, *give_way}), list(give_way)
 
     def forget(self, name: str) -> None:
-        """The robot's room is free."""
+        """Frees the robot's slot."""
         with self._lock:
             self._forget(name)
 

@@ -49,7 +49,7 @@ def raised(outline: Array, x: float, y: float, z: float, scale: float = 1.0) -> 
 
 
 def filleted(corners: ArrayLike, radius: float, steps: int = 5, closed: bool = False) -> Array:
-    """A path (N, 3) through straight runs whose corners are rounded."""
+    """A polyline (N, 3) with rounded corners."""
     corners = np.asarray(corners, dtype=np.float64)
     if closed:
         corners = np.concatenate([[(corners[0] + corners[-1]) / 2.0], corners, [(corners[0] + corners[-1]) / 2.0]])
