@@ -24,7 +24,7 @@ from reliability.parts import PartReport
 
 KILLS, FRAMES = 200, 200
 MAX_LOST_S = 1.0
-FILES = {"map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg"}
+FILES = {"map.json", "trajectory.tum", "sightings.jsonl", "run.json", "mount.jpg", "grid.npz"}
 
 
 class _Teller:

@@ -340,6 +340,13 @@ def _models(scratch: Path) -> list[ReaderCase]:
         torch.save(document, stream)
         return stream.getvalue()
 
+    def onnx_file(random: Random) -> bytes:
+        if random.random() < 0.8:
+            return mutated_bytes(random, model)
+        data = bytearray(model)  # one byte: the message most often stays whole
+        data[random.randrange(len(data))] = random.randrange(256)
+        return bytes(data)
+
     trained = manifest | {"sha256": {}}
 
     def detector(random: Random) -> bytes:
@@ -360,7 +367,7 @@ def _models(scratch: Path) -> list[ReaderCase]:
             lambda at, data: (_file(MANIFEST_NAME, lambda path: read_manifest(path.parent)))(at, data),
         ),
         ReaderCase("ONNX in a bundle", lambda random: mutated_bytes(random, model), summed),
-        ReaderCase("ONNX to adopt", lambda random: mutated_bytes(random, model), _file("a.onnx", load_onnx)),
+        ReaderCase("ONNX to adopt", onnx_file, _file("a.onnx", load_onnx)),
         ReaderCase(
             "Darknet weights",
             lambda random: mutated_bytes(random, weights[:20]) + weights[20:] if random.random() < 0.5
