@@ -332,7 +332,7 @@ class FloorMap:
     def _views(self, landmarks: Sequence[Landmark]) -> list[tuple[float, float]]:
         """Middles of the squares that landmarks were seen from."""
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
-        views = np.array([view for one in landmarks for view in one.views]).reshape(-1, 3)
+        views = np.array([(at, *view) for one in landmarks for at, view in one.views.items()]).reshape(-1, 3)
         poses = self.graph.trajectory.vectors()[views[:, 0].astype(np.intp)] if len(views) else np.zeros((0, 3))
         local = np.column_stack([views[:, 1:], np.zeros(len(views))])
         places = np.concatenate([composed(poses, local)[:, :2], np.array(saved).reshape(-1, 2)])

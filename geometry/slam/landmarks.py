@@ -24,7 +24,6 @@ COUNT, INFORMATION, VECTOR, BIAS, RANGE, BY_TILT, TILTED = (
     slice(0, 1), slice(1, 4), slice(4, 6), slice(6, 8), slice(8, 10), slice(10, 14), slice(14, 16),
 )  # fmt: skip
 COLUMNS = 16
-MAXIMUM_VIEWS = 64  # of a landmark: places that it was seen from
 IMPOSSIBLE = 1e6  # cost of a pair that may not be
 
 
@@ -57,7 +56,7 @@ class LandmarkRule:
 class Landmark:
     """One object in one visit. keyframes (N,): rows of the trajectory that observed it; rows (N, COLUMNS): sums of the
     sightings of each. seen_at_m: the odometer at the last sighting. sums: evidence. beside: landmarks of its label
-    observed in the same frame, which are therefore other objects. views: keyframe and (x, y) in its frame from which it
+    observed in the same frame, which are therefore other objects. views: by keyframe, (x, y) in its frame from which it
     was observed. saved: the object of an earlier map, which has no observations here. updated: number of the last
     frame.
     gone: marked for removal.
@@ -75,7 +74,7 @@ class Landmark:
     rows: Array = field(default_factory=lambda: np.zeros((0, COLUMNS)))
     sums: SightingSums = field(default_factory=SightingSums)
     beside: set[int] = field(default_factory=set)
-    views: list[tuple[int, float, float]] = field(default_factory=list)
+    views: dict[int, tuple[float, float]] = field(default_factory=dict)
     updated: int = 0
     gone: bool = False
     position_m: Array = field(default_factory=lambda: np.zeros(2))
@@ -103,7 +102,7 @@ class Landmark:
         if not self.keyframes or self.keyframes[-1] != keyframe:
             self.keyframes.append(keyframe)
             self.rows = np.concatenate([self.rows, row[None]])
-            self.views = [*self.views, (keyframe, *view)][-MAXIMUM_VIEWS:]
+            self.views[keyframe] = view
         else:
             self.rows[-1] += row
 
@@ -114,7 +113,7 @@ class Landmark:
             rows[keyframe] = rows[keyframe] + row if keyframe in rows else row
         self.keyframes = sorted(rows)
         self.rows = np.array([rows[keyframe] for keyframe in self.keyframes]).reshape(-1, COLUMNS)
-        self.views = sorted(self.views + other.views)[-MAXIMUM_VIEWS:]
+        self.views = other.views | self.views
         self.sums.join(other.sums)
         self.beside |= other.beside
         self.seen_at_m, self.updated = max(self.seen_at_m, other.seen_at_m), max(self.updated, other.updated)
@@ -131,12 +130,12 @@ class Landmark:
             moved[new] = moved[new] + row if new in moved else row
         self.keyframes = sorted(moved)
         self.rows = np.array([moved[keyframe] for keyframe in self.keyframes])
-        views = []
-        for keyframe, *place in self.views:
+        views: dict[int, tuple[float, float]] = {}
+        for keyframe, place in self.views.items():
             new, pose = onto[keyframe]
             x_m, y_m = place if pose is None else pose.apply(place).tolist()
-            views.append((new, x_m, y_m))
-        self.views = views  # in the order they were seen
+            views.setdefault(new, (x_m, y_m))
+        self.views = views
 
 
 def observed(placed: PlacedSighting, since: SE2, tilt_rad: Array, repeated: float) -> Array:
