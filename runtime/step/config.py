@@ -60,7 +60,7 @@ RETIRED = {
     "check": ("road_rad",),
     "hybrid": ("gyro_gate", "wheels_covariance_scale", "wheels_doubt"),
     "pictures": ("alone",),
-    "planar": ("axle_sigma_m",),
+    "planar": ("axle_sigma_m", "nodding_sigmas"),
 }
 
 

@@ -71,9 +71,8 @@ class PlanarRule:
     landmarks. least_weight: tracks that must agree at all.
     scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
     longest_gap_s: without a picture; after a longer one the corners are not looked for any more.
-    carried: when the camera counts as carried, and as one on wheels. nodding_sigmas: of how much it nods from picture
-    to picture, the standard deviation of a picture's tilt. What is carried rises and sinks as well: by rise_per_rad of
-    the mount's height for each radian beyond `carried.level_rad`.
+    carried: when the camera counts as carried, and as one on wheels. What is carried rises and sinks as well: by
+    rise_per_rad of the mount's height for each radian beyond `carried.level_rad`.
     mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
     `Rolling`, for robots on wheels. unknown_axle_m: standard deviation of the axle's place where the mount's lever arm
     is not known. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways
@@ -114,7 +113,6 @@ class PlanarRule:
     max_scale_drift: float = 0.5
     longest_gap_s: float = 1.0
     carried: CarriedRule = field(default_factory=CarriedRule)
-    nodding_sigmas: float = 3.0
     mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
@@ -468,18 +466,11 @@ class PlanarOdometry:
         self._carried = self._carried.seen(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
 
     def _noise_now(self) -> Noise:
-        """What is unknown of this picture's tilt and height."""
+        """What is unknown of this picture's tilt and height, and the gate of its tracks."""
         known_height = self._attitude is not None and self._attitude.height_m is not None
-        measured = self._attitude is not None and self._attitude.source != "mount" and not self._predicted
-        nodding_rad = 0.0 if measured else self._rule.nodding_sigmas * self._carried.nodding_rad
         carried_rad = 0.0 if known_height else self._carried.beyond_rad
         rise_m = max(self._rule.rise_per_rad * carried_rad * self._camera.mount.height_m, self._noise.rise_m)
-        return replace(
-            self._noise,
-            tilt_rad=max(self._noise.tilt_rad, nodding_rad),
-            rise_m=rise_m,
-            gate=self._gate(),
-        )
+        return replace(self._noise, rise_m=rise_m, gate=self._gate())
 
     def _gate(self) -> float:
         """Share of the usual gates within which a track fits."""
