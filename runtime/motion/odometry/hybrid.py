@@ -221,7 +221,7 @@ class HybridOdometry:
         dt_s = stamp_s - self._last_s
         checked = [self._within_reach(index, checked, dt_s) for index in range(len(checked))]
         named = list(zip(self._members, checked, strict=True))
-        all_faults = "; ".join(motion.fault for _, motion in named if motion.fault)
+        all_faults = "; ".join(dict.fromkeys(motion.fault for _, motion in named if motion.fault))
         faults = self._repeated_faults(stamp_s, named)
         if self._first:
             self._first = False
@@ -372,7 +372,7 @@ class HybridOdometry:
             elif stamp_s - self._reported_s.get(index, -math.inf) >= self._rule.repeated_s:
                 self._reported_s[index] = stamp_s
                 texts.append(motion.fault)
-        return "; ".join(texts)
+        return "; ".join(dict.fromkeys(texts))
 
 
 def _short(member: Member) -> str:
