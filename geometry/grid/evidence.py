@@ -1,4 +1,4 @@
-"""One picture's evidence, cell by cell: of several witnesses for one thing in one cell the surest counts."""
+"""One picture's evidence, cell by cell: of several measurements of one kind in a cell the strongest counts."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Evidence:
         columns, rows = (every.max(axis=0) + 1 - low).tolist()
         total = np.zeros(rows * columns)
         for sign, parts in ((-1.0, self._free), (1.0, self._occupied)):
-            surest = np.zeros(rows * columns)
+            strongest = np.zeros(rows * columns)
             for cells, log_odds in parts:
                 column, row = (cells - low).T
-                np.maximum.at(surest, row.astype(np.intp) * columns + column, log_odds)
-            total += sign * surest
+                np.maximum.at(strongest, row.astype(np.intp) * columns + column, log_odds)
+            total += sign * strongest
         steps = np.rint(total * UNIT).astype(np.int16)
         at = np.flatnonzero(steps)
         return np.column_stack([at % columns, at // columns]).astype(np.int32) + low, steps[at]

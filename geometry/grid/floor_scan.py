@@ -59,9 +59,9 @@ class FloorScan:
         weights = row_weights(away_m2, camera, mask.height / len(floor), rule)
         if mask.wall is not None:
             weights *= (1.0 + mask.wall[row - 2, column][still]) / 1.5
-        told = weights > 0.0
+        measured = weights > 0.0
         free = np.where(solid, np.clip((floor - EDGE) / 0.4, 0.0, 1.0), np.float32(0.0)).astype(np.float32)
-        return cls(points[told], weights[told], free, camera, rule)
+        return cls(points[measured], weights[measured], free, camera, rule)
 
     def free_cells(self, pose_map_base: SE2, cell_m: float) -> tuple[Cells, Array]:
         """Cells (N, 2), column and row in the map, whose floor is visible in this picture, and their weights (N,), 0 to
@@ -119,8 +119,8 @@ def row_weights(away_m2: Array, camera: FloorCamera, row_px: float, rule: GridRu
     """
     height_m, focal_rows = camera.mount.height_m, camera.intrinsics.fy / row_px
     row_m = (away_m2 + height_m**2) / (height_m * focal_rows)
-    told = (row_m < rule.coarsest_row_m) & (away_m2 < rule.reach_m**2)
-    return np.where(told, np.minimum(rule.row_m / np.maximum(row_m, 1e-9), 1.0), 0.0)
+    fine = (row_m < rule.coarsest_row_m) & (away_m2 < rule.reach_m**2)
+    return np.where(fine, np.minimum(rule.row_m / np.maximum(row_m, 1e-9), 1.0), 0.0)
 
 
 def _box(rays: Array, height_m: float, reach_m: float) -> tuple[Array, Array]:

@@ -125,14 +125,14 @@ class GridFusion:
         return math.hypot(since.x_m, since.y_m) >= rule.patch_m or abs(since.yaw_rad) >= rule.patch_rad
 
     def _add_floor(self, evidence: Evidence, pose: SE2, scan: FloorScan) -> None:
-        """What a picture's floor mask tells of the map's cells."""
+        """Evidence of a picture's floor mask for the map's cells."""
         rule = self.rule
         cells, weights = scan.free_cells(pose, rule.cell_m)
         evidence.free(cells, rule.free * weights)
         evidence.occupied(columns_rows(pose.apply(scan.contacts_base_m), rule.cell_m), rule.occupied * scan.weights)
 
     def _add_depth(self, evidence: Evidence, pose: SE2, scan: DepthScan) -> None:
-        """What a depth picture tells of the map's cells."""
+        """Evidence of a depth picture for the map's cells."""
         rule = self.rule
         both = scan.floor_base_m, scan.obstacles_base_m
         floor, hits = (columns_rows(pose.apply(points_m), rule.cell_m) for points_m in both)

@@ -78,8 +78,8 @@ def fault_of(correction: Correction) -> str:
     """Why a correction cannot be, in one line; empty where it can."""
     size = correction.size_m
     if size is not None and not all(SMALLEST_M <= side <= LARGEST_M for side in size):
-        told = " x ".join(f"{side:g}" for side in size)
-        return f"a size is width, depth and height of {SMALLEST_M} to {LARGEST_M:g} m each, not {told} m"
+        given = " x ".join(f"{side:g}" for side in size)
+        return f"a size is width, depth and height of {SMALLEST_M} to {LARGEST_M:g} m each, not {given} m"
     numbers = (*(correction.place_m or ()), correction.yaw_rad or 0.0)
     return "" if all(map(math.isfinite, numbers)) else "a position and a yaw are finite numbers"
 

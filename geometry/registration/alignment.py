@@ -173,8 +173,8 @@ def aligned_near(
         found.append(Alignment(fit.pose, fit.covariance, fit.pairs, _shared(first, second), 0, chance, rms_m))
     best = min(found, key=lambda one: one.chance, default=None)
     if best is None or best.chance > rule.guess_chance:
-        told = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
-        raise AlignmentError(f"no guessed start fits ({told}; at most {rule.guess_chance:g} is accepted)")
+        reason = f"by chance {best.chance:.2g} times" if best else "no two objects agree"
+        raise AlignmentError(f"no guessed start fits ({reason}; at most {rule.guess_chance:g} is accepted)")
     return best
 
 

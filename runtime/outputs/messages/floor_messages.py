@@ -8,7 +8,7 @@ from edgemap.geometry.grid.floor_scan import FloorScan
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.runtime.frames.messages.definitions import Message
 from edgemap.runtime.frames.messages.frame_ids import IDS, FrameIds
-from edgemap.runtime.outputs.messages.build import header
+from edgemap.runtime.outputs.messages.build import header, occupancy_grid_message
 
 BEAM_RAD = math.radians(0.5)
 NEAREST_M = 0.05
@@ -16,14 +16,7 @@ NEAREST_M = 0.05
 
 def grid_message(stamp_ns: int, grid: OccupancyGrid, ids: FrameIds = IDS) -> Message:
     """`nav_msgs/OccupancyGrid` in the map frame: observed floor free, obstacles occupied, the rest unknown."""
-    rows, columns = grid.cells.shape
-    corner = {
-        "position": {"x": grid.x_m, "y": grid.y_m, "z": 0.0},
-        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-    }
-    head = header(stamp_ns, ids.map)
-    info = {"map_load_time": head["stamp"], "resolution": grid.cell_m, "width": columns, "height": rows}
-    return {"header": head, "info": info | {"origin": corner}, "data": grid.cells.tobytes()}
+    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.cell_m, ids)
 
 
 def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message:

@@ -8,7 +8,7 @@ from edgemap.runtime.frames.colours import label_rgb
 from edgemap.runtime.frames.messages.definitions import Message
 from edgemap.runtime.frames.messages.frame_ids import IDS, FrameIds
 from edgemap.runtime.outputs.mapfiles.grid import live_grid
-from edgemap.runtime.outputs.messages.build import header
+from edgemap.runtime.outputs.messages.build import header, occupancy_grid_message
 
 CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
 TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
@@ -64,14 +64,7 @@ def markers(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Mes
 def occupancy_grid(stamp_ns: int, objects: list[MapObject], pose_map_base: SE2, ids: FrameIds = IDS) -> Message:
     """`nav_msgs/OccupancyGrid` in the map frame: footprints occupied, the robot's own floor free, the rest unknown."""
     grid = live_grid(objects, pose_map_base.x_m, pose_map_base.y_m)
-    rows, columns = grid.cells.shape
-    corner = {
-        "position": {"x": grid.x_m, "y": grid.y_m, "z": 0.0},
-        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-    }
-    head = header(stamp_ns, ids.map)
-    info = {"map_load_time": head["stamp"], "resolution": grid.resolution_m, "width": columns, "height": rows}
-    return {"header": head, "info": info | {"origin": corner}, "data": grid.cells.tobytes()}
+    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.resolution_m, ids)
 
 
 def _place(item: MapObject, z_m: float) -> dict[str, float]:
