@@ -18,7 +18,16 @@ from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import MAXIMUM_CORNERS, Annotations, Edit, EditError, EditKind
 from edgemap.runtime.frames.disk import LineFile
 from edgemap.runtime.frames.errors import DiskError
-from edgemap.runtime.frames.reading import HIDDEN, Coordinate, Size, Strict, decode_json, error_line, read_text
+from edgemap.runtime.frames.reading import (
+    HIDDEN,
+    Coordinate,
+    Size,
+    Strict,
+    decode_json,
+    error_line,
+    one_line,
+    read_text,
+)
 from edgemap.runtime.step.map_file import Yaw
 from edgemap.runtime.step.mapper import Mapper
 
@@ -149,7 +158,9 @@ def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
     for number, line in enumerate(lines, 1):
         record = decode_json(line, _Line, f"{source}:{number}", EditError)
         if record.do not in KINDS:
-            raise EditError(f"{source}:{number}: no edit is called {record.do!r} (known: {', '.join(KINDS)})")
+            raise EditError(
+                f"{source}:{number}: no edit is called {one_line(record.do, 40)!r} (known: {', '.join(KINDS)})"
+            )
         values: dict[str, Any] = {item.name: getattr(record, item.name) for item in fields(Edit)}
         values["corners_m"] = tuple(record.corners_m)
         found.append((record.frames, Edit(**values)))

@@ -1,4 +1,4 @@
-"""Readers on hostile inputs, in workers of bounded memory and time; what both fuzzers share.
+"""Readers on hostile inputs, in workers of bounded memory and time; the fuzzer's own rules.
 
 A reader accepts, or refuses with an EdgemapError of one line. Anything else is a failure: another exception, a message
 of several lines or of more than LINE_LENGTH characters, more than MEMORY_BYTES above the libraries, more than ALARM_S,
@@ -69,6 +69,16 @@ class ReaderCase:
     name: str
     make: Callable[[Random], Any]
     read: Callable[[Path, Any], object]
+
+
+def from_file(name: str, read: Callable[[Path], object]) -> Callable[[Path, Any], object]:
+    """A `ReaderCase.read` of a path: the input is written into a file of this name first."""
+
+    def call(folder: Path, data: bytes) -> object:
+        (folder / name).write_bytes(data)
+        return read(folder / name)
+
+    return call
 
 
 def examine(cases: Callable[[Path], Iterable[ReaderCase]], seed: int, count: int, out: Path) -> PartReport:
