@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -45,17 +46,10 @@ class Api:
     def routes(self) -> list[Route]:
         """All addresses under /api."""
         routes: list[tuple[str, str, Answer]] = [
-            ("GET", "/api/run", self.run),
-            ("GET", "/api/health", self.health),
-            ("GET", "/api/faults", self.faults),
-            ("GET", "/api/events", self.events),
-            ("GET", "/api/pose", self.pose),
-            ("GET", "/api/frame", self.frame),
+            *(("GET", f"/api/{name}", _reading(state)) for name, state in self._states().items()),
             ("GET", "/api/picture", self.picture),
             ("GET", "/api/map", self.map),
-            ("GET", "/api/floor", self.floor),
             ("GET", "/api/rooms", self.rooms),
-            ("GET", "/api/objects", self.objects),
             ("GET", "/api/objects/{id}", self.object),
             ("GET", "/api/objects/{id}/picture", self.object_picture),
             ("POST", "/api/pause", self.pause),
@@ -66,29 +60,20 @@ class Api:
         routes += [*self._editing.routes(), *ApproachApi(self._ask).routes()]
         return [Route(path, guarded(answer), methods=[method]) for method, path, answer in routes]
 
-    async def run(self, request: Request) -> Response:  # noqa: ARG002
-        """Description of the run: camera, bundle, odometry, colours and marks of the labels."""
-        return as_json(self._ask.page.about | {"state": self._ask.page.state})
-
-    async def health(self, request: Request) -> Response:  # noqa: ARG002
-        """State of the run."""
-        return as_json(answers.health_answer(self._ask.page, self._usage.now()))
-
-    async def faults(self, request: Request) -> Response:  # noqa: ARG002
-        """The last faults, oldest first."""
-        return as_json([answers.fault_answer(fault) for fault in self._ask.page.faults.all()])
-
-    async def events(self, request: Request) -> Response:  # noqa: ARG002
-        """The last objects that came into a zone or left it, oldest first."""
-        return as_json([answers.event_answer(event) for event in self._ask.page.events.all()])
-
-    async def pose(self, request: Request) -> Response:  # noqa: ARG002
-        """Pose of the robot."""
-        return as_json(answers.pose_answer(self._ask.snapshot().result))
-
-    async def frame(self, request: Request) -> Response:  # noqa: ARG002
-        """Boxes of the newest picture, and the time of every stage."""
-        return as_json(answers.frame_answer(self._ask.snapshot().result))
+    def _states(self) -> dict[str, Callable[[], object]]:
+        """What a GET without parameters reads, by its name under /api."""
+        ask, page = self._ask, self._ask.page
+        return {
+            "run": lambda: page.about | {"state": page.state},
+            "health": lambda: answers.health_answer(page, self._usage.now()),
+            "faults": lambda: [answers.fault_answer(fault) for fault in page.faults.all()],
+            "events": lambda: [answers.event_answer(event) for event in page.events.all()],
+            "pose": lambda: answers.pose_answer(ask.snapshot().result),
+            "frame": lambda: answers.frame_answer(ask.snapshot().result),
+            "floor": lambda: answers.floor_answer(ask.snapshot().result.grid),
+            "objects": lambda: answers.objects_answer(page.newest),
+            "zones": lambda: answers.zones_answer(page),
+        }
 
     async def picture(self, request: Request) -> Response:  # noqa: ARG002
         """The newest picture."""
@@ -100,17 +85,9 @@ class Api:
         headers = {"Content-Disposition": 'attachment; filename="map.json"'}
         return Response(self._ask.page.map_text(), media_type="application/json", headers=headers)
 
-    async def floor(self, request: Request) -> Response:  # noqa: ARG002
-        """The observed floor, at most a second old."""
-        return as_json(answers.floor_answer(self._ask.snapshot().result.grid))
-
     async def rooms(self, request: Request) -> Response:  # noqa: ARG002
         """The rooms that walls and doors close, the largest first; POST /api/zones names one."""
         return as_json(await asyncio.to_thread(answers.rooms_answer, self._ask.snapshot().result.grid))
-
-    async def objects(self, request: Request) -> Response:  # noqa: ARG002
-        """All objects, nearest first."""
-        return as_json(answers.objects_answer(self._ask.page.newest))
 
     async def object(self, request: Request) -> Response:
         """One object."""
@@ -154,3 +131,12 @@ class Api:
     async def openapi(self, request: Request) -> Response:  # noqa: ARG002
         """This API as OpenAPI text."""
         return Response(OPENAPI.read_bytes(), media_type="application/yaml")
+
+
+def _reading(state: Callable[[], object]) -> Answer:
+    """Answers with a state as JSON."""
+
+    async def answer(request: Request) -> Response:  # noqa: ARG001
+        return as_json(state())
+
+    return answer

@@ -95,7 +95,6 @@ class EditApi:
             ("GET", "/api/objects/{id}/merge", self.preview_merge),
             ("POST", "/api/objects/{id}/merge", self.merge_object),
             ("POST", "/api/objects/{id}/restore", self.restore_object),
-            ("GET", "/api/zones", self.zones),
             ("POST", "/api/zones", self.put_zone),
             ("PUT", "/api/zones/{id}", self.put_zone),
             ("DELETE", "/api/zones/{id}", self.delete_zone),
@@ -155,10 +154,6 @@ class EditApi:
         """Reverts the deletion or merge of an object."""
         await body_of(request, Nothing)
         return as_json({"id": await self._ask.edit(Edit("restore", request.path_params["id"]))})
-
-    async def zones(self, request: Request) -> Response:  # noqa: ARG002
-        """The zones, with the objects in each."""
-        return as_json(answers.zones_answer(self._ask.page))
 
     async def put_zone(self, request: Request) -> Response:
         """Draw a zone, or change one."""
