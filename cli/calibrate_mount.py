@@ -12,20 +12,19 @@ from edgemap.cli.calibrate_options import (
     OutYaml,
     Pictures,
     check_out,
-    known_lens,
     read_board,
+    tilt_of,
     views_of,
     write_yaml,
 )
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, open_described
+from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, known_lens, open_described
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
 
 PICTURES = 60  # with depth, or with samples of an IMU
-EDGES = 40  # pictures that edges are looked for in
 
 Fit = tuple["Mount", dict[str, Any]]
 
@@ -120,28 +119,16 @@ def _by_edges(
     from edgemap.geometry.camera.level import pitch_roll
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.errors import CalibrationError
-    from edgemap.runtime.motion.attitude.segments import find_segments
     from edgemap.runtime.motion.odometry import wheel_trajectory
     from edgemap.runtime.step.calibration.board import frames_of
-    from edgemap.runtime.step.calibration.tilt import fit_tilt
     from edgemap.runtime.step.calibration.wheel_height import fit_wheel_height
-    from edgemap.runtime.step.loop import stop_on_signals
 
     if height is None and wheel is None:
         raise OptionError(f"{camera} has neither depth nor wheels to measure the height: pass --height METRES")
-    with open_described(camera, camera_file) as source, stop_on_signals() as stop:
-        count = min(frames or source.frame_count or 10 * EDGES, source.frame_count or 10 * EDGES)
-        every = max(1, math.ceil(count / EDGES))
-        edges = [
-            find_segments(frame.image, lens)
-            for frame in frames_of(source, count, stop.is_set)
-            if frame.index % every == 0
-        ]
     try:
-        fit = fit_tilt(edges)
+        with open_described(camera, camera_file) as source:
+            fit = tilt_of(source, lens, frames)
         angles, sigma, record = (fit.pitch_rad, fit.roll_rad), fit.sigma, fit.record()
-        share = f"{100 * fit.share:.0f} % of all edges' length, {fit.rms_deg:.2f} deg off"
-        print(f"{fit.pictures} pictures, {fit.vertical} vertical and {fit.level} level edges ({share})")
     except CalibrationError as error:
         if up is None:
             raise

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import read_intrinsics
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics
     from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.step.calibration.board import Board, BoardView
+    from edgemap.runtime.step.calibration.tilt import TiltFit
+
+EDGES = 40  # pictures that edges are looked for in
 
 BoardText = Annotated[
     str, arg(metavar="COLSxROWS", help="The chessboard's INNER corners: one less than its squares each way.")
@@ -50,15 +53,23 @@ def views_of(source: Camera, board: Board, pictures: int | None) -> list[BoardVi
     return views
 
 
-def known_lens(source: Camera, intrinsics: str | None) -> Intrinsics:
-    """The lens by flag, camera file or source. Raises OptionError."""
-    lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics
-    if lens is None:
-        raise OptionError(f"{source.name} does not know its lens: calibrate it first, or pass --camera-file")
-    if (lens.width, lens.height) != tuple(source.size):
-        size = f"{source.size[0]}x{source.size[1]}"
-        raise OptionError(f"{source.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
-    return lens
+def tilt_of(source: Camera, lens: Intrinsics, frames: int | None) -> TiltFit:
+    """Pitch and roll by the edges in at most 40 pictures spread over the source; prints how well they agree. Raises
+    CalibrationError."""
+    from edgemap.runtime.motion.attitude.segments import find_segments
+    from edgemap.runtime.step.calibration.board import frames_of
+    from edgemap.runtime.step.calibration.tilt import fit_tilt
+    from edgemap.runtime.step.loop import stop_on_signals
+
+    count = min(frames or source.frame_count or 10 * EDGES, source.frame_count or 10 * EDGES)
+    every = max(1, math.ceil(count / EDGES))
+    with stop_on_signals() as stop:
+        frames_seen = frames_of(source, count, stop.is_set)
+        edges = [find_segments(frame.image, lens) for frame in frames_seen if frame.index % every == 0]
+    fit = fit_tilt(edges)
+    share = f"{100 * fit.share:.0f} % of all edges' length, {fit.rms_deg:.2f} deg off"
+    print(f"{fit.pictures} pictures, {fit.vertical} vertical and {fit.level} level edges ({share})")
+    return fit
 
 
 def check_out(out: Path, camera_file: Path | None) -> None:

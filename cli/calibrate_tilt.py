@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.calibrate_options import OutYaml, Pictures, check_out, known_lens, write_yaml
+from edgemap.cli.calibrate_options import OutYaml, Pictures, check_out, tilt_of, write_yaml
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, open_described
-
-ENOUGH = 40
+from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, known_lens, open_described
 
 
 def command(
@@ -32,29 +30,16 @@ def command(
     from dataclasses import replace
 
     from edgemap.geometry.camera.mount import Mount
-    from edgemap.runtime.motion.attitude.segments import find_segments
-    from edgemap.runtime.step.calibration.board import frames_of
-    from edgemap.runtime.step.calibration.tilt import fit_tilt
-    from edgemap.runtime.step.loop import stop_on_signals
 
     at_least(1, frames=frames)
     check_out(out, camera_file)
-    with open_described(camera, camera_file) as source, stop_on_signals() as stop:
+    with open_described(camera, camera_file) as source:
         lens = known_lens(source, intrinsics)
         if height is None and source.mount is None:
             raise OptionError(f"{source.name} does not know its height above the floor: pass --height METRES")
         prior = source.mount or Mount(height or 1.0)
-        count = min(frames or source.frame_count or 10 * ENOUGH, source.frame_count or 10 * ENOUGH)
-        every = max(1, math.ceil(count / ENOUGH))
-        pictures = [
-            find_segments(frame.image, lens)
-            for frame in frames_of(source, count, stop.is_set)
-            if frame.index % every == 0
-        ]
-    fit = fit_tilt(pictures)
+        fit = tilt_of(source, lens, frames)
     mount = replace(prior, height_m=height or prior.height_m, pitch_rad=fit.pitch_rad, roll_rad=fit.roll_rad)
-    share = f"{100 * fit.share:.0f} % of all edges' length, {fit.rms_deg:.2f} deg off"
-    print(f"{fit.pictures} pictures, {fit.vertical} vertical and {fit.level} level edges ({share})")
     print(f"  pitch {math.degrees(fit.pitch_rad):7.3f} +- {math.degrees(fit.sigma[0]):.3f} deg (positive down)")
     print(f"  roll  {math.degrees(fit.roll_rad):7.3f} +- {math.degrees(fit.sigma[1]):.3f} deg")
     print(f"  height {mount.height_m:.3f} m as given")

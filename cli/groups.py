@@ -16,6 +16,7 @@ from edgemap.cli.options import (
     IntrinsicsText,
     MountText,
     OdometrySpec,
+    Opening,
     PrecisionName,
     Threads,
     WithoutImu,
@@ -31,8 +32,7 @@ from edgemap.cli.options import (
 if TYPE_CHECKING:
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.decisions import Decisions
-    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
-    from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
+    from edgemap.runtime.inputs.cameras.protocol import Camera
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.compute import Pace
 
@@ -73,16 +73,9 @@ class _Spec:
 class Source(Optics, _Spec):
     """Source of the frames: `run`, `bench`."""
 
-    def open(
-        self,
-        realtime: bool = False,
-        frames: int | None = None,
-        recovery: RecoveryRule | None = None,
-        topics: SensorTopics | None = None,
-        depth: bool = True,
-    ) -> Camera:
-        """The camera, described by the camera file where there is one; see `open_described`."""
-        return open_described(self.camera, self.camera_file, realtime, frames, recovery, topics, depth)
+    def open(self, how: Opening = Opening()) -> Camera:  # noqa: B008
+        """The camera, described by the camera file where there is one."""
+        return open_described(self.camera, self.camera_file, how)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -313,40 +314,40 @@ HOW_TO_MEASURE = (
 )
 
 
-def open_described(
-    spec: str,
-    camera_file: Path | None,
-    realtime: bool = False,
-    frames: int | None = None,
-    recovery: RecoveryRule | None = None,
-    topics: SensorTopics | None = None,
-    depth: bool = True,
-) -> Camera:
-    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size.
-
-    frames: how long `sim:SEED` drives; other sources are as long as they are. recovery: of live devices. topics:
-    further sensors. depth: whether depth pictures come with the frames, where the source has any.
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """How a source is opened. realtime: files paced by their stamps. frames: how long `sim:SEED` drives; other sources
+    are as long as they are. recovery: of live devices. topics: further sensors. depth: whether frames bring their depth
+    pictures, where the source has any.
     """
+
+    realtime: bool = False
+    frames: int | None = None
+    recovery: RecoveryRule | None = None
+    topics: SensorTopics | None = None
+    depth: bool = True
+
+
+def open_described(spec: str, camera_file: Path | None, how: Opening = Opening()) -> Camera:
+    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size."""
     from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
     from edgemap.runtime.inputs.open import open_camera
 
+    described = camera_file and read_camera_yaml(camera_file)
     if spec.startswith("sim:"):
         from edgemap.cli.simulated import open_simulated
 
-        return open_simulated(spec, frames, realtime, camera_file and read_camera_yaml(camera_file))
-    if camera_file is None:
-        return open_camera(spec, realtime=realtime, recovery=recovery, topics=topics, depth=depth)
-    described = read_camera_yaml(camera_file)
-    lens, camera_mount = described.intrinsics, described.mount
+        return open_simulated(spec, how.frames, how.realtime, described)
+    lens, camera_mount = (described.intrinsics, described.mount) if described else (None, None)
     return open_camera(
-        spec, realtime=realtime, intrinsics=lens, mount=camera_mount, recovery=recovery, topics=topics, depth=depth
-    )
+        spec, realtime=how.realtime, intrinsics=lens, mount=camera_mount, recovery=how.recovery, topics=how.topics,
+        depth=how.depth,
+    )  # fmt: skip
 
 
-def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
-    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
+def known_lens(camera: Camera, intrinsics: str | None) -> Intrinsics:
+    """The lens by flag, camera file or source, in this order. Raises OptionError for none, or one of another size."""
     lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
-    camera_mount = read_mount(mount, camera.mount)
     if lens is None:
         raise OptionError(
             f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
@@ -354,6 +355,12 @@ def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) ->
     if (lens.width, lens.height) != tuple(camera.size):
         size = f"{camera.size[0]}x{camera.size[1]}"
         raise OptionError(f"{camera.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
+    return lens
+
+
+def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
+    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
+    lens, camera_mount = known_lens(camera, intrinsics), read_mount(mount, camera.mount)
     if camera_mount is None:
         raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
     return lens, camera_mount

@@ -11,6 +11,7 @@ from edgemap.cli.options import (
     CameraSpec,
     IntrinsicsText,
     MountText,
+    Opening,
     WithoutDepth,
     at_least,
     open_described,
@@ -65,9 +66,8 @@ def command(
     at_least(1, frames=frames)
     check_name(out)
     track = wheel_track(wheel)
-    with open_described(
-        camera, camera_file, realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth
-    ) as source:
+    how = Opening(realtime, topics=SensorTopics(depth=depth_topic), depth=not without_depth)
+    with open_described(camera, camera_file, how) as source:
         if track is None and isinstance(source.wheel, Path):
             track = wheel_track(source.wheel)
         lens = read_intrinsics(intrinsics, *source.size) or source.intrinsics

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.options import Opening
 from edgemap.cli.run_options import (
     AdvancedGroup,
     CameraGroup,
@@ -58,7 +59,8 @@ def command(
 
     tuned = load_config(advanced.config)[0] if advanced.config else Config()
     pace_files = options.pace_files and not watch.view
-    with camera.open(pace_files, camera.frames, tuned.camera, options.topics, not camera.without_depth) as source:
+    how = Opening(pace_files, camera.frames, tuned.camera, options.topics, not camera.without_depth)
+    with camera.open(how) as source:
         loaded = _load(options, source)
         floor, guess = floor_camera_of(camera, source, loaded)
         lens = floor.intrinsics

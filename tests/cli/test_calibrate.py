@@ -117,7 +117,7 @@ def test_refusals_are_one_line_and_write_nothing(edgemap, boards, tmp_path):
         (("intrinsics", "--camera", plain), 1, "0 different views of the complete board found, need 8"),
         (("intrinsics", "--camera", plain, "--board", "nine"), 2, "expected COLSxROWS, like 9x6"),
         (("mount", "--camera", plain, "--square", "0.06", "--camera-file", lens), 1, "0 different views"),
-        (("mount", "--camera", plain, "--square", "0.06"), 2, "does not know its lens: calibrate it first"),
+        (("mount", "--camera", plain, "--square", "0.06"), 2, "does not know its lens: pass --intrinsics"),
         (("mount", "--camera", plain, "--camera-file", lens), 2, "has neither depth nor wheels to measure the height"),
         (("mount", "--camera", plain, "--camera-file", lens, "--height", "1"), 1, "0 pictures with straight edges"),
         (("tilt", "--camera", plain, "--camera-file", lens), 2, "does not know its height above the floor"),
