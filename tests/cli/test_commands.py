@@ -32,39 +32,33 @@ def test_help_is_quick_and_names_every_command(edgemap):
         assert words in result.stdout
 
 
-@pytest.mark.parametrize("module", ["numpy", "cv2", "onnxruntime", "torch", "tyro", "scipy"])
-def test_help_imports_nothing_heavy(module):
-    code = (
-        "import sys; sys.argv = ['edgemap', '--help']\nfrom edgemap.cli import main\n"
-        f"try: main()\nexcept SystemExit: pass\nassert '{module}' not in sys.modules"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+HELPS = [
+    "run", "detect", "bench", "pull", "export", "eval detection", "eval map", "map show", "record", "doctor",
+    "calibrate intrinsics", "calibrate mount", "calibrate tilt",
+]  # fmt: skip
+IMPORTS = """
+import sys
+from edgemap.cli import main
+def help_of(*words):
+    try: main([*words, '--help'])
+    except SystemExit as end: assert not end.code
+help_of()
+heavy = {'torch', 'cv2', 'onnxruntime', 'matplotlib', 'onnx'}
+assert not (heavy | {'numpy', 'tyro', 'scipy'}) & set(sys.modules), 'the overview'
+help_of('run')
+assert 'tyro' in sys.modules and 'typeguard' not in sys.modules, 'tyro asks it about every `A | B`, for half a second'
+for words in sys.argv[1:]:
+    help_of(*words.split())
+    assert not heavy & set(sys.modules), words
+"""
 
 
-@pytest.mark.parametrize(
-    "words",
-    ["run", "detect", "bench", "pull", "export", "eval detection", "eval map", "map show", "record", "doctor"]
-    + ["calibrate intrinsics", "calibrate mount", "calibrate tilt"],
-)
-def test_every_command_explains_itself_without_its_heavy_imports(words):
-    code = (
-        f"import sys\nfrom edgemap.cli import main\ntry: main({[*words.split(), '--help']!r})\n"
-        "except SystemExit as e: assert e.code == 0\n"
-        "heavy = {'torch', 'cv2', 'onnxruntime', 'matplotlib', 'onnx'} & set(sys.modules)\n"
-        "assert not heavy, heavy"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+def test_every_command_explains_itself_without_its_heavy_imports():
+    """In one process: what one help imports would be found with it."""
+    result = subprocess.run([sys.executable, "-c", IMPORTS, *HELPS], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
-    assert "usage: edgemap " + words in result.stdout
-
-
-def test_help_of_a_run_does_without_a_type_checker():
-    """It takes as long to import as all the rest, and tyro asks it about every `A | B`."""
-    code = (
-        "import sys\nfrom edgemap.cli import main\ntry: main(['run', '--help'])\nexcept SystemExit: pass\n"
-        "assert 'tyro' in sys.modules and 'typeguard' not in sys.modules"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+    for words in HELPS:
+        assert f"usage: edgemap {words}" in result.stdout
 
 
 def test_pitch_says_which_way_is_positive(edgemap):

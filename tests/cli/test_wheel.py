@@ -14,22 +14,13 @@ ROOT = Path(__file__).parents[2]
 def robot(tmp_path_factory):
     """Python of a virtual environment that holds the wheel and nothing of the extras."""
     folder = tmp_path_factory.mktemp("robot")
-    build = [sys.executable, "-m", "build", "--wheel", "--outdir", folder / "dist", ROOT]
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder / "dist", ROOT]
     subprocess.run(build, check=True, capture_output=True)
     (wheel,) = (folder / "dist").glob("*.whl")
-    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder / "venv"], check=True)
     python = folder / "venv" / "bin" / "python"
-    install = [
-        python,
-        "-m",
-        "pip",
-        "install",
-        "-q",
-        "--disable-pip-version-check",
-        "-c",
-        ROOT / "constraints.txt",
-        wheel,
-    ]
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "-q", "--no-compile"]
+    install = [*pip, "--disable-pip-version-check", "-c", ROOT / "constraints.txt", wheel]
     result = subprocess.run(install, capture_output=True, text=True, check=False)
     if result.returncode and "onnection" in result.stderr:
         pytest.skip(f"no package index within reach: {result.stderr.strip().splitlines()[-1]}")
