@@ -1,57 +1,52 @@
-"""`python -m edgemap.benchmarks.sensitivity DATA... --fields loop_closure association`: which tuned numbers matter.
+"""`python -m edgemap.benchmarks.sensitivity DATA... --fields odometry.planar association`: which tuned numbers matter.
 
-Each number of those parts of the configuration is halved and doubled, one at a time. The front end runs once per drive;
-each map is made again by the back end alone, so parts of the front end show nothing here. A line holds the change of
-the mean F1 over drives and pose sources, and of the lowest one.
+Each number of those parts of the configuration is halved (and doubled), one at a time, and every drive is followed and
+mapped again. The backbone runs once per picture for all of them. Before, the same with other corner counts shows how
+far the figures of one run spread by chance: a change within it is none.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import tyro
 
 if TYPE_CHECKING:
-    from edgemap.evaluation.objects import TrueObject
+    from edgemap.runtime.network.bundle import Bundle
+    from edgemap.runtime.network.network import Network, Tensors
     from edgemap.runtime.step.config import Config
-    from edgemap.runtime.step.frame_observations import FrameObservations
 
-FACTORS = (0.5, 2.0)
+SHOWN = ("t_rel_1", "t_rel_5", "nees_5", "tilt", "f1")
+CORNERS = (144, 152, 168, 176)
 Tree = TypeVar("Tree")  # a configuration tree
+Figures = Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
 class SensitivityOptions:
-    """data: drives with true poses and objects. fields: parts of the configuration, or single numbers of it. sources:
-    odometries, each with the drive's wheels where it has any. frames: the first ones, all by default."""
+    """data: drives with true poses, a mount and objects. fields: parts of the configuration, or single numbers of it.
+    factors: on each number. frames: the first ones, all by default. camera_alone: without wheels, IMU and depth."""
 
     data: tyro.conf.Positional[tuple[str, ...]]
-    fields: tuple[str, ...] = ("association", "loop_closure")
-    sources: tuple[str, ...] = ("truth", "hybrid")
-    bundle: str = "edgemap-nano"
+    fields: tuple[str, ...] = ("odometry.planar",)
+    factors: tuple[float, ...] = (0.5, 2.0)
     frames: int | None = None
+    camera_alone: bool = False
+    bundle: str = "edgemap-nano"
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """A parameter, a factor on it, and the change of the mean and the lowest F1."""
+    """A number of the configuration, a factor on it, and the mean change of each figure over the drives."""
 
     field: str
     factor: float
-    mean: float
-    lowest: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Drive:
-    """What the front end makes of a drive, by pose source."""
-
-    observed: list[dict[str, FrameObservations]]
-    truth: list[TrueObject]
+    changes: Mapping[str, float]
 
 
 def numbers_of(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
@@ -65,7 +60,7 @@ def numbers_of(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
 
 
 def scaled(tree: Any, path: str, factor: float) -> Any:
-    """The tree with one parameter times a factor; integers are rounded, to at least 1."""
+    """The tree with one number times a factor; integers are rounded, to at least 1."""
     name, _, rest = path.partition(".")
     before = getattr(tree, name)
     if rest:
@@ -73,49 +68,82 @@ def scaled(tree: Any, path: str, factor: float) -> Any:
     return replace(tree, **{name: max(round(before * factor), 1) if isinstance(before, int) else before * factor})
 
 
-def sweep(config: Tree, wanted: Sequence[str], score: Callable[[Tree], list[float]]) -> Iterator[Sensitivity]:
-    """Halves and doubles each selected parameter, relative to the given tree. score: F1 of every map."""
+def sweep(
+    config: Tree, wanted: Sequence[str], factors: Sequence[float], score: Callable[[Tree], Sequence[Figures]]
+) -> Iterator[Sensitivity]:
+    """Each selected number times each factor, relative to the given tree. score: the figures of every drive."""
     plain = score(config)
     for field, _ in numbers_of(config):
-        if not any(field == part or field.startswith(f"{part}.") for part in wanted):
-            continue
-        for factor in FACTORS:
-            found = score(scaled(config, field, factor))
-            mean = (sum(found) - sum(plain)) / len(plain)
-            yield Sensitivity(field, factor, round(mean, 4), round(min(found) - min(plain), 4))
+        if any(field == part or field.startswith(f"{part}.") for part in wanted):
+            for factor in factors:
+                yield Sensitivity(field, factor, changes(plain, score(scaled(config, field, factor))))
+
+
+def changes(before: Sequence[Figures], after: Sequence[Figures]) -> dict[str, float]:
+    """Mean change of each figure over the drives that have it."""
+    found: dict[str, float] = {}
+    for name in SHOWN:
+        pairs = [(b.get(name), a.get(name)) for b, a in zip(before, after, strict=True)]
+        known = [a - b for b, a in pairs if a is not None and b is not None]
+        if known:
+            found[name] = sum(known) / len(known)
+    return found
+
+
+def remembering(bundle: Bundle) -> Bundle:
+    """The bundle with a backbone that keeps its outputs, and looks them up for a picture that it had before."""
+    opened: dict[int, Network] = {}
+
+    def reopen(rows: int) -> Network:
+        if rows not in opened:
+            opened[rows] = _remembering(bundle.reopen(rows))
+        return opened[rows]
+
+    return replace(bundle, backbone=_remembering(bundle.backbone), reopen=reopen)
+
+
+def _remembering(network: Network) -> Network:
+    known: dict[int, list[Any]] = {}
+
+    def infer(tensors: Tensors) -> Sequence[Any]:
+        key = zlib.crc32(b"".join(value.tobytes() for value in tensors.values()))
+        if key not in known:
+            known[key] = [value.copy() for value in network.infer(tensors)]
+        return known[key]
+
+    return replace(network, infer=infer)
+
+
+def line(row: Sensitivity) -> str:
+    """One row of the table: percent, NEES, degrees, F1."""
+    return f"{row.field:<44} x{row.factor:<5g} " + "  ".join(f"{k} {v:+.3f}" for k, v in row.changes.items())
 
 
 def main(options: SensitivityOptions) -> None:
-    """Observe every drive once, then print a line for each number and factor."""
-    from edgemap.benchmarks.map_variants import Replay, Variant, observed_by, true_objects
-    from edgemap.evaluation.objects import score_map
+    """Print the spread by chance, then a line for each number and factor."""
+    from edgemap.benchmarks.walks import WalksOptions, walk, with_corners
     from edgemap.runtime.inputs.drives import open_drive
     from edgemap.runtime.network.bundle import load_bundle
     from edgemap.runtime.network.store import bundle_folder
     from edgemap.runtime.step.config import Config
 
-    bundle, variants = load_bundle(bundle_folder(options.bundle)), {name: Variant(name) for name in options.sources}
-    drives = []
-    for spec in options.data:
-        drive = open_drive(spec)
-        observed = list(observed_by(Replay(drive, bundle, options.frames), variants))
-        drives.append(_Drive(observed, true_objects(drive, options.frames)))
+    alone = options.camera_alone
+    drives = [open_drive(spec) for spec in options.data]
+    drives = [replace(drive, depth=()) for drive in drives] if alone else drives
+    bundle = remembering(load_bundle(bundle_folder(options.bundle)))
+    rules = WalksOptions(options.data, frames=options.frames, without_wheels=alone, without_imu=alone)
 
-    def score(config: Config) -> list[float]:
-        found = []
-        for drive in drives:
-            for name, variant in variants.items():
-                mapper = variant.mapper(config)
-                for frame in drive.observed:
-                    mapper.step(frame[name])
-                found.append(score_map(mapper.objects(), drive.truth)["f1"] or 0.0)
-        return found
+    def score(config: Config) -> list[dict[str, float | None]]:
+        return [walk(drive, bundle, config, rules) for drive in drives]
 
-    rows = []
-    for row in sweep(Config(), options.fields, score):
+    before = score(Config())
+    rows = [Sensitivity("(corners)", count, changes(before, score(with_corners(count)))) for count in CORNERS]
+    if not options.json:
+        print("\n".join(map(line, rows)), flush=True)
+    for row in sweep(Config(), options.fields, options.factors, score):
         rows.append(row)
         if not options.json:
-            print(f"{row.field:<44} x{row.factor:<4g} mean {row.mean:+.4f}  lowest {row.lowest:+.4f}", flush=True)
+            print(line(row), flush=True)
     if options.json:
         print(json.dumps([{item.name: getattr(row, item.name) for item in fields(row)} for row in rows], indent=1))
 

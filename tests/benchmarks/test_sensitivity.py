@@ -1,6 +1,10 @@
 from dataclasses import dataclass, field
 
-from edgemap.benchmarks.sensitivity import Sensitivity, numbers_of, scaled, sweep
+import numpy as np
+
+from edgemap.benchmarks.sensitivity import changes, numbers_of, remembering, scaled, sweep
+from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.store import bundle_folder
 
 
 @dataclass(frozen=True)
@@ -31,9 +35,26 @@ def test_one_number_is_scaled_and_a_count_stays_at_least_one():
     assert scaled(Tree(), "part.count", 2.0) == Tree(Part(count=2))
 
 
-def test_a_number_that_matters_shows_in_mean_and_lowest():
-    """Two maps: 0.1 gain, and 0.3. By hand: halving 2 takes 0.1 of the first; the second stays."""
-    rows = list(sweep(Tree(), ["part"], lambda tree: [0.1 * tree.part.gain, 0.3]))
-    assert rows[0] == Sensitivity("part.gain", 0.5, -0.05, -0.1)
-    assert rows[1] == Sensitivity("part.gain", 2.0, 0.1, 0.1)
-    assert [(row.field, row.mean, row.lowest) for row in rows[2:]] == [("part.count", 0.0, 0.0)] * 2
+def test_a_number_that_matters_shows_in_the_mean_over_the_drives():
+    """Two drives: halving 2 takes 0.1 of the first one's F1, the second stays; by hand -0.05 on the mean."""
+    rows = list(sweep(Tree(), ["part"], (0.5, 2.0), lambda tree: [{"f1": 0.1 * tree.part.gain}, {"f1": 0.3}]))
+    assert [(row.field, row.factor) for row in rows] == [
+        ("part.gain", 0.5), ("part.gain", 2.0), ("part.count", 0.5), ("part.count", 2.0),
+    ]  # fmt: skip
+    np.testing.assert_allclose([row.changes["f1"] for row in rows], [-0.05, 0.1, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_figure_that_a_drive_lacks_does_not_count():
+    assert changes([{"f1": None, "tilt": 1.0}, {"f1": 0.5}], [{"f1": 0.4, "tilt": None}, {"f1": 0.7}]) == {
+        "f1": 0.7 - 0.5
+    }
+
+
+def test_a_remembered_picture_has_the_outputs_of_the_network():
+    bundle = load_bundle(bundle_folder("edgemap-nano"))
+    kept = remembering(bundle).backbone
+    tensors = kept.zeros()
+    first, again, plain = kept.run(tensors), kept.run(tensors), bundle.backbone.run(tensors)
+    for name, values in plain.items():
+        np.testing.assert_array_equal(first[name], values)
+        assert again[name] is first[name]
