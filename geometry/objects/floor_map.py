@@ -98,6 +98,8 @@ class FloorMap:
             floor_map.merged |= {old: new for old, new in (merged or {}).items() if old != new}
         for item in saved:
             landmark = floor_map.graph.add_saved(item)
+            # Enough for an object, so that what stands there now outweighs what stood there.
+            landmark.sums.weight = min(landmark.sums.weight, float(floor_map.rule.min_count))
             floor_map._cells[item.label].set(landmark.number, landmark.position_m)
             known = _Object(item.id, item.label, [landmark])
             floor_map._objects[item.id] = floor_map._owner[landmark.number] = known

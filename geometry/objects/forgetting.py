@@ -1,4 +1,5 @@
-"""Negative evidence: an object in plain view that is missed again and again is no longer there."""
+"""Negative evidence: an object that is missed again and again, in plain view or where the picture shows floor in its
+place, is no longer there."""
 
 import math
 from collections import defaultdict
@@ -9,8 +10,9 @@ import numpy as np
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.map_object import MapObject, ObjectMap
-from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, in_plain_view, iou
+from edgemap.geometry.objects.visibility import ViewRule, expected_boxes, floor_in_place, in_plain_view, iou
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 
 NEAR_M = 20.0  # nothing farther is sighted
@@ -92,11 +94,12 @@ class Forgetter:
         object_ids: Sequence[str],
         camera: FloorCamera | None = None,
         kept: Collection[str] = (),
+        floor: FloorMask | None = None,
     ) -> list[str]:
         """Updates with one frame, after the map was updated with its sightings. Returns the ids to remove. detections:
         all boxes of the frame. pose_map_base: pose of the robot in this frame. object_ids: objects sighted. camera:
         with the frame's attitude, None for the level robot's. kept: ids of objects that a person has confirmed, which
-        never leave.
+        never leave. floor: where the picture shows floor; None where that is not known.
         """
         camera = camera or self.camera
         self._frame += 1
@@ -104,6 +107,8 @@ class Forgetter:
         objects = self._concerned(floor_map, pose_map_base, sighted)
         boxes = expected_boxes(objects, camera, pose_map_base)
         clear = in_plain_view(objects, boxes, camera, pose_map_base, detections, self.rule.view)
+        if floor is not None:
+            clear |= floor_in_place(objects, camera, pose_map_base, floor)
         labels = np.array(detections.labels, dtype=object)
         for row, item in enumerate(objects):
             if item.id in kept:

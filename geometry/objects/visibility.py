@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 from edgemap.geometry.camera.floor import FloorCamera
+from edgemap.geometry.grid.floor_scan import EDGE
 from edgemap.geometry.map_object import MapObject, radius_m
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 
 AROUND = 8  # points of a footprint's circle that are projected
@@ -80,6 +82,25 @@ def in_plain_view(
         )
         clear[row] = covered_share(boxes[row], nearer) <= rule.covered_share
     return clear
+
+
+def floor_in_place(
+    objects: Sequence[MapObject], camera: FloorCamera, pose_map_base: SE2, mask: FloorMask
+) -> NDArray[np.bool_]:
+    """In whose place the picture shows floor, (N,): at the position and all round its ellipse of one standard
+    deviation, where that is large enough for the mask. No wall stands before it then, wherever the robot is.
+    """
+    if not objects:
+        return np.zeros(0, dtype=bool)
+    turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    circle = np.column_stack([np.append(np.cos(turns), 0.0), np.append(np.sin(turns), 0.0)])
+    ellipses = circle @ np.linalg.cholesky([item.covariance_m2 for item in objects]).transpose(0, 2, 1)
+    places = pose_map_base.inverse().apply(
+        (ellipses + np.array([item.position_m for item in objects])[:, None]).reshape(-1, 2)
+    )
+    pixels = camera.project(np.column_stack([places, np.zeros(len(places))]))
+    shows = (mask.at(pixels) > EDGE).reshape(len(objects), -1).all(axis=1)
+    return shows & (np.ptp(pixels[:, 1].reshape(len(objects), -1), axis=1) >= mask.height / len(mask.floor))
 
 
 def _off_lines_m(here: Array, views: Array, position_m: Array) -> float:

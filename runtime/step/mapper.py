@@ -162,6 +162,7 @@ class Mapper:
                 object_ids,
                 observed.camera,
                 self.edits.kept(self.map),
+                observed.floor,
             )
         stage("map")
         self._fuse_floor(observed)

@@ -13,6 +13,7 @@ from support.seen import CAMERA, look
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.objects.forgetting import Forgetter
 from edgemap.geometry.observations.detections import Detections
+from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import FloorRule, Sighting, sightings_of
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.motion.odometry.protocol import Motion
@@ -162,6 +163,39 @@ def test_what_was_always_seen_may_be_missed_for_a_while_before_it_is_gone():
         left[frame / look_frames] = len(mapper.objects())
     assert left[4.0] == 1
     assert left[8.0] == 0
+
+
+@pytest.mark.parametrize(("floor", "stays"), [(1.0, False), (0.0, True)])
+def test_a_saved_chair_leaves_where_the_picture_shows_floor_in_its_place_from_a_side_it_was_never_seen_from(
+    floor, stays
+):
+    """The first drive saw it along x; the second one comes along y, where a wall could stand between: no detection is
+    no evidence there, but floor in its place is, as no wall hides it then."""
+    random, chair = np.random.default_rng(0), [("chair", 2.0, 0.0)]
+    first = Mapper()
+    for frame in range(20):
+        boxes = look(chair, SE2(), random, 1.0)[0]
+        sightings = sightings_of(boxes, CAMERA, FloorRule(), frame, frame / 10)
+        first.step(FrameObservations(frame, frame / 10, boxes, sightings, Motion(SE2(), np.zeros((3, 3)))))
+    second, nothing = Mapper(forgetter=Forgetter(CAMERA)), Detections.none(("chair",))
+    second.start_in(first.objects(), SE2(2.0, -2.5, math.pi / 2.0), (0.01, 0.01, 0.01))
+    mask = FloorMask(np.full((48, 64), floor, dtype=np.float32), 640, 480)
+    for frame in range(12):
+        motion = Motion(SE2(0.0 if frame % 2 else 0.2, 0.0, 0.0) if frame < 2 else SE2(0.0, 0.0, 0.2 * (-1) ** frame))
+        second.step(FrameObservations(frame, frame / 10, nothing, [], motion, camera=CAMERA, floor=mask))
+    assert [item.label for item in second.objects()] == ["chair"] * stays
+
+
+def test_what_stands_there_now_replaces_what_a_saved_map_has_in_its_place():
+    """A saved suitcase of 30 sightings, and a plant that ten pictures show where it stood; two are no reason yet."""
+    (suitcase,) = mapped([("suitcase", 2.0, 0.0)])
+    for pictures, label in ((2, "suitcase"), (10, "potted plant")):
+        mapper = Mapper()
+        mapper.start_in([replace(suitcase, count=30)], SE2(), (0.01, 0.01, 0.01))
+        for index in range(pictures):
+            found = [sight("potted plant", 2.05, 0.0, index=index)]
+            mapper.step(observed(index, found, Motion(SE2(), np.zeros((3, 3)))))
+        assert [item.label for item in mapper.objects()] == [label]
 
 
 def test_saved_chairs_whose_covariances_overlap_are_not_one_chair_seen_again():
