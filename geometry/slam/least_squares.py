@@ -1,8 +1,11 @@
 """Trajectory and landmarks as one sparse least-squares problem: banded poses, landmarks by Schur complement."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,22 +61,33 @@ class LandmarkFactors:
     variance_m2: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """poses (K, 3): x, y, yaw; landmarks (L, 2); both in the map frame. biases (L + 3,): of each landmark's range, of
-    the odometry's paths and rotations, and of the mount, in standard deviations. landmark_covariance (2 L, 2 L): of all
-    landmarks together; pose_covariances (K, 3, 3). chi2 (N,), link_chi2 (M,): squared Mahalanobis length of each
-    observation's and each link's residual. log_evidence: log-likelihood of all that was measured (Laplace), up to a
-    constant of its factors."""
+    the odometry's paths and rotations, and of the mount, in standard deviations. chi2 (N,), link_chi2 (M,): squared
+    Mahalanobis length of each observation's and each link's residual. log_evidence: log-likelihood of all that was
+    measured (Laplace), up to a constant of its factors."""
 
     poses: Array
     landmarks: Array
     biases: Array
-    landmark_covariance: Array
-    pose_covariances: Array
     chi2: Array
     link_chi2: Array
     log_evidence: float
+    _last: _System
+    _stated: Callable[[], _System]
+
+    @cached_property
+    def landmark_covariance(self) -> Array:
+        """Of all landmarks together, (2 L, 2 L)."""
+        return self._last.landmark_covariance()
+
+    @cached_property
+    def pose_covariances(self) -> Array:
+        """Of the poses, (K, 3, 3), by the odometry as it states itself: closing adds no covariance."""
+        stated = self._stated()
+        stated.step()
+        return stated.pose_covariances()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,12 +103,12 @@ class Problem:
 
 
 def solve(
-    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6, covariances: bool = True
+    problem: Problem, poses: Array, landmarks: Array, biases: Array, iterations: int = 6
 ) -> Generator[None, None, Solution]:
     """Gauss-Newton from poses (K, 3) and landmarks (L, 2); yields after every unit of work, each of bounded size.
 
     Poses are eliminated first: their part is banded, so the time grows with their number, and with its cube only for
-    landmarks. covariances: whether to compute those of the poses.
+    landmarks.
     """
     size, layout = 2 * len(landmarks), _Layout(problem, len(poses), len(landmarks))
     for iteration in range(max(iterations, 1)):
@@ -107,15 +121,10 @@ def solve(
         if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < CONVERGED_M:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
-    blocks = np.zeros((len(poses), 3, 3))
-    if covariances:
-        odometry = replace(problem.odometry, gains=(0.0, 0.0))  # as it states itself: closing adds no covariance
-        stated = _System(replace(problem, odometry=odometry, freedom=math.inf), layout, poses, landmarks, biases)
-        stated.step()
-        blocks = stated.pose_covariances()
-        yield
-    evidence, covariance = system.log_evidence(), system.landmark_covariance()
-    return Solution(poses, landmarks, biases, covariance, blocks, system.chi2, system.link_chi2, evidence)
+    odometry = replace(problem.odometry, gains=(0.0, 0.0))
+    gaussian = replace(problem, odometry=odometry, freedom=math.inf)
+    stated = partial(_System, gaussian, layout, poses, landmarks, biases)
+    return Solution(poses, landmarks, biases, system.chi2, system.link_chi2, system.log_evidence(), system, stated)
 
 
 class _Layout:

@@ -63,22 +63,23 @@ class LoopSearch:
         new = (yield from self._hypothesis(at, candidates, groups, in_view)) if candidates else {}
         if not graph.links and not new:
             return None
-        after = yield from graph.solved(at, graph.links, PLAIN, covariances=not new)
+        after = yield from graph.solved(at, graph.links, PLAIN)
         if new:
             closed = yield from self._weighed(at, new, after)
             if closed is not None:
                 graph.links |= new
                 after = closed
             elif graph.links:
-                after, new = (yield from graph.solved(at, graph.links, 1, start=after, covariances=True)), {}
+                new = {}
             else:
                 return None
         while unfit := self._unfit(at, after, new):
             self._take_back(unfit)
             new = {number: first for number, first in new.items() if number in graph.links}
-            after = yield from graph.solved(at, graph.links, PLAIN, covariances=True)
+            after = yield from graph.solved(at, graph.links, PLAIN)
         after = yield from self._doubted(at, after)
         self.found += len(graph.links) - count
+        yield  # covariances are another unit of work
         return at, after
 
     def _hypothesis(
@@ -111,7 +112,7 @@ class LoopSearch:
         graph = self.graph
         links = graph.links | dict(new)
         proposed = yield from graph.solved(at, links, PROPOSE, loose=True)
-        closed = yield from graph.solved(at, links, REFINE, start=proposed, covariances=True)
+        closed = yield from graph.solved(at, links, REFINE, start=proposed)
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > graph.rule.margin else None
@@ -125,7 +126,7 @@ class LoopSearch:
         if chi2 < graph.rule.doubt:
             return after
         others = {number: first for number, first in graph.links.items() if number != later}
-        without = yield from graph.solved(at, others, AGAIN, start=after, covariances=True)
+        without = yield from graph.solved(at, others, AGAIN, start=after)
         by_chance = math.log(graph.rule.hypotheses.spacing_m2)
         if after.log_evidence - without.log_evidence + by_chance > graph.rule.margin / 2.0:
             return after

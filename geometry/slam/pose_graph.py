@@ -230,10 +230,9 @@ class PoseGraph:
         *,
         loose: bool = False,
         start: Solution | None = None,
-        covariances: bool = False,
     ) -> Generator[None, None, Solution]:
         """Least squares with these links. loose: with the odometry that loops are searched with, and no robust kernel.
-        start: initial values instead of the current ones. covariances: whether to compute those of the poses."""
+        start: initial values instead of the current ones."""
         ties = at.ties(links)
         landmarks = replace(
             at.problem.landmarks,
@@ -247,7 +246,7 @@ class PoseGraph:
         begin = (at.poses, landmarks.prior_m, at.biases)
         if start is not None:
             begin = (start.poses, start.landmarks, start.biases)
-        return (yield from solve(problem, *begin, iterations, covariances))
+        return (yield from solve(problem, *begin, iterations))
 
     def correct(self, at: Snapshot, solution: Solution, now_s: float) -> TrajectoryCorrection:
         """Poses stand where the solution has them, and landmarks with them. now_s: stamp of the frame whose motion came
