@@ -69,17 +69,23 @@ def backbone(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """Features of the drive, by whichever test computes them first."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.mark.parametrize("kind", ["flow", "paper"])
-def test_train_export_and_run(edgemap, floor_drive, backbone, tmp_path, kind):
+def test_train_export_and_run(edgemap, floor_drive, backbone, cache, tmp_path, kind):
     data = f"drive:{floor_drive}"
     flags = ("--data", data, "--validation", data, "--backbone", backbone, "--head", kind, "--length", "4")
-    spent = ("--batch", "2", "--cache", tmp_path / "cache", "-o", tmp_path / "run")
+    spent = ("--batch", "2", "--cache", cache, "-o", tmp_path / "run")
     result = edgemap("train", "odometry", *flags, *spent, "--steps", "2")
     assert result.returncode == 0, result.stderr
     trained_on = {"flow": "144 frames of 1 drives and 8 views of each", "paper": "16 frames of 1 drives"}[kind]
     assert f"{trained_on} to train on, 16 to validate on" in result.stdout
     assert {path.name for path in (tmp_path / "run").iterdir()} >= {"best.pt", "last.pt", "curves.csv"}
-    features = list((tmp_path / "cache").rglob("*.npy"))
+    features = list(cache.rglob("*.npy"))
     written = features[0].stat().st_mtime_ns
     result = edgemap("train", "odometry", *flags, *spent, "--steps", "3", "--resume", "--bfloat16")
     assert result.returncode == 0, result.stderr
@@ -98,9 +104,9 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, tmp_path, kind):
     assert document["measured"][f"odometry.{kind}"]["training"]["drives"] == 1
 
 
-def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone, tmp_path):
+def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone, cache, tmp_path):
     data = f"drive:{floor_drive}"
-    flags = ("--data", data, "--validation", data, "--backbone", backbone, "--cache", tmp_path / "cache")
+    flags = ("--data", data, "--validation", data, "--backbone", backbone, "--cache", cache)
     large, small = tmp_path / "large", tmp_path / "small"
     result = edgemap("train", "odometry", *flags, "--length", "4", "--batch", "2", "--steps", "1", "-o", large)
     assert result.returncode == 0, result.stderr
@@ -121,11 +127,11 @@ def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone
         (("--frames", "1"), 1, "16 pictures, wanted are those from 0 to 1"),
     ],
 )
-def test_mistakes_are_one_line(edgemap, floor_drive, backbone, tmp_path, flags, code, message):
+def test_mistakes_are_one_line(edgemap, floor_drive, backbone, cache, tmp_path, flags, code, message):
     data = f"drive:{floor_drive}"
     result = edgemap(
         "train", "odometry", "--data", data, "--validation", data, "--backbone", backbone, "--head", "flow",
-        "--cache", tmp_path / "cache", "-o", tmp_path / "run", *flags,
+        "--cache", cache, "-o", tmp_path / "run", *flags,
     )  # fmt: skip
     assert result.returncode == code, result.stderr
     (line,) = [line for line in result.stderr.splitlines() if line.strip().startswith("edgemap")]

@@ -13,6 +13,8 @@ import subprocess
 import sys
 import tempfile
 import traceback
+import warnings
+from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
@@ -59,6 +61,9 @@ def serve() -> None:
         request = json.loads(line)
         if request["words"][:1] in (["export"], ["train"]) and len(request["words"]) > 1:
             _import(HOST_LIBRARIES)
+            if request["words"][0] == "export":
+                with contextlib.suppress(ImportError):
+                    _prepare_export()
         child = os.fork()
         if not child:
             _become(request)
@@ -71,6 +76,20 @@ def _import(names: tuple[str, ...]) -> None:
     for name in names:
         with contextlib.suppress(ImportError):  # of an extra: the command itself reports it
             importlib.import_module(name)
+
+
+@cache
+def _prepare_export() -> None:
+    """Torch's exporter loads itself with its first graph, which takes 4 s. Proofs take two steps; those of 2 x 8 are
+    made by tests/export in their own process."""
+    import torch
+
+    from edgemap.export import parity
+
+    parity.CASES, parity.STEPS = 1, 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(torch.nn.Identity(), (torch.zeros(1),), dynamo=True, verbose=False)
 
 
 def _become(request: dict) -> NoReturn:
