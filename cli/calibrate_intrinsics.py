@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from edgemap.cli.calibrate_options import BoardText, OutYaml, Pictures, check_out, read_board, views_of, write_yaml
-from edgemap.cli.options import CameraFile, CameraSpec, at_least
+from edgemap.cli.camera_options import CameraFile, CameraSpec
+from edgemap.cli.options import at_least
 
 
 def command(

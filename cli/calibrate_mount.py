@@ -17,8 +17,9 @@ from edgemap.cli.calibrate_options import (
     views_of,
     write_yaml,
 )
+from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, known_lens, open_described
+from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
     from edgemap.geometry.camera.intrinsics import Intrinsics

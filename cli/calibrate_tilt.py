@@ -8,8 +8,9 @@ from typing import Annotated
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.calibrate_options import OutYaml, Pictures, check_out, tilt_of, write_yaml
+from edgemap.cli.camera_options import CameraFile, CameraSpec, IntrinsicsText, known_lens, open_described
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import CameraFile, CameraSpec, IntrinsicsText, at_least, known_lens, open_described
+from edgemap.cli.options import at_least
 
 
 def command(

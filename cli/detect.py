@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.camera_options import read_intrinsics, read_mount
 from edgemap.cli.groups import NetworkOptions, Optics
-from edgemap.cli.options import Confidence, Json, minimum_score, read_intrinsics, read_mount
+from edgemap.cli.options import Confidence, Json, minimum_score
 
 if TYPE_CHECKING:
     import numpy as np

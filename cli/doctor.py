@@ -9,15 +9,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import (
-    HOW_TO_MEASURE,
-    BundleName,
-    CameraFile,
-    CameraSpec,
-    IntrinsicsText,
-    Json,
-    MountText,
-)
+from edgemap.cli.camera_options import HOW_TO_MEASURE, CameraFile, CameraSpec, IntrinsicsText, MountText
+from edgemap.cli.options import BundleName, Json
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.extras import install_hint, pip
 
@@ -210,7 +203,7 @@ def _camera(
     from math import degrees
     from time import monotonic
 
-    from edgemap.cli.options import lens_and_mount, open_described
+    from edgemap.cli.camera_options import lens_and_mount, open_described
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.fault import CameraFault
     from edgemap.runtime.inputs.cameras.protocol import next_frame

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import tyro
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.camera_options import MountText, read_mount
 from edgemap.cli.errors import OptionError
 from edgemap.cli.groups import NetworkOptions
-from edgemap.cli.options import ConfigFile, Json, MountText, WithoutDepth, WithoutImu, at_least, read_mount
+from edgemap.cli.options import ConfigFile, Json, WithoutDepth, WithoutImu, at_least
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)

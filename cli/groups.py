@@ -7,26 +7,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from edgemap.cli.camera_options import (
+    CameraFile,
+    CameraSpec,
+    IntrinsicsText,
+    MountText,
+    Opening,
+    lens_and_mount,
+    open_described,
+    read_mount,
+    read_numbers_of_lens,
+)
 from edgemap.cli.errors import OptionError
 from edgemap.cli.options import (
     BundleName,
-    CameraFile,
-    CameraSpec,
     EngineName,
-    IntrinsicsText,
-    MountText,
     OdometrySpec,
-    Opening,
     PrecisionName,
     Threads,
     WithoutImu,
     WithoutWheels,
     check_odometry,
     find_bundle,
-    lens_and_mount,
-    open_described,
-    read_mount,
-    read_numbers_of_lens,
 )
 
 if TYPE_CHECKING:

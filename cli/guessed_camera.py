@@ -26,7 +26,7 @@ def floor_camera_of(camera: Source, source: Camera, bundle: Bundle) -> tuple[Flo
 
     Raises OptionError, or CalibrationError where the pictures show no floor or an impossible mount.
     """
-    from edgemap.cli.options import read_intrinsics, read_mount
+    from edgemap.cli.camera_options import read_intrinsics, read_mount
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.network.decode import Decoder, Detector
     from edgemap.runtime.step.calibration.guess import guess_camera

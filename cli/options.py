@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,30 +11,14 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.intrinsics import Intrinsics
-    from edgemap.geometry.camera.mount import Mount
     from edgemap.runtime.frames.decisions import Decisions, Precision
-    from edgemap.runtime.inputs.cameras.protocol import Camera, SensorTopics
-    from edgemap.runtime.inputs.cameras.recovery import RecoveryRule
     from edgemap.runtime.network.bundle import Bundle
     from edgemap.runtime.network.compute import Pace
     from edgemap.runtime.network.engine_choice import EngineChoice
 
 ODOMETRIES = ("hybrid", "flow", "planar", "gyro", "paper", "truth")
-LOWEST_M, HIGHEST_M = 0.05, 3.0  # of a lens above the floor; higher ones stand in a camera file
 MAXIMUM_THREADS = 64
 
-CameraSpec = Annotated[
-    str,
-    arg(
-        metavar="SPEC",
-        help="Where frames come from: demo; realsense[:SERIAL]; realsense:FILE.db3|.bag; a number or /dev/videoN; "
-        "an rtsp:// or http(s):// stream; a video file; a folder of pictures; a recording FILE.mcap[#/topic]; "
-        "a ROS 2 topic ros2:/camera/image_raw; sim:SEED (a rendered home); "
-        "KIND:DIR with KIND kitti, tum, c2w, drive, euroc or locobot. "
-        "`edgemap cameras` lists those that are here.",
-    ),
-]
 BundleName = Annotated[
     str | None,
     arg(
@@ -59,26 +42,6 @@ WithoutImu = Annotated[
     bool, arg(help="Ignore the inertial samples of the source: roll and pitch come from pictures, yaw without a gyro.")
 ]
 WithoutDepth = Annotated[bool, arg(help="Ignore the depth pictures of the source.")]
-MountText = Annotated[
-    str | None,
-    arg(
-        metavar="HEIGHT_M,PITCH_DEG",
-        help="How the camera sits: height of the lens above the floor in metres, and pitch in degrees, positive "
-        "looking DOWN. Overrides the camera file; roll and lever arm stay as they are.",
-    ),
-]
-IntrinsicsText = Annotated[
-    str | None,
-    arg(
-        metavar="FX,FY,CX,CY",
-        help="Focal lengths and principal point in pixels of the delivered picture, no distortion; overrides the "
-        "source and the camera file.",
-    ),
-]
-CameraFile = Annotated[
-    Path | None,
-    arg(metavar="camera.yaml", help="Lens and mount of the camera, for sources that do not know them."),
-]
 Confidence = Annotated[
     float | None,
     arg(
@@ -161,46 +124,6 @@ def minimum_score(confidence: float | None, bundle: Bundle) -> float:
     """The asked for confidence, else the bundle's own. Raises OptionError outside 0..1."""
     in_unit(confidence=confidence)
     return bundle.manifest.confidence if confidence is None else confidence
-
-
-def read_mount(text: str | None, prior: Mount | None = None) -> Mount | None:
-    """Applies `--mount HEIGHT_M,PITCH_DEG` to a prior mount: its roll and lever arm stay."""
-    from dataclasses import replace
-
-    from edgemap.geometry.camera.mount import Mount
-    from edgemap.geometry.errors import GeometryError
-
-    if text is None:
-        return prior
-    try:
-        given = Mount.from_degrees(*numbers(text, "--mount", "HEIGHT_M,PITCH_DEG"))
-    except GeometryError as error:
-        raise OptionError(f"--mount {text!r}: {error}") from None
-    if not LOWEST_M <= given.height_m <= HIGHEST_M:
-        raise OptionError(
-            f"--mount {text!r}: a lens {given.height_m:g} m above the floor, expected {LOWEST_M:g} to {HIGHEST_M:g} m"
-        )
-    return given if prior is None else replace(prior, height_m=given.height_m, pitch_rad=given.pitch_rad)
-
-
-def read_numbers_of_lens(text: str | None) -> list[float] | None:
-    """The four numbers of `--intrinsics FX,FY,CX,CY`. Raises OptionError."""
-    return None if text is None else numbers(text, "--intrinsics", "FX,FY,CX,CY")
-
-
-def read_intrinsics(text: str | None, width: int, height: int) -> Intrinsics | None:
-    """`--intrinsics FX,FY,CX,CY` of pictures of this size."""
-    from edgemap.geometry.camera.intrinsics import Intrinsics
-    from edgemap.geometry.errors import GeometryError
-
-    found = read_numbers_of_lens(text)
-    if found is None:
-        return None
-    fx, fy, cx, cy = found
-    try:
-        return Intrinsics(width, height, fx, fy, cx, cy)
-    except GeometryError as error:
-        raise OptionError(f"--intrinsics {text!r}: {error}") from None
 
 
 def check_odometry(spec: str) -> None:
@@ -305,62 +228,3 @@ def known_names(unknown: Iterable[str], known: Iterable[str], whose: str) -> str
     lower = {name.casefold(): name for name in names}
     meant = [lower[close[0]] for name in unknown if (close := get_close_matches(name.casefold(), lower, 1, 0.75))]
     return f"did you mean {', '.join(meant)}?" if meant else f"{whose} {', '.join(names) or 'none'}"
-
-
-HOW_TO_MEASURE = (
-    "measure the lens's height above the floor in metres, and its pitch in degrees (0 level, positive down; on a flat "
-    "floor pitch = atan(height / distance) for the floor point in the picture's middle), then pass "
-    "--mount HEIGHT_M,PITCH_DEG or --camera-file camera.yaml"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Opening:
-    """How a source is opened. realtime: files paced by their stamps. frames: how long `sim:SEED` drives; other sources
-    are as long as they are. recovery: of live devices. topics: further sensors. depth: whether frames bring their depth
-    pictures, where the source has any.
-    """
-
-    realtime: bool = False
-    frames: int | None = None
-    recovery: RecoveryRule | None = None
-    topics: SensorTopics | None = None
-    depth: bool = True
-
-
-def open_described(spec: str, camera_file: Path | None, how: Opening = Opening()) -> Camera:
-    """Open a camera; a camera file's lens and mount go before its own, and a webcam is asked for the lens's size."""
-    from edgemap.runtime.inputs.drives.camera_yaml import read_camera_yaml
-    from edgemap.runtime.inputs.open import open_camera
-
-    described = camera_file and read_camera_yaml(camera_file)
-    if spec.startswith("sim:"):
-        from edgemap.cli.simulated import open_simulated
-
-        return open_simulated(spec, how.frames, how.realtime, described)
-    lens, camera_mount = (described.intrinsics, described.mount) if described else (None, None)
-    return open_camera(
-        spec, realtime=how.realtime, intrinsics=lens, mount=camera_mount, recovery=how.recovery, topics=how.topics,
-        depth=how.depth,
-    )  # fmt: skip
-
-
-def known_lens(camera: Camera, intrinsics: str | None) -> Intrinsics:
-    """The lens by flag, camera file or source, in this order. Raises OptionError for none, or one of another size."""
-    lens = read_intrinsics(intrinsics, *camera.size) or camera.intrinsics
-    if lens is None:
-        raise OptionError(
-            f"{camera.name} does not know its lens: pass --intrinsics FX,FY,CX,CY (pixels) or --camera-file camera.yaml"
-        )
-    if (lens.width, lens.height) != tuple(camera.size):
-        size = f"{camera.size[0]}x{camera.size[1]}"
-        raise OptionError(f"{camera.name} delivers {size} px, the lens given is for {lens.width}x{lens.height} px")
-    return lens
-
-
-def lens_and_mount(camera: Camera, intrinsics: str | None, mount: str | None) -> tuple[Intrinsics, Mount]:
-    """Intrinsics and mount of a run: flags override the camera file, which overrides the source. Raises OptionError."""
-    lens, camera_mount = known_lens(camera, intrinsics), read_mount(mount, camera.mount)
-    if camera_mount is None:
-        raise OptionError(f"{camera.name} does not know how it is mounted: {HOW_TO_MEASURE}")
-    return lens, camera_mount

@@ -6,18 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import (
+from edgemap.cli.camera_options import (
     CameraFile,
     CameraSpec,
     IntrinsicsText,
     MountText,
     Opening,
-    WithoutDepth,
-    at_least,
     open_described,
     read_intrinsics,
     read_mount,
 )
+from edgemap.cli.options import WithoutDepth, at_least
 from edgemap.cli.ros2 import DepthTopicName
 
 if TYPE_CHECKING:

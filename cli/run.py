@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from edgemap.cli.arguments import arg
-from edgemap.cli.options import Opening
+from edgemap.cli.camera_options import Opening
 from edgemap.cli.run_options import (
     AdvancedGroup,
     CameraGroup,

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from edgemap.cli.arguments import arg
+from edgemap.cli.camera_options import MountText, read_mount
 from edgemap.cli.errors import OptionError
-from edgemap.cli.options import MountText, at_least, read_mount
+from edgemap.cli.options import at_least
 
 if TYPE_CHECKING:
     from edgemap.simulation.world import Choices

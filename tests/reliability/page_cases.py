@@ -335,17 +335,17 @@ def _use_option(folder: Path, drawn: tuple[str, str]) -> None:
 
 def _use_text(option: str, text: str) -> None:
     # By name: no room imports the command line.
-    options = import_module("edgemap.cli.options")
+    options, camera_options = (import_module(f"edgemap.cli.{name}") for name in ("options", "camera_options"))
     read_board = import_module("edgemap.cli.calibrate_options").read_board
     question = import_module("edgemap.cli.map_show")._Question
 
     match option:
         case "--mount":
-            mount = options.read_mount(text)
+            mount = camera_options.read_mount(text)
             assert mount is not None
             assert np.all(np.isfinite(mount.rotation_base_optical()))
         case "--intrinsics":
-            lens = options.read_intrinsics(text, 640, 480)
+            lens = camera_options.read_intrinsics(text, 640, 480)
             assert lens is not None
         case "--start":
             assert np.all(np.isfinite(options.numbers(text, "--start", "X,Y,YAW_DEG")))
