@@ -88,12 +88,17 @@ def write_small(folder: Path) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="session")
-def exported_once(tmp_path_factory) -> Path:
+def small_files(tmp_path_factory) -> tuple[Path, Path]:
+    """Cfg and weights of the small network, for what is exported once."""
+    return write_small(tmp_path_factory.mktemp("files"))
+
+
+@pytest.fixture(scope="session")
+def exported_once(tmp_path_factory, small_files) -> Path:
     from edgemap.export.exporter import export_backbone
 
-    folder = tmp_path_factory.mktemp("exported")
-    cfg, weights = write_small(folder)
-    return export_backbone(str(cfg), folder / "small", weights=weights)
+    cfg, weights = small_files
+    return export_backbone(str(cfg), tmp_path_factory.mktemp("exported") / "small", weights=weights)
 
 
 @pytest.fixture

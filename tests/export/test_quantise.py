@@ -1,5 +1,7 @@
 """Real quantisation of a small network: what becomes 8-bit, what stays, what is reported, what is refused."""
 
+import shutil
+
 import cv2
 import numpy as np
 import onnx
@@ -34,11 +36,17 @@ def pictures(tmp_path):
     return write_pictures(tmp_path / "pictures")
 
 
+@pytest.fixture(scope="module")
+def quantised_once(tmp_path_factory, small_files):
+    folder, (cfg, weights) = tmp_path_factory.mktemp("quantised"), small_files
+    options = {"weights": weights, "feature": "layer:2", "calibrate": write_pictures(folder / "pictures")}
+    return export_backbone(str(cfg), folder / "b", **options)
+
+
 @pytest.fixture
-def quantised_bundle(tmp_path, small_cfg, small_weights, pictures):
-    """The small network with an odometry head on an inner feature, and its int8 variant."""
-    options = {"weights": small_weights, "feature": "layer:2", "calibrate": pictures}
-    return export_backbone(str(small_cfg), tmp_path / "b", **options)
+def quantised_bundle(tmp_path, quantised_once):
+    """The small network with an odometry head on an inner feature, and its int8 variant; the test's own copy."""
+    return shutil.copytree(quantised_once, tmp_path / "b")
 
 
 def test_int8_is_near_float32_and_features_are_the_same_bit_for_bit(quantised_bundle, pictures):
