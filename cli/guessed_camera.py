@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from edgemap.cli.groups import Source
-    from edgemap.geometry.camera.attitude import MountSeen
+    from edgemap.geometry.camera.attitude import MountEstimate
     from edgemap.geometry.camera.floor import FloorCamera
     from edgemap.runtime.frames.frame import Frame
     from edgemap.runtime.inputs.cameras.protocol import Camera
@@ -64,7 +64,7 @@ class CameraKeeper:
         self._by_hand = True
         return self._path
 
-    def at_end(self, observed: MountSeen | None) -> str | None:
+    def at_end(self, observed: MountEstimate | None) -> str | None:
         """Saves the guess, unless a person has set the mount. Returns the line to print."""
         from dataclasses import replace
 

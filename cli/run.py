@@ -186,7 +186,7 @@ class _Drive:
         summary.print(self.folder, done, stop.is_set(), files.verdict, report.evaluation_rows)
         if line := where_it_was(self.slam.mapper, saved):
             print(line)
-        if summary.result and (line := self.kept_camera.at_end(summary.result.observed.mount_seen)):
+        if summary.result and (line := self.kept_camera.at_end(summary.result.observed.mount_estimate)):
             print(line)
         print(report.failure or f"see it:  {report.path}")
         page.stay(stop, lambda: edits.apply(self.slam.mapper, done))

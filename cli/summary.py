@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from edgemap.geometry.camera.mount import HeightSeen, Mount
+    from edgemap.geometry.camera.mount import HeightEstimate, Mount
     from edgemap.geometry.map_object import MapObject
     from edgemap.geometry.objects.evaluation_row import EvaluationRow
     from edgemap.runtime.outputs.verdict.verdict import Verdict
@@ -25,7 +25,7 @@ class RunSummary:
     def __init__(self, mount: Mount) -> None:
         self.result: StepResult | None = None
         self.objects: list[MapObject] = []
-        self.height: HeightSeen | None = None  # of the lens, as last shown
+        self.height: HeightEstimate | None = None  # of the lens, as last shown
         self.fault_count = 0
         self.faults: dict[str, str] = {}  # by kind, the first text
         self._mount = mount
@@ -33,7 +33,7 @@ class RunSummary:
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """Stores the result."""
         self.result, self.objects = result, objects
-        self.height = result.observed.height_seen or self.height
+        self.height = result.observed.height_estimate or self.height
         for text in result.observed.faults:
             self.fault(text)
 
@@ -56,7 +56,7 @@ class RunSummary:
         from edgemap.runtime.frames.reading import printable
 
         travelled_m = self.result.travelled_m if self.result else 0.0
-        observed = self.result.observed.mount_seen if self.result else None
+        observed = self.result.observed.mount_estimate if self.result else None
         shown = observed or self.height
         lines = [
             f"map of {len(self.objects)} objects saved in {folder}/",

@@ -36,7 +36,7 @@ class GyroRotation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenDirection:
+class TrackedDirection:
     """direction: (3,), unit, in which the lens moved since an earlier frame, that frame's optical axes. covariance:
     (3, 3) of it, rad^2, rank 2."""
 
@@ -45,7 +45,7 @@ class SeenDirection:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenRotation:
+class TrackedRotation:
     """The camera's rotation from the previous frame to this one, as tracked corners show it.
 
     rotation: (3, 3), takes directions of this frame's optical axes into the previous frame's. sigma_rad: standard
@@ -56,11 +56,11 @@ class SeenRotation:
     rotation: Array
     sigma_rad: float
     carried: Carried | None = None
-    travelled: SeenDirection | None = None
+    travelled: TrackedDirection | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MountSeen:
+class MountEstimate:
     """A mount's angles as estimated from pictures and accelerometer. sigma_rad: standard deviations of roll and pitch,
     (2,). used: the mount that attitudes refer to: the given one, with angles corrected where they proved wrong. given:
     the mount as configured.
@@ -111,7 +111,7 @@ class Attitude:
     carried: bool = False
     room: RoomHeading | None = None
     force_rad: Array | None = None
-    mount: MountSeen | None = None
+    mount: MountEstimate | None = None
 
     @classmethod
     def of_mount(cls, mount: Mount, sigma_rad: float = 0.0) -> Attitude:

@@ -29,7 +29,7 @@ class CarriedRule:
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """The estimate so far; call `seen` once per picture.
+    """The estimate so far; call `updated` once per picture.
 
     nodding2: mean square of the tilt's change from picture to picture, rad^2. rate2: of its rate, rad^2/s^2, over
     judged_s. steady_m: path length since its nodding last exceeded level_rad. scattered: whether the tilt from a room's
@@ -44,7 +44,7 @@ class Carried:
     steady_m: float = 0.0
     scattered: bool = False
 
-    def seen(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> Carried:
+    def updated(self, nod2: float, span_s: float, path_m: float, gyro: bool = False) -> Carried:
         """The estimate after one more picture. nod2: mean square of the change of roll and pitch since the last one,
         span_s ago. gyro: whether a gyro measured the rotation, so that the first pictures count fully.
         """

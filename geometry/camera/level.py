@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import MountSeen
-from edgemap.geometry.camera.mount import HeightSeen, Mount
+from edgemap.geometry.camera.attitude import MountEstimate
+from edgemap.geometry.camera.mount import HeightEstimate, Mount
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def angles_text(pitch_deg: float, roll_deg: float) -> str:
     return f"pitch {pitch_deg:.1f} and roll {roll_deg:.1f} deg"
 
 
-def seen_text(given: Mount, seen: MountSeen | None, height: HeightSeen | None = None) -> str:
+def seen_text(given: Mount, seen: MountEstimate | None, height: HeightEstimate | None = None) -> str:
     """A mount's angles and height as configured and as estimated so far, one line."""
     parts = []
     if seen is not None:

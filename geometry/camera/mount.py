@@ -63,7 +63,7 @@ class Mount:
 
 
 @dataclass(frozen=True, slots=True)
-class HeightSeen:
+class HeightEstimate:
     """Estimated height of a lens above the floor and its standard deviation, metres."""
 
     height_m: float

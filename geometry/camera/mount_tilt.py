@@ -34,14 +34,14 @@ class MountTiltRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountTilt:
-    """error_rad: of the mount as given, roll and pitch (2,), to be added to it. covariance: (2, 2) of it. witnesses:
+    """error_rad: of the mount as given, roll and pitch (2,), to be added to it. covariance: (2, 2) of it. measurements:
     number of measurements by the name of their source.
     """
 
     rule: MountTiltRule
     error_rad: Array
     covariance: Array
-    witnesses: dict[str, int] = field(default_factory=dict)
+    measurements: dict[str, int] = field(default_factory=dict)
 
     @classmethod
     def given(cls, rule: MountTiltRule) -> MountTilt:
@@ -55,7 +55,9 @@ class MountTilt:
         across = math.hypot(float(direction[0]), float(direction[1]))
         variance = float(covariance[2, 2]) + self.rule.nod**2
         slope = np.array([[-direction[1], direction[0]]]) / max(across, 1e-6)
-        return self._seen("the direction of motion", slope, direction[2:] / max(across, 1e-6), np.array([[variance]]))
+        return self._updated(
+            "the direction of motion", slope, direction[2:] / max(across, 1e-6), np.array([[variance]])
+        )
 
     def by_turn(self, turned_rad: Array) -> MountTilt:
         """Update with a rotation: a robot on wheels turns about the floor's normal. turned_rad: (3,), rotation vector,
@@ -65,17 +67,17 @@ class MountTilt:
         off = np.array([turned_rad[1], -turned_rad[0]]) / angle
         chord = 2.0 * math.sin(min(abs(angle), math.pi) / 2.0)
         variance = (2.0 * self.rule.nod**2 + self.rule.drift**2) / chord**2
-        return self._seen("turns", np.eye(2), off, np.diag([variance] * 2))
+        return self._updated("turns", np.eye(2), off, np.diag([variance] * 2))
 
     def by_up(self, name: str, error_rad: Array, sigma_rad: float) -> MountTilt:
         """Update with a measured up direction: roll and pitch (2,) relative to the configured mount."""
-        return self._seen(name, np.eye(2), error_rad, np.diag([sigma_rad**2] * 2))
+        return self._updated(name, np.eye(2), error_rad, np.diag([sigma_rad**2] * 2))
 
     def sigma_rad(self) -> Array:
         """Standard deviations of roll and pitch, (2,), the error common to a drive included."""
         return np.sqrt(np.diag(self.covariance) + self.rule.lasting**2)
 
-    def _seen(self, name: str, slope: Array, residual: Array, variance: Array) -> MountTilt:
+    def _updated(self, name: str, slope: Array, residual: Array, variance: Array) -> MountTilt:
         if not np.isfinite(variance).all():
             return self
         off = residual - slope @ self.error_rad
@@ -85,6 +87,6 @@ class MountTilt:
             expected = expected + (excess - 1.0) * variance
         gain = np.linalg.solve(expected, slope @ self.covariance).T
         covariance = self.covariance - gain @ slope @ self.covariance
-        told = self.witnesses | {name: self.witnesses.get(name, 0) + 1}
+        counts = self.measurements | {name: self.measurements.get(name, 0) + 1}
         error_rad = self.error_rad + gain @ off
-        return replace(self, error_rad=error_rad, covariance=(covariance + covariance.T) / 2.0, witnesses=told)
+        return replace(self, error_rad=error_rad, covariance=(covariance + covariance.T) / 2.0, measurements=counts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import SeenRotation
+from edgemap.geometry.camera.attitude import TrackedRotation
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Tilt:
         """The tilt after an unknown rotation of this standard deviation about each level axis."""
         return replace(self, covariance=self.covariance + sigma_rad**2 * _level(self.up))
 
-    def rotated(self, rotation: SeenRotation) -> Tilt:
+    def rotated(self, rotation: TrackedRotation) -> Tilt:
         """The tilt after a rotation of the camera."""
         back = rotation.rotation.T
         return Tilt(back @ self.up, back @ self.covariance @ rotation.rotation).widened(rotation.sigma_rad)

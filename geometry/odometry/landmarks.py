@@ -153,12 +153,12 @@ def new_landmarks(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """Landmarks projected into a view, with Jacobians. seen (N, 2), predicted observations: normalised image points;
+    """Landmarks projected into a view, with Jacobians. predicted (N, 2): normalised image points;
     by_view (N, 2, 6): per metre forward and left, radian of yaw, pitch and roll, metre of rise; by_inverse (N, 2): per
     1/m. ahead (N,): in front.
     """
 
-    seen: Array
+    predicted: Array
     by_view: Array
     by_inverse: Array
     ahead: NDArray[np.bool_]
@@ -184,9 +184,9 @@ def project(landmarks: Landmarks, camera: FloorCamera, view: Viewpoint) -> Proje
     depth = optical[2, 7]
     ahead = depth > 0.02
     depth = np.where(ahead, depth, 1.0)
-    seen = optical[:2, 7] / depth
-    by = (optical[:2, :7] - seen[:, None] * optical[2, :7]) / depth
-    return Projection(seen.T, by[:, :6].transpose(2, 0, 1), by[:, 6].T, ahead)
+    predicted = optical[:2, 7] / depth
+    by = (optical[:2, :7] - predicted[:, None] * optical[2, :7]) / depth
+    return Projection(predicted.T, by[:, :6].transpose(2, 0, 1), by[:, 6].T, ahead)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,7 +214,7 @@ ANNEALING = (6.0, 3.0, 1.5, 1.0, 1.0)
 
 def locate(
     landmarks: Landmarks,
-    seen: Array,
+    observed: Array,
     camera: FloorCamera,
     start: Viewpoint,
     noise: Noise,
@@ -232,11 +232,11 @@ def locate(
     landmarks alone contradict rolling, the more it counts, and the larger is the covariance.
     """
     projection = project(landmarks, camera, start)
-    sure = np.ones(len(seen), dtype=bool) if doubtful is None or doubtful.all() else ~doubtful
+    sure = np.ones(len(observed), dtype=bool) if doubtful is None or doubtful.all() else ~doubtful
     known_yaw = noise.yaw_rad < KNOWN_YAW_RAD
-    view, log_scale = start if known_yaw else _rotated_to(projection, seen, start, sure), 0.0
-    weights, distance2 = np.zeros(len(seen)), np.zeros(len(seen))
-    residual, inverse = seen, np.eye(7)
+    view, log_scale = start if known_yaw else _rotated_to(projection, observed, start, sure), 0.0
+    weights, distance2 = np.zeros(len(observed)), np.zeros(len(observed))
+    residual, inverse = observed, np.eye(7)
     off_floor = np.where(landmarks.floor, 0.0, landmarks.inverse_m)
     sigma2 = np.asarray(noise.track_rad**2 + noise.drift_rad**2 * landmarks.age, dtype=np.float64)
     tight = noise.tilt_rad**-2
@@ -247,7 +247,7 @@ def locate(
     for scale in ANNEALING:
         scaled = replace(landmarks, inverse_m=landmarks.inverse_m + log_scale * off_floor)
         projection = project(scaled, camera, view)
-        residual = seen - projection.seen
+        residual = observed - projection.predicted
         white, jacobian = _whitened(projection, residual, off_floor, landmarks.variance, sigma2)
         distance2 = (white**2).sum(axis=0)
         counts = projection.ahead & (sure | (scale <= 1.0))
@@ -274,7 +274,7 @@ def locate(
     excess = max(1.0, float((weights * distance2).sum()) / degrees)
     shows, measured = landmarks.floor, None
     if how is not None and worst > LATERAL_GATE:
-        slid = locate(landmarks, seen, camera, start, noise, doubtful)
+        slid = locate(landmarks, observed, camera, start, noise, doubtful)
         lateral = how.lateral(before.inverse() @ slid.view.pose)
         apart = lateral.residual_m, float(lateral.by_motion @ slid.covariance[:3, :3] @ lateral.by_motion)
         turn_rad = wrap_angle(slid.view.pose.yaw_rad - before.yaw_rad)
@@ -466,9 +466,9 @@ def _whitened(
     return both[:, 0], both[:, 1:]
 
 
-def _rotated_to(projection: Projection, seen: Array, start: Viewpoint, sure: NDArray[np.bool_]) -> Viewpoint:
+def _rotated_to(projection: Projection, observed: Array, start: Viewpoint, sure: NDArray[np.bool_]) -> Viewpoint:
     """The start, rotated by the median residual of its projection: yaw and pitch change fast, and are common to all."""
-    across, down = medians((seen - projection.seen)[sure])
+    across, down = medians((observed - projection.predicted)[sure])
     yaw, pitch = medians(projection.by_view[sure][:, [0, 1], [2, 3]])
     return _moved(start, np.array([0.0, 0.0, across / yaw, down / pitch, 0.0, 0.0]))
 

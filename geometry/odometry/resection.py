@@ -50,7 +50,7 @@ class DepthLandmarks:
     sigma_m: Array
 
     @classmethod
-    def seen(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> DepthLandmarks:
+    def observed(cls, pose: LensPose, rays: Array, depth_m: Array, sigma_m: Array) -> DepthLandmarks:
         """Points observed from a pose along rays (N, 3) with z = 1, at depths (N,) along the optical axis."""
         along = rays @ pose.rotation.T
         return cls(pose.position_m + along * depth_m[:, None], along, sigma_m)
@@ -76,13 +76,13 @@ class Resected:
     weights: Array
 
 
-def resect(landmarks: DepthLandmarks, seen: Array, start: LensPose, sigma: float) -> Resected:
+def resect(landmarks: DepthLandmarks, observed: Array, start: LensPose, sigma: float) -> Resected:
     """The pose that fits normalised image points (N, 2) best: Gauss-Newton from a start, Tukey's weights, annealed.
 
     sigma: standard deviation of an image point. The error of a landmark's depth widens its residual along the epipolar
     line, so that a far one determines the rotation and a near one the displacement.
     """
-    pose, weights, inverse, excess = start, np.zeros(len(seen)), np.eye(6), 1.0
+    pose, weights, inverse, excess = start, np.zeros(len(observed)), np.eye(6), 1.0
     for scale in ANNEALING:
         local = (landmarks.points_m - pose.position_m) @ pose.rotation
         ahead = local[:, 2] > 0.05
@@ -90,7 +90,7 @@ def resect(landmarks: DepthLandmarks, seen: Array, start: LensPose, sigma: float
         z = np.where(ahead, z, 1.0)
         u, v = x / z, y / z
         inverse_m, zero = 1.0 / z, np.zeros(len(z))
-        residual = seen - np.column_stack([u, v])
+        residual = observed - np.column_stack([u, v])
         # By displacement and rotation of the lens in its own axes: row 0 of u, row 1 of v.
         jacobian = np.array(
             [

@@ -3,7 +3,7 @@
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import SeenDirection
+from edgemap.geometry.camera.attitude import TrackedDirection
 from edgemap.geometry.camera.inertial import small_rotation
 
 TUKEY = 3.0  # standard deviations, beyond which a point has no weight, at last
@@ -12,7 +12,7 @@ ROTATION_RAD, DIRECTION_RAD = 0.03, 1.0  # standard deviations of the start
 LARGEST_STEP_RAD = 0.3
 
 
-def travelled(first: Array, second: Array, rotation: Array, direction: Array, sigma_rad: float) -> SeenDirection:
+def travelled(first: Array, second: Array, rotation: Array, direction: Array, sigma_rad: float) -> TrackedDirection:
     """Direction of motion and rotation that best fit points observed twice: robust Gauss-Newton from a start near them.
 
     first, second: (N, 3) rays with z = 1. rotation: (3, 3), takes directions of the second view into those of the
@@ -40,7 +40,7 @@ def travelled(first: Array, second: Array, rotation: Array, direction: Array, si
         direction = direction / np.linalg.norm(direction)
     excess = max(1.0, float(weights @ distance**2) / max(float(weights.sum()) - 5.0, 1.0))
     covariance = across.T @ np.linalg.inv(information)[3:, 3:] @ across
-    return SeenDirection(direction, np.asarray(excess * covariance, dtype=np.float64))
+    return TrackedDirection(direction, np.asarray(excess * covariance, dtype=np.float64))
 
 
 def _sampson(first: Array, second: Array, rotation: Array, direction: Array, across: Array) -> tuple[Array, Array]:

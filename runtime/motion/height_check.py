@@ -10,7 +10,7 @@ import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.camera.floor import FloorCamera, FloorNoise
-from edgemap.geometry.camera.mount import HeightSeen, Mount
+from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.class_extents import HEIGHT_M
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import lens_heights
@@ -46,7 +46,7 @@ class HeightRule:
 
 
 @dataclass(frozen=True, slots=True)
-class _Witness:
+class _Measurement:
     """log_share: logarithm of its height over the mount's. sigma: standard deviation of that."""
 
     name: str
@@ -59,12 +59,12 @@ class HeightCheck:
 
     Objects of a class are alike within a home, so each class is one measurement with the scatter of its heights. Wheels
     measure the camera's scale; where they alone contradict the others, the wheels are wrong and not the height. A
-    height from recorded poses, and a carried camera, are not checked. seen: None before the first measurement.
+    height from recorded poses, and a carried camera, are not checked. estimate: None before the first measurement.
     """
 
     def __init__(self, mount: Mount, rule: HeightRule | None = None) -> None:
         self._rule, self._given_m = rule or HeightRule(), mount.height_m
-        self.seen: HeightSeen | None = None
+        self.estimate: HeightEstimate | None = None
         self._reported, self._used = False, mount
         self._looked_s = self._judged_s = -math.inf
         self.reset()
@@ -75,7 +75,7 @@ class HeightCheck:
         self._sizes: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=rule.kept))
         self._ratios: deque[float] = deque(maxlen=KEPT_RATIOS)  # logarithms of wheels over camera
         self._depths: deque[float] = deque(maxlen=rule.kept)  # logarithms of depth's height over the mount's
-        self._seen_m = self._rolled_m = 0.0  # in the window so far
+        self._camera_m = self._rolled_m = 0.0  # in the window so far
         self._began_s = math.inf
 
     def judge(self, stamp_s: float, camera: FloorCamera, attitude: Attitude, boxes: Detections, motion: Motion) -> str:
@@ -104,66 +104,69 @@ class HeightCheck:
     def _compare(self, motion: Motion) -> None:
         """What the wheels rolled with what the camera measured of it."""
         if motion.lengths is None:
-            self._seen_m = self._rolled_m = 0.0
+            self._camera_m = self._rolled_m = 0.0
             return
-        seen_m, rolled_m = motion.lengths
-        self._seen_m, self._rolled_m = self._seen_m + seen_m, self._rolled_m + rolled_m
+        camera_m, rolled_m = motion.lengths
+        self._camera_m, self._rolled_m = self._camera_m + camera_m, self._rolled_m + rolled_m
         if abs(self._rolled_m) >= self._rule.window_m:
-            ratio = self._rolled_m / (self._seen_m or 1e-3)
+            ratio = self._rolled_m / (self._camera_m or 1e-3)
             self._ratios.append(math.log(ratio) if ratio > 0.0 else math.nan)
-            self._seen_m = self._rolled_m = 0.0
+            self._camera_m = self._rolled_m = 0.0
 
-    def _by_sizes(self) -> list[_Witness]:
-        """One for each class of which enough was seen."""
-        rule, found = self._rule, list[_Witness]()
-        for label, seen in self._sizes.items():
-            if len(seen) < rule.fewest:
+    def _by_sizes(self) -> list[_Measurement]:
+        """One for each class with enough observations."""
+        rule, found = self._rule, list[_Measurement]()
+        for label, heights in self._sizes.items():
+            if len(heights) < rule.fewest:
                 continue
-            (middle, fall), (scatter, _) = median_and_scatter(np.array(seen))
+            (middle, fall), (scatter, _) = median_and_scatter(np.array(heights))
             if scatter <= rule.loose:
                 variance = HEIGHT_M[label][1] ** 2 + (FloorNoise().pitch_rad / fall) ** 2 + scatter**2 / rule.fewest
-                found.append(_Witness(label, float(middle), math.sqrt(variance)))
+                found.append(_Measurement(label, float(middle), math.sqrt(variance)))
         return found
 
-    def _by(self, name: str, values: deque[float], fewest: int, least_sigma: float) -> _Witness | None:
-        """Logarithms as a witness; None for too few, or where one has no meaning."""
+    def _by(self, name: str, values: deque[float], fewest: int, least_sigma: float) -> _Measurement | None:
+        """Logarithms as a measurement; None for too few, or where one has no meaning."""
         if len(values) < fewest or not np.isfinite(values).all():
             return None
         middle, scatter = map(float, median_and_scatter(np.array(values)))
-        return _Witness(name, middle, math.hypot(scatter / math.sqrt(len(values)), least_sigma))
+        return _Measurement(name, middle, math.hypot(scatter / math.sqrt(len(values)), least_sigma))
 
     def _judge(self, stamp_s: float) -> str:
         rule, self._judged_s = self._rule, stamp_s
-        witnesses = self._by_sizes()
-        labels = ", ".join(witness.name for witness in witnesses)
+        measurements = self._by_sizes()
+        labels = ", ".join(one.name for one in measurements)
         sources = [f"the usual height of {labels}"] if labels else []
         depth = self._by("the floor in depth pictures", self._depths, rule.fewest, rule.depth_sigma)
         wheels = self._by("the wheels", self._ratios, FEWEST_RATIOS, rule.wheels_sigma)
         for more in filter(None, (depth, wheels)):
-            off, sigma = _agreed(witnesses)
+            off, sigma = _agreed(measurements)
             if more is wheels and abs(more.log_share - off) >= rule.sigmas * math.hypot(more.sigma, sigma):
                 continue  # wheels that all others contradict are wrong themselves
-            witnesses.append(more)
+            measurements.append(more)
             sources.append(more.name)
-        if not witnesses:
+        if not measurements:
             return ""
-        off, sigma = _agreed(witnesses)
-        self.seen = HeightSeen(self._given_m * math.exp(off), self._given_m * math.exp(off) * sigma)
+        off, sigma = _agreed(measurements)
+        self.estimate = HeightEstimate(self._given_m * math.exp(off), self._given_m * math.exp(off) * sigma)
         wrong = math.log1p(rule.wrong_depth_share if depth else rule.wrong_share)
         if self._reported or abs(off) < max(wrong, rule.sigmas * sigma):
             return ""
         self._reported = True
         return (
             f"mount: height {self._given_m:.2f} m given, {' and '.join(sources)} would make it "
-            f"{self.seen.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again"
+            f"{self.estimate.height_m:.2f} m, to {100.0 * sigma:.0f} %: measure it again"
         )
 
 
-def _agreed(witnesses: list[_Witness]) -> tuple[float, float]:
-    """Weighted mean of what witnesses say, and its standard deviation; more where they disagree (Birge 1932)."""
-    if not witnesses:
+def _agreed(measurements: list[_Measurement]) -> tuple[float, float]:
+    """Weighted mean of the measurements, and its standard deviation; more where they disagree (Birge 1932)."""
+    if not measurements:
         return 0.0, math.inf
-    said, weights = np.array([one.log_share for one in witnesses]), np.array([one.sigma**-2 for one in witnesses])
-    off = float(np.average(said, weights=weights))
-    scatter2 = float((said - off) ** 2 @ weights) / max(len(said) - 1, 1)
+    shares, weights = (
+        np.array([one.log_share for one in measurements]),
+        np.array([one.sigma**-2 for one in measurements]),
+    )
+    off = float(np.average(shares, weights=weights))
+    scatter2 = float((shares - off) ** 2 @ weights) / max(len(shares) - 1, 1)
     return off, math.sqrt(max(scatter2, 1.0) / float(weights.sum()))

@@ -22,18 +22,19 @@ VARIANCE = 100.0  # squared grey levels; a picture of less is too plain to estim
 
 @dataclass(frozen=True, slots=True)
 class RestRule:
-    """When a robot counts as standing. told_s, seen_s: required span of unchanged pictures, at least `frames` of them,
-    where wheels or gyro confirm it, and for pictures alone; 1e9 for never. changed: grey levels, RMS in a small tile; a
-    sensor's noise of 5 a pixel leaves 1.4. shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture 640 px
-    wide), beyond what noise explains. exposure, offset: largest change of gain, and of grey levels, attributed to the
-    camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for a
-    decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5);
+    """When a robot counts as standing. confirmed_s, pictures_s: required span of unchanged pictures, at least `frames`
+    of
+    them, where wheels or gyro confirm it, and for pictures alone; 1e9 for never. changed: grey levels, RMS in a small
+    tile; a sensor's noise of 5 a pixel leaves 1.4. shifted_px, sigmas: of a large tile (0.06 are 0.6 px of a picture
+    640 px wide), beyond what noise explains. exposure, offset: largest change of gain, and of grey levels, attributed
+    to the camera's exposure. texture, textured: squared grey levels per px, and how many large tiles must have that for
+    a decision by pictures alone. braking_m_s2: no small robot brakes harder (the limit of common controllers: 2.5);
     turned_rad: rotation by a gyro that changes any picture. A picture that stays unchanged in spite of either is
     frozen, even if a sensor's noise changes it.
     """
 
-    told_s: float = 0.3
-    seen_s: float = 2.0
+    confirmed_s: float = 0.3
+    pictures_s: float = 2.0
     frames: int = 3
     changed: float = 4.0
     shifted_px: float = 0.06
@@ -143,7 +144,9 @@ class RestMonitor:
         rested_s = frame.stamp_s - self._since_s
         if still is None and reference.textured(self.rule.texture) < self.rule.textured:
             return False
-        return self._frames >= self.rule.frames and rested_s >= (self.rule.told_s if still else self.rule.seen_s)
+        return self._frames >= self.rule.frames and rested_s >= (
+            self.rule.confirmed_s if still else self.rule.pictures_s
+        )
 
     def _must_move(
         self, stamp_s: float, reference: _Reference, moved: Moved | None, turned: GyroRotation | None

@@ -46,7 +46,7 @@ class TrustRule:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Agreement of one quantity (yaw or length) of a source with a reference; call `seen` with each step. own,
+    """Agreement of one quantity (yaw or length) of a source with a reference; call `updated` with each step. own,
     reference, variance, span_s: of the current window. ratio: of the last conclusive window. row: number of consecutive
     windows in favour of the source, negative for windows against it.
     """
@@ -62,7 +62,7 @@ class Agreement:
     ratio: float = 1.0
     row: int = 0
 
-    def seen(self, own: float, reference: float, variance: float, span_s: float) -> Agreement:
+    def updated(self, own: float, reference: float, variance: float, span_s: float) -> Agreement:
         """The agreement after one more step. variance: of the difference, as both sources state it."""
         if not self.rule.windows:
             return self
@@ -124,7 +124,7 @@ class Innovation:
         """Factor on covariances."""
         return max(self.mean, 1.0)
 
-    def seen(self, difference: Array, covariance: Array, span_s: float) -> Innovation:
+    def updated(self, difference: Array, covariance: Array, span_s: float) -> Innovation:
         """After one more step. covariance: of the difference of both motions, as the sources state it."""
         summed, together, span_s = self.difference + difference, self.covariance + covariance, self.span_s + span_s
         if span_s < INNOVATION_S:

@@ -27,6 +27,8 @@ MAX_BYTES = 16 << 20  # of a configuration file: a run.json may carry a long lis
 DERIVED = {"floor": ("mapped", "full_weight_score")}  # of the bundle and of --classes, never tuned
 # Names that files of before 2026-11-22 use, by part of the tree: their values are taken under today's.
 RENAMED = {
+    "check": {"told_s": "judge_every_s"},
+    "rest": {"told_s": "confirmed_s", "seen_s": "pictures_s"},
     "forgetting": {
         "surest": "highest",
         "gone": "lowest",

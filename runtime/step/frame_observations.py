@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
-from edgemap.geometry.camera.mount import HeightSeen, Mount
+from edgemap.geometry.camera.mount import HeightEstimate, Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.observations.sighting import Sighting
@@ -21,7 +21,7 @@ class FrameObservations:
     a blind one gives observations only where it is stale and the robot at rest. camera: with the attitude of this
     frame, None for the level robot's. searched: whether the detector ran on it, so that a missing detection is evidence
     of absence. at_rest: the robot stands and nothing changed, so the boxes are those of the last searched picture.
-    mount_fault: one line, reported once, where sizes, wheels or depth contradict the mount's height. height_seen:
+    mount_fault: one line, reported once, where sizes, wheels or depth contradict the mount's height. height_estimate:
     estimate of the lens's height so far; None without one. floor: the floor mask of this picture; None where it was not
     searched or the bundle has no floor head. depth: every few pixels of the depth picture, where there is one and it
     was searched.
@@ -38,7 +38,7 @@ class FrameObservations:
     searched: bool = True
     at_rest: bool = False
     mount_fault: str = ""
-    height_seen: HeightSeen | None = None
+    height_estimate: HeightEstimate | None = None
     floor: FloorMask | None = None
     depth: SparseDepth | None = None
 
@@ -67,7 +67,7 @@ class FrameObservations:
         return None if own or self.camera is None else self.camera.mount
 
     @property
-    def mount_seen(self) -> MountSeen | None:
+    def mount_estimate(self) -> MountEstimate | None:
         """Estimate of the mount so far."""
         attitude = self.camera and self.camera.attitude
         return attitude.mount if attitude else None

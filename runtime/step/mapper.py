@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.grid.floor_scan import FloorScan
@@ -146,7 +146,7 @@ class Mapper:
         stage = self._watch.stage
         observed, self._blind = self._timed(_after(self._blind, _sound(observed))), None
         self._advance(observed.motion)
-        self._retilt(observed.mount_seen)
+        self._retilt(observed.mount_estimate)
         correction = self._close_loops(observed)
         stage("closure")
         sightings = [
@@ -274,7 +274,7 @@ class Mapper:
             self.travelled_m += math.hypot(motion.motion.x_m, motion.motion.y_m)
         self._started = True
 
-    def _retilt(self, seen: MountSeen | None) -> None:
+    def _retilt(self, seen: MountEstimate | None) -> None:
         """What was placed by the mount follows its angles as they become better known."""
         if seen is None or not self.map.movable:
             return

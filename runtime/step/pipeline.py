@@ -117,7 +117,8 @@ class Pipeline:
         stage("height")
         return FrameObservations(
             frame.index, frame.stamp_s, boxes, sightings, motion, self._watch.stages_ms, health, camera,
-            mount_fault=fault, height_seen=self._height.seen, floor=self._floor, depth=SparseDepth.of(frame.depth),
+            mount_fault=fault, height_estimate=self._height.estimate, floor=self._floor,
+            depth=SparseDepth.of(frame.depth),
         )  # fmt: skip
 
     def _motion_without_picture(

@@ -11,7 +11,7 @@ from edgemap.geometry.camera.carried import Carried
 def after(nods_deg, path_m=0.05, rate_hz=10.0):
     carried = Carried()
     for nod_deg in nods_deg:
-        carried = carried.seen(math.radians(nod_deg) ** 2, 1.0 / rate_hz, path_m)
+        carried = carried.updated(math.radians(nod_deg) ** 2, 1.0 / rate_hz, path_m)
     return carried
 
 

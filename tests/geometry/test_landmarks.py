@@ -75,15 +75,17 @@ def test_jacobians_are_the_slopes_of_what_is_seen():
     pose, tilt = SE2(0.1, 0.03, 0.06), AttitudeError(0.004, 0.0)
     projection, step = project(known, CAMERA, Viewpoint(pose, tilt)), 1e-6
     for column, change in enumerate([SE2(step, 0, 0), SE2(0, step, 0), SE2(0, 0, step)]):
-        moved = project(known, CAMERA, Viewpoint(pose @ change, tilt)).seen
-        np.testing.assert_allclose((moved - projection.seen) / step, projection.by_view[:, :, column], atol=1e-4)
-    pitched = project(known, CAMERA, Viewpoint(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).seen
-    np.testing.assert_allclose((pitched - projection.seen) / step, projection.by_view[:, :, 3], atol=1e-4)
-    risen = project(known, CAMERA, Viewpoint(pose, tilt, step)).seen
-    np.testing.assert_allclose((risen - projection.seen) / step, projection.by_view[:, :, 5], atol=1e-4)
+        moved = project(known, CAMERA, Viewpoint(pose @ change, tilt)).predicted
+        np.testing.assert_allclose((moved - projection.predicted) / step, projection.by_view[:, :, column], atol=1e-4)
+    pitched = project(known, CAMERA, Viewpoint(pose, AttitudeError(tilt.pitch_rad + step, 0.0))).predicted
+    np.testing.assert_allclose((pitched - projection.predicted) / step, projection.by_view[:, :, 3], atol=1e-4)
+    risen = project(known, CAMERA, Viewpoint(pose, tilt, step)).predicted
+    np.testing.assert_allclose((risen - projection.predicted) / step, projection.by_view[:, :, 5], atol=1e-4)
     nearer = replace(known, inverse_m=known.inverse_m + step)
     np.testing.assert_allclose(
-        (project(nearer, CAMERA, Viewpoint(pose, tilt)).seen - projection.seen) / step, projection.by_inverse, atol=1e-4
+        (project(nearer, CAMERA, Viewpoint(pose, tilt)).predicted - projection.predicted) / step,
+        projection.by_inverse,
+        atol=1e-4,
     )
 
 
@@ -198,7 +200,7 @@ def test_levelling_keeps_the_floor_on_the_floor_and_takes_a_share_of_the_tilt():
     assert level.tilt.pitch_rad == pytest.approx(0.0075)
     heights = after.anchor_m[:, 2] + after.ray[:, 2] / after.inverse_m
     np.testing.assert_allclose(heights[after.floor], 0.0, atol=1e-9)
-    before, now = project(known, CAMERA, view).seen, project(after, CAMERA, level).seen
+    before, now = project(known, CAMERA, view).predicted, project(after, CAMERA, level).predicted
     np.testing.assert_allclose(now, before, atol=2e-4)
 
 
@@ -209,7 +211,7 @@ def walked(points, known, steps=6, stride_m=0.05):
         view = Viewpoint(SE2(stride_m * step, 0.0, 0.0))
         seen = seen_from(points, view)
         projection = project(known, CAMERA, view)
-        found = Located(view, np.eye(5), np.ones(len(seen)), seen - projection.seen, projection, 0.0)
+        found = Located(view, np.eye(5), np.ones(len(seen)), seen - projection.predicted, projection, 0.0)
         known, keep = refined(known, found, exact)
         points, known = points[keep], known.chosen(keep)
     return known
@@ -285,7 +287,9 @@ def test_levelling_takes_a_share_of_tilt_and_rise_and_changes_nothing_that_is_se
     after, level = reduce_tilt(known, CAMERA, tilted, 0.5)
     assert level.rise_m == pytest.approx(0.038)
     assert level.tilt.pitch_rad == pytest.approx(0.01)
-    np.testing.assert_allclose(project(after, CAMERA, level).seen, project(known, CAMERA, tilted).seen, atol=2e-3)
+    np.testing.assert_allclose(
+        project(after, CAMERA, level).predicted, project(known, CAMERA, tilted).predicted, atol=2e-3
+    )
 
 
 def test_a_new_landmark_has_the_depth_of_those_beside_it_but_lies_not_beyond_the_floor():

@@ -27,7 +27,7 @@ def scene(seed, true, depth_noise=0.0):
     seen = local[:, :2] / local[:, 2:] + rng.normal(0.0, SIGMA, (200, 2))
     sigma_m = np.full(200, max(depth_noise, 1e-6))
     measured_m = depth_m + rng.normal(0.0, 1.0, 200) * sigma_m
-    return DepthLandmarks.seen(LensPose.origin(), rays, measured_m, sigma_m), seen
+    return DepthLandmarks.observed(LensPose.origin(), rays, measured_m, sigma_m), seen
 
 
 def test_a_pose_is_found_among_a_third_of_wrong_matches():

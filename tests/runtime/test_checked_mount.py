@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.edges import room_edges
 
-from edgemap.geometry.camera.attitude import SeenRotation
+from edgemap.geometry.camera.attitude import TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import pitch_roll, up_optical
@@ -104,7 +104,7 @@ def test_a_known_mount_stays_known_while_the_robot_sways():
                 )
                 frame = replace(frame, image=image)
             assert not source.predict(frame).fault
-            attitude = source.update(SeenRotation(np.eye(3), 0.01, swaying if sways else calm))
+            attitude = source.update(TrackedRotation(np.eye(3), 0.01, swaying if sways else calm))
     assert np.degrees(attitude.mount.sigma_rad).max() < 0.5
     assert attitude.mount.used == camera.mount
 
@@ -125,7 +125,7 @@ def test_edges_that_scatter_show_a_carried_camera_in_rooms_and_nothing_on_a_road
                 borderMode=cv2.BORDER_REPLICATE,
             )  # fmt: skip
             attitude = source.predict(replace(frame, image=image))
-            source.update(SeenRotation(np.eye(3), 0.01))
+            source.update(TrackedRotation(np.eye(3), 0.01))
     assert attitude.carried is carried
     assert attitude.mount is None or attitude.mount.used == mount
 

@@ -48,7 +48,7 @@ def test_a_run_from_before_its_keys_were_renamed_is_read(tmp_path):
 def test_every_old_name_stands_for_a_name_of_today():
     tree = config_document(Config())
     for part, names in RENAMED.items():
-        rule = tree["odometry"][part] if part == "hybrid" else tree[part]
+        rule = {**tree, **tree["odometry"], **tree["attitude"]}[part]
         assert set(names.values()) <= set(rule)
         assert not set(names) & set(rule)
 
@@ -107,10 +107,10 @@ def test_the_stages_take_their_parts_of_the_tree(tmp_path, tree, told):
 
 
 def test_rest_takes_its_part_of_the_tree(tmp_path):
-    config, _ = load_config(written(tmp_path, {"config": {"rest": {"seen_s": 1e9, "textured": 5}}}))
+    config, _ = load_config(written(tmp_path, {"config": {"rest": {"pictures_s": 1e9, "textured": 5}}}))
     with edgemap.open("demo", odometry="planar", config=config) as session:
         next(iter(session))
-        assert session.slam.pipeline._rest.rule == RestRule(seen_s=1e9, textured=5)
+        assert session.slam.pipeline._rest.rule == RestRule(pictures_s=1e9, textured=5)
 
 
 def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):

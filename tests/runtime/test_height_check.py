@@ -61,7 +61,7 @@ def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(giv
         while (frame := camera.read()) is not None and frame.stamp_s <= 12.0 and not faults:
             observed = slam.step(frame).observed
             faults = [fault for fault in observed.faults if "height" in fault]
-            heights += [observed.height_seen] if observed.height_seen else []
+            heights += [observed.height_estimate] if observed.height_estimate else []
     assert bool(faults) == wrong
     assert heights[-1].height_m == pytest.approx(0.6, abs=max(0.06, 2.0 * heights[-1].sigma_m))
     if wrong:

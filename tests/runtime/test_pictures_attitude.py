@@ -14,7 +14,7 @@ from support.edges import room_edges
 
 import edgemap
 from edgemap.evaluation.attitude import attitude_figures
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.inertial import rotation_of
 from edgemap.geometry.camera.level import up_optical
@@ -49,8 +49,8 @@ def followed(poses, noise_rad, edges_every=None):
         if edges_every and index % edges_every == 0:
             source.begin_edges()
         rotation = before.T @ now @ rotation_of(rng.normal(0.0, noise_rad, (1, 3)))[0]
-        carried = carried.seen(float(((now[2] - before[2]) ** 2).sum()) / 2.0, 0.1, 0.0)
-        found.append(source.update(SeenRotation(rotation, noise_rad, carried) if index else None))
+        carried = carried.updated(float(((now[2] - before[2]) ** 2).sum()) / 2.0, 0.1, 0.0)
+        found.append(source.update(TrackedRotation(rotation, noise_rad, carried) if index else None))
         true.append(attitude)
         if edges_every and index % edges_every == 0:
             pitch_deg, roll_deg = np.degrees([attitude.pitch_rad, attitude.roll_rad]).tolist()
@@ -84,7 +84,7 @@ def test_a_rotation_carries_up_and_its_covariance():
     swing = rotation_of(np.array([[0.02, 0.3, -0.01]]))[0]
     tilt = Tilt.about(up, 0.02).corrected(up_optical(0.31, 0.1), 0.02)
     assert tilt.sigma_rad() == pytest.approx(0.02 / math.sqrt(2.0), rel=1e-3)
-    turned = tilt.rotated(SeenRotation(swing, 0.0))
+    turned = tilt.rotated(TrackedRotation(swing, 0.0))
     assert swing @ turned.up == pytest.approx(tilt.up, abs=1e-12)
     assert turned.sigma_rad() == pytest.approx(tilt.sigma_rad())
     random = np.random.default_rng(2)

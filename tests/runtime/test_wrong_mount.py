@@ -49,7 +49,7 @@ def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(
     assert found, fault
     assert float(found[1]) == pytest.approx(TRUE_DEG, abs=0.8)
     assert math.degrees(observed.camera.attitude.pitch_rad) == pytest.approx(TRUE_DEG, abs=0.6)
-    seen = observed.mount_seen
+    seen = observed.mount_estimate
     assert abs(math.degrees(seen.mount.pitch_rad) - TRUE_DEG) < 2.5 * math.degrees(seen.sigma_rad[1])
     assert re.fullmatch(
         rf"mount: pitch {TRUE_DEG + off_deg:.1f} deg given, 1[12]\.\d \+- 0\.\d deg seen; roll .*",
@@ -67,8 +67,8 @@ def test_motion_and_turns_alone_tell_it_where_a_room_shows_no_edges():
 def test_the_right_mount_holds_to_the_last_digit():
     faults, observed, mount, _ = drive(0.0, wheels=False)
     assert not faults
-    assert observed.mount_seen.used == mount
-    assert np.degrees(observed.mount_seen.sigma_rad).max() < 0.6
+    assert observed.mount_estimate.used == mount
+    assert np.degrees(observed.mount_estimate.sigma_rad).max() < 0.6
 
 
 def test_nothing_stays_on_the_map_where_the_wrong_mount_has_put_it():

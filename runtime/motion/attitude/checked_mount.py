@@ -10,7 +10,7 @@ import numpy as np
 from cv2.typing import MatLike
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, MountSeen, RoomHeading, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, MountEstimate, RoomHeading, TrackedRotation
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import angles_text, pitch_roll
 from edgemap.geometry.camera.mount import Mount
@@ -35,15 +35,14 @@ class MountRule:
     estimates by edges, once the mount is confirmed or after `first_s`, and before or where the camera is carried.
     window_s: of estimates that are judged together; fewest and steady_s: their minimum for a wrong mount, judged_s for
     a carried camera. steady_rad: maximum median scatter of the estimates of a mounted camera (0.3 degrees in rendered
-    homes); a carried one is not judged. moved: mean grey levels between two pictures that count as two views.
-    turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's
-    samples before their mean counts, and their largest standard deviation.
-    told_s: between two judgements. wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one
-    holds. sure_rad: largest standard deviation at which edges may tell it: one picture's err by more. settled_rad:
-    the same, at which a mount on wheels is known for good: what is seen while it sways as if carried is left aside
-    then, and before voids all that was seen. used_rad: standard deviation below which an estimate is used although the
-    given angle is not wrong. follow_rad: change of an error by which a wrong mount is corrected again. tilt: how
-    witnesses count.
+    homes); a carried one is not judged. moved: mean grey levels between two pictures that count as two views. turn_rad,
+    turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's samples
+    before their mean counts, and their largest standard deviation. judge_every_s: between two judgements. wrong_rad,
+    sigmas: error from which on an angle is wrong; up to there the given one holds. sure_rad: largest standard deviation
+    at which edges may tell it: one picture's err by more. settled_rad: the same, at which a mount on wheels is known
+    for good: what is seen while it sways as if carried is left aside then, and before voids all that was seen.
+    used_rad: standard deviation below which an estimate is used although the given angle is not wrong. follow_rad:
+    change of an error by which a wrong mount is corrected again. tilt: how measurements count.
     """
 
     pixels: int = 27_648
@@ -62,7 +61,7 @@ class MountRule:
     turn_s: float = 4.0
     gravity_s: float = 10.0
     gravity_rad: float = math.radians(2.0)
-    told_s: float = 1.0
+    judge_every_s: float = 1.0
     wrong_rad: float = math.radians(0.75)
     sigmas: float = 2.5
     sure_rad: float = math.radians(0.8)
@@ -80,7 +79,7 @@ class MountRule:
 
 
 class CheckedMount:
-    """Another source's attitude, about a mount whose angles all witnesses together estimate (`MountTilt`).
+    """Another source's attitude, about a mount whose angles all measurements together estimate (`MountTilt`).
 
     Where they clearly contradict the mount, a fault is reported once, and their estimate is used from then on. A
     carried camera has no mount and is not checked. Edge measurements of single frames are passed to `pictures`, which
@@ -99,12 +98,12 @@ class CheckedMount:
         share = min(1.0, math.sqrt(self._rule.pixels / (lens.width * lens.height)))
         self._lens = lens.scaled(round(lens.width * share), round(lens.height * share))
         self._tilt = MountTilt.given(self._rule.tilt)
-        self._seen: MountSeen | None = None
+        self._estimated: MountEstimate | None = None
         self._wrong, self._corrected = np.zeros(2, dtype=bool), np.zeros(2)  # which angle is wrong, and by how much
         self._correct = mount
         self._judged_s = -math.inf
         self._plain: Attitude | None = None  # the other source's last one, and what became of it with what was known
-        self._told, self._told_of = Attitude.of_mount(mount), (False, self._seen)
+        self._answer, self._answered_for = Attitude.of_mount(mount), (False, self._estimated)
         self._turned, self._turned_s, self._now_s = np.eye(3), -math.inf, -math.inf  # rotation since a stamp
         self._forces: list[tuple[float, float, float]] = []  # stamp, roll and pitch by the accelerometer
         self._steady = self._confirmed = self._carried = self._on_wheels = False
@@ -125,18 +124,18 @@ class CheckedMount:
         other = self._other.predict(frame, moved)
         self._measure(other)
         fault = "; ".join(filter(None, (other.fault, fault)))
-        told = self._carried, self._seen
-        if fault or self._room or other is not self._plain or told != self._told_of:
-            carried, mount = told
-            self._told = replace(other, fault=fault, carried=carried, room=self._room, mount=mount)
-        self._plain, self._told_of = None if fault or self._room else other, told
-        return self._told
+        state = self._carried, self._estimated
+        if fault or self._room or other is not self._plain or state != self._answered_for:
+            carried, mount = state
+            self._answer = replace(other, fault=fault, carried=carried, room=self._room, mount=mount)
+        self._plain, self._answered_for = None if fault or self._room else other, state
+        return self._answer
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The other source's, where it could only predict."""
         self._travel(rotation)
         other = self._other.update(rotation)
-        return replace(other, carried=self._carried, mount=self._seen) if self._told.predicted else self._told
+        return replace(other, carried=self._carried, mount=self._estimated) if self._answer.predicted else self._answer
 
     def correct_mount(self, mount: Mount) -> None:
         """The other source's."""
@@ -203,7 +202,7 @@ class CheckedMount:
         if span_s >= rule.judged_s:
             self._carried, self._confirmed = not self._steady, self._steady
 
-    def _travel(self, rotation: SeenRotation | None) -> None:
+    def _travel(self, rotation: TrackedRotation | None) -> None:
         """Motion and turns of a robot on wheels."""
         rule, carried = self._rule, rotation and rotation.carried
         self._sways = bool(carried and carried.share > 0.0)
@@ -231,7 +230,7 @@ class CheckedMount:
     def _measure(self, attitude: Attitude) -> None:
         """Take in gravity and the floor in a depth picture."""
         rule = self._rule
-        if attitude.force_rad is not None and GRAVITY not in self._tilt.witnesses:
+        if attitude.force_rad is not None and GRAVITY not in self._tilt.measurements:
             self._forces.append((self._now_s, *attitude.force_rad.tolist()))
             if self._now_s - self._forces[0][0] >= rule.gravity_s and len(self._forces) % GRAVITY_EVERY == 0:
                 forces = np.array(self._forces)[:, 1:]
@@ -246,15 +245,15 @@ class CheckedMount:
         rule, tilt = self._rule, self._tilt
         if not math.isfinite(self._judged_s):  # whether the camera is carried shows first
             self._judged_s = self._now_s
-        if self._now_s - self._judged_s < rule.told_s or not tilt.witnesses:
+        if self._now_s - self._judged_s < rule.judge_every_s or not tilt.measurements:
             return ""
         self._judged_s = self._now_s
         if self._carried:
             self._void()
             return ""
         sigma, known = tilt.sigma_rad(), self._wrong
-        waits = EDGES in tilt.witnesses and not (self._steady or self._on_wheels)
-        sure = ((sigma < rule.sure_rad) | (EDGES not in tilt.witnesses)) & (not waits)
+        waits = EDGES in tilt.measurements and not (self._steady or self._on_wheels)
+        sure = ((sigma < rule.sure_rad) | (EDGES not in tilt.measurements)) & (not waits)
         wrong = sure & (np.abs(tilt.error_rad) > np.maximum(rule.wrong_rad, rule.sigmas * sigma))
         self._settled |= self._on_wheels and bool(sigma.max() < rule.settled_rad)
         self._wrong = known | wrong
@@ -263,11 +262,11 @@ class CheckedMount:
         if np.abs(error_rad - self._corrected).max() > rule.follow_rad:
             self._corrected, self._correct = error_rad, self._with(error_rad)
             self._other.correct_mount(self._correct)
-        self._seen = MountSeen(self._with(tilt.error_rad), sigma, self._correct, self._mount)
+        self._estimated = MountEstimate(self._with(tilt.error_rad), sigma, self._correct, self._mount)
         if not (wrong & ~known).any():
             return ""
         given, found = np.degrees(self._given), np.degrees(self._given + error_rad)
-        names = ", ".join(sorted(tilt.witnesses, key=lambda name: -tilt.witnesses[name]))
+        names = ", ".join(sorted(tilt.measurements, key=lambda name: -tilt.measurements[name]))
         return (
             f"mount: {angles_text(given[1], given[0])} given, {names} give {angles_text(found[1], found[0])}, "
             "to {:.1f} and {:.1f}: used from now on, measure it again".format(*np.degrees(sigma[::-1]))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.depth_points import DepthPoints
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.floor_plane import FloorPlane, find_floor, follow_floor
@@ -57,7 +57,7 @@ class DepthAttitude:
             height_m=found[0].height_m, source=self.name, predicted=False,
         )  # fmt: skip
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The attitude from depth, which also updates the other source; without floor in view, the other source's."""
         other = self._other.update(rotation)
         if self._found is not None and self._pictures is not None:

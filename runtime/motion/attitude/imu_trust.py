@@ -118,7 +118,7 @@ class ImuTrust:
             self._yaw = self._yaw.anew()
             return
         yaw_rad, variance = moved[0].yaw_rad, float(moved[1][2, 2]) + (0.01 * self._span_s) ** 2
-        self._yaw = self._yaw.seen(self._turned_rad, yaw_rad, variance, self._span_s)
+        self._yaw = self._yaw.updated(self._turned_rad, yaw_rad, variance, self._span_s)
 
     def _guilty(self) -> str:
         """Why a sensor is left out; empty where none is."""

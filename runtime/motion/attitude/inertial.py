@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
     InertialNoise,
@@ -112,7 +112,7 @@ class InertialAttitude:
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(found, fault=fault, rotation=rotation, force_rad=_angles(state.force_optical))
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The other source's, where no samples came."""
         return self._other.update(rotation)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation, rotation_angle
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation, rotation_angle
 from edgemap.geometry.camera.carried import Carried
 from edgemap.geometry.camera.level import up_optical
 from edgemap.geometry.camera.mount import Mount
@@ -29,14 +29,13 @@ class PicturesRule:
     robot about its mount, and for how long it stays so. likely: standard deviations of nodding, at which the mount's
     weight is halved. carried_rad: within which a carried camera is about the mount's angles. rotation_rad,
     rotation_share: standard deviation of the rotation between two pictures beside what the corners say, and relative to
-    it.
-    edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in two
-    real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a wrong
-    direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3
-    degrees and more. pictures: whose edges are put together. reach_rad: of the search for up, at least and at most,
+    it. edges_rad: of up by the edges of many pictures (one picture: median error 0.3 degrees in rendered homes, 0.8 in
+    two real rooms, 1.7 in a kitchen, 1.2 on a street); those of one alone count twice that, as they may agree on a
+    wrong direction. edges_gate: standard deviations from which on they have less weight: one in ten is off by 3 degrees
+    and more. pictures: whose edges are put together. reach_rad: of the search for up, at least and at most,
     reach_sigmas: in standard deviations of the tilt. known_rad: standard deviation beyond which the mount's angles are
-    used, until the edges have told. lasting_rad: of a carried camera's tilt, beside the filter's: what is wrong with a
-    room's edges, or with the rotation, lasts.
+    used, until the edges have been measured. lasting_rad: of a carried camera's tilt, beside the filter's: what is
+    wrong with a room's edges, or with the rotation, lasts.
     """
 
     nodding_rad: float = NODDING_RAD
@@ -79,16 +78,16 @@ class PicturesAttitude:
         ahead = self._unseen()
         return replace(Attitude.of_up(ahead.up, ahead.angles_covariance(), self.name), predicted=True)
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The attitude of the last frame, by the rotation up to it."""
         tilt = self._unseen() if rotation is None else self._turned(rotation)
         self._carry_edges(rotation)
         share = self._carried.share
         carried_rad = share * self._rule.carried_rad
-        if carried_rad > self._assumed_rad:  # what the mount told so far was too much
+        if carried_rad > self._assumed_rad:  # the mount's tilt so far was too much
             tilt = tilt.widened(math.sqrt(carried_rad**2 - self._assumed_rad**2))
             self._assumed_rad = carried_rad
-        if share < 1.0:  # what is carried keeps its tilt about the mount, which told that once
+        if share < 1.0:  # what is carried keeps its tilt about the mount, which gave it once
             frames = max(2.0 * self._rule.nodding_s / self._span_s, 1.0)  # that tell the same
             sigma_rad = (self._nodding_rad(tilt) + carried_rad) * math.sqrt(frames) / (1.0 - share)
             tilt = tilt.corrected(self._mounted, sigma_rad)
@@ -113,7 +112,7 @@ class PicturesAttitude:
     def see_edges(self, normals: Array, lengths: Array) -> RoomAxes | None:
         """The room in the picture that was begun, by its edges (as of `room_axes`) and those of the pictures before it;
         None where too few agree."""
-        rule, since = self._rule, None if self._begun else self._since  # begun still: no rotation was told since
+        rule, since = self._rule, None if self._begun else self._since  # begun still: no rotation was measured since
         expected = self._tilt.up if since is None else since @ self._tilt.up
         reach_rad = min(max(rule.reach_sigmas * self._tilt.sigma_rad(), rule.reach_rad[0]), rule.reach_rad[1])
         self._edges = [*self._edges[len(self._edges) + 1 - rule.pictures :], (normals, lengths)]
@@ -147,14 +146,14 @@ class PicturesAttitude:
         """The tilt before the rotation of this frame is seen."""
         return self._tilt.widened(math.sqrt(self._carried.rate2) * self._span_s)
 
-    def _turned(self, rotation: SeenRotation) -> Tilt:
+    def _turned(self, rotation: TrackedRotation) -> Tilt:
         """The tilt after a rotation."""
         rule = self._rule
         sigma_rad = rule.rotation_rad + rule.rotation_share * rotation_angle(rotation.rotation)
         self._carried = rotation.carried or self._carried
         return self._tilt.rotated(replace(rotation, sigma_rad=math.hypot(rotation.sigma_rad, sigma_rad)))
 
-    def _carry_edges(self, rotation: SeenRotation | None) -> None:
+    def _carry_edges(self, rotation: TrackedRotation | None) -> None:
         """Take the edges that are kept on to the picture that was begun."""
         if rotation is None:
             self._since, self._edges = None, []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
@@ -22,7 +22,7 @@ class AttitudeSource(Protocol):
         """The camera's attitude at this frame. moved: of the last step; None where it was not measured."""
         ...
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:
+    def update(self, rotation: TrackedRotation | None) -> Attitude:
         """The last frame's attitude, given its rotation as the odometry measured it; None where it did not."""
         ...
 

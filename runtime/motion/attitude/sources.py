@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.mount import Mount
 from edgemap.runtime.frames.attitude_track import AttitudeTrack
 from edgemap.runtime.frames.frame import Frame
@@ -26,7 +26,7 @@ class MountAttitude:
         """The same in every frame."""
         return self._attitude
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
+    def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
         """The same."""
         return self._attitude
 
@@ -51,7 +51,7 @@ class RecordedAttitude:
         self._seen_s = frame.stamp_s
         return self._track.at(frame.stamp_s, self._height_m)
 
-    def update(self, rotation: SeenRotation | None) -> Attitude:  # noqa: ARG002
+    def update(self, rotation: TrackedRotation | None) -> Attitude:  # noqa: ARG002
         """Returns the same attitude: there is no prediction to correct."""
         return self._track.at(self._seen_s, self._height_m)
 

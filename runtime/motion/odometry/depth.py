@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
@@ -84,9 +84,9 @@ class DepthOdometry:
         nod = rotation.T @ up - up
         path_m = math.hypot(total.x_m, total.y_m) + TURN_M * abs(total.yaw_rad)
         gyro = attitude is not None and attitude.rotation is not None
-        self._carried = self._carried.seen(float(nod @ nod) / 2.0, span_s, path_m, gyro=gyro)
+        self._carried = self._carried.updated(float(nod @ nod) / 2.0, span_s, path_m, gyro=gyro)
         sigma_rad = math.sqrt(float(np.trace(found.covariance[3:, 3:])) / 3.0)
-        return Motion(motion, covariance, rotation=SeenRotation(rotation, sigma_rad, self._carried))
+        return Motion(motion, covariance, rotation=TrackedRotation(rotation, sigma_rad, self._carried))
 
     def _up_before(self, attitude: Attitude | None, rotation: np.ndarray) -> np.ndarray:
         """Up in the picture before, (3,), optical axes. A predicted attitude is of that one."""

@@ -195,7 +195,7 @@ class DepthKeyframes:
         known = np.isfinite(depth_m)
         rays, depth_m = self._lens.rays(corners[known]), depth_m[known]
         sigma_m = np.hypot(rule.depth_sigma_m + rule.depth_sigma_per_m2 * depth_m**2, rule.slope * spread_m[known])
-        landmarks = DepthLandmarks.seen(self._pose, rays, depth_m, sigma_m)
+        landmarks = DepthLandmarks.observed(self._pose, rays, depth_m, sigma_m)
         return _Keyframe(self._pose, grey, corners[known], descriptors[known], landmarks)
 
     def _keep(self, picture: _Keyframe) -> None:

@@ -62,7 +62,7 @@ class HybridRule:
     and its edge stand still as the robot moves. covered_covariance_scale: one more factor for the camera there, and its
     power with what is covered beyond.
     flow_movers_scale: one more factor on the flow head's covariance, its power with the share of the picture that
-    people and animals cover, or covered when the corners last told a motion: it follows them (its NEES is 1 up to a
+    people and animals cover, or covered when the corners last measured a motion: it follows them (its NEES is 1 up to a
     fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50 to 150 beyond; 29 tuning drives).
     lasting_covariance_scale: factor on the fused covariance: errors of landmarks, of scale and of a wheel's radius last
     for seconds, so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 with 1: by the camera
@@ -171,9 +171,9 @@ class HybridOdometry:
         for index in self._woken:
             motions[index] = blind_motion("")
         height, width = frame.image.shape[:2]
-        seen = any(self._measures(member, motion) for member, motion in zip(self._members, motions, strict=True))
+        measured = any(self._measures(member, motion) for member, motion in zip(self._members, motions, strict=True))
         movers = share_covered(prior.movers, width, height)
-        self._movers = movers if seen else max(movers, self._movers)
+        self._movers = movers if measured else max(movers, self._movers)
         motion = self._headed(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
@@ -263,8 +263,8 @@ class HybridOdometry:
         else:
             moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
         others = [item for item in alive if item.source != GYRO]
-        seen = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
-        without_gyro = None if seen is None else (SE2(*seen.motion), np.asarray(seen.covariance))
+        visual = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
+        without_gyro = None if visual is None else (SE2(*visual.motion), np.asarray(visual.covariance))
         members = self._answers(alive, [found])
         lengths = (float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None
         return Motion(
@@ -278,24 +278,24 @@ class HybridOdometry:
         if wheels is None or camera is None:
             self._trust = trust.anew()
             return ""
-        (x_m, _, yaw_rad), (seen_m, _, seen_rad) = wheels.motion.tolist(), camera.motion.tolist()
+        (x_m, _, yaw_rad), (camera_m, _, camera_rad) = wheels.motion.tolist(), camera.motion.tolist()
         variance = np.diag(wheels.covariance + camera.covariance)
-        yaw = trust.yaw.seen(yaw_rad, seen_rad, float(variance[2]), dt_s)
-        length = trust.length.seen(x_m, seen_m, float(variance[0]), dt_s)
+        yaw = trust.yaw.updated(yaw_rad, camera_rad, float(variance[2]), dt_s)
+        length = trust.length.updated(x_m, camera_m, float(variance[0]), dt_s)
         self._trust, fault = replace(trust, yaw=yaw, length=length).news()
         if not self._trust.distrusted:
             apart, covariance = difference(camera, wheels), np.asarray(camera.covariance + wheels.covariance)
-            self._innovation = self._innovation.seen(apart, covariance, dt_s)
+            self._innovation = self._innovation.updated(apart, covariance, dt_s)
         return fault
 
-    def _believed(self, alive: Sequence[MotionEstimate], seen: bool) -> list[MotionEstimate]:
+    def _believed(self, alive: Sequence[MotionEstimate], camera: bool) -> list[MotionEstimate]:
         """The estimates without wheels that are not believed; what they have not proved yet counts for nothing beside
         the camera."""
         trust = self._trust
         if trust.distrusted:
             return [item for item in alive if item.source != WHEELS]
         proved = [part.state is Trust.TRUSTED and not trust.doubted for part in (trust.length, trust.yaw)]
-        if not seen or all(proved):
+        if not camera or all(proved):
             return list(alive)
         loose = np.diag(np.where([proved[0], proved[0], proved[1]], 0.0, UNPROVEN))
         return [replace(item, covariance=item.covariance + loose) if item.source == WHEELS else item for item in alive]

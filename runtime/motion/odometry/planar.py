@@ -10,7 +10,7 @@ import numpy as np
 from cv2.typing import MatLike
 from numpy.typing import NDArray
 
-from edgemap.geometry.camera.attitude import Attitude, GyroRotation, SeenDirection, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedDirection, TrackedRotation
 from edgemap.geometry.camera.carried import Carried, CarriedRule
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import up_optical
@@ -430,12 +430,12 @@ class PlanarOdometry:
         """The view after a motion, tilted and as high as before."""
         return Viewpoint(self._view.pose @ motion, self._tilt, self._view.rise_m)
 
-    def _seen_rotation(self, found: Located) -> SeenRotation:
+    def _seen_rotation(self, found: Located) -> TrackedRotation:
         """Of the camera since the last picture, among the landmarks."""
         rotation = rotation_between(self._view, self._camera_before, found.view, self._camera)
-        return SeenRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self._carried)
+        return TrackedRotation(rotation, math.sqrt(float(np.trace(found.covariance[3:5, 3:5]))), self._carried)
 
-    def _travelled(self) -> SeenDirection | None:
+    def _travelled(self) -> TrackedDirection | None:
         """In which direction the lens moved since the keyframe, once the corners have moved enough; then a new keyframe
         begins. No landmark's depth is used, as those of the floor are the mount's."""
         view, camera, rays = self._keyframe
@@ -463,7 +463,7 @@ class PlanarOdometry:
         roll_rad = now.roll_rad + found.tilt.roll_rad - before.roll_rad - self._view.tilt.roll_rad
         path_m = math.hypot(motion.x_m, motion.y_m) + TURN_M * abs(motion.yaw_rad)
         nod2 = (pitch_rad**2 + roll_rad**2) / 2.0
-        self._carried = self._carried.seen(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
+        self._carried = self._carried.updated(nod2, max(dt_s, SHORTEST_S), path_m, gyro=self._rotation_known)
 
     def _noise_now(self) -> Noise:
         """What is unknown of this picture's tilt and height, and the gate of its tracks."""
@@ -494,7 +494,7 @@ class PlanarOdometry:
             return
         projection = project(self._landmarks, self._camera, self._ahead(self._since @ self._motion))
         expected = self._camera.intrinsics.project(
-            np.column_stack([projection.seen, np.where(projection.ahead, 1.0, np.nan)])
+            np.column_stack([projection.predicted, np.where(projection.ahead, 1.0, np.nan)])
         )
         expected = np.where(np.isfinite(expected), expected, self._corners).astype(np.float32)
         if not self._rotation_known:

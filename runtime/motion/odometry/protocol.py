@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from edgemap.geometry.arrays import Array
-from edgemap.geometry.camera.attitude import Attitude, SeenRotation
+from edgemap.geometry.camera.attitude import Attitude, TrackedRotation
 from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
@@ -72,7 +72,7 @@ class Motion:
     state: MotionState = MotionState.MEASURED
     members: Mapping[str, str] = field(default_factory=dict)
     without_gyro: tuple[SE2, Array] | None = None
-    rotation: SeenRotation | None = None
+    rotation: TrackedRotation | None = None
     lengths: tuple[float, float] | None = None
 
     @property
@@ -104,7 +104,7 @@ class Motion:
 
 def no_motion() -> Motion:
     """The motion of one frame at rest. Any motion missed here is part of the first measured motion after it."""
-    rest = SeenRotation(np.eye(3), REST_RAD)
+    rest = TrackedRotation(np.eye(3), REST_RAD)
     return Motion(covariance=np.diag(np.square([REST_M, REST_M, REST_RAD])), rotation=rest)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import cv2
 
-from edgemap.geometry.camera.attitude import MountSeen
+from edgemap.geometry.camera.attitude import MountEstimate
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
@@ -119,9 +119,9 @@ class RunFolder:
             self._stage_times.setdefault(stage, deque(maxlen=10_000)).append(time_ms)
         self._attitudes[result.observed.attitude_source] += 1
         self._quality.add(result)
-        if (seen := result.observed.mount_seen) is not None:
+        if (seen := result.observed.mount_estimate) is not None:
             self._mount_seen |= mount_record(seen)
-        if (height := result.observed.height_seen) is not None:
+        if (height := result.observed.height_estimate) is not None:
             self._mount_seen |= {"height_m": round(height.height_m, 3), "sigma_height_m": round(height.sigma_m, 3)}
         if self._mount_seen:
             self._record = self._record | {"mount_seen": dict(self._mount_seen)}
@@ -244,7 +244,7 @@ def _lock(folder: Path) -> int:
     return handle
 
 
-def mount_record(seen: MountSeen) -> dict[str, float]:
+def mount_record(seen: MountEstimate) -> dict[str, float]:
     """The estimate of a mount's angles so far, degrees."""
     angles = {
         "pitch_deg": seen.mount.pitch_rad,
