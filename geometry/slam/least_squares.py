@@ -17,7 +17,7 @@ from edgemap.geometry.arrays import Array
 Rows = NDArray[np.intp]
 
 BAND = 5  # superdiagonals of the poses' own information: each is tied to its neighbour in the chain
-CONVERGED_M = 1e-3  # a step that moves nothing by more ends the iteration
+CONVERGED = 0.01  # log-likelihood that a step gains, below which it is the last: loops are decided by whole units
 TOGETHER = 2  # iterations in one unit of work
 
 
@@ -118,7 +118,7 @@ def solve(
         biases = biases + steps[size:]
         if iteration % TOGETHER == 0:
             yield
-        if max(np.abs(step).max(initial=0.0), np.abs(steps).max(initial=0.0)) < CONVERGED_M:
+        if system.gain(step, steps) < CONVERGED:
             break
     poses = np.column_stack([poses[:, :2], np.angle(np.exp(1j * poses[:, 2]))])
     odometry = replace(problem.odometry, gains=(0.0, 0.0))
@@ -189,6 +189,10 @@ class _System:
         self.schur = cho_factor(self.corner - across[:, 1:], check_finite=False)
         steps = cho_solve(self.schur, self.rhs_corner - across[:, 0], check_finite=False)
         return own - self._tied @ steps, steps
+
+    def gain(self, step: Array, steps: Array) -> float:
+        """Log-likelihood that a step of the poses and of the corner gains, as far as the problem is linear."""
+        return 0.5 * float(self.rhs.ravel() @ step + self.rhs_corner @ steps)
 
     def log_evidence(self) -> float:
         """Log-likelihood of all factors with every unknown integrated out (Laplace), after `step`."""

@@ -14,6 +14,8 @@ from edgemap.geometry.trajectory_correction import TrajectoryCorrection
 
 Work = Generator[None, None, "tuple[Snapshot, Solution] | None"]
 
+Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
+
 PLAIN, SEARCH, PROPOSE, REFINE, AGAIN = 6, 2, 4, 8, 4  # iterations at most, of a solution by what it is for
 
 
@@ -24,6 +26,7 @@ class LoopSearch:
         self.graph = graph
         self.found = 0
         self._work: Work | None = None
+        self._refused: Evidence = frozenset()  # the last hypothesis that was not accepted
 
     @property
     def busy(self) -> bool:
@@ -61,6 +64,9 @@ class LoopSearch:
         candidates = _candidates(graph, _unlinked(graph, groups, in_view), groups)
         at = graph.snapshot({root for _, root in candidates})
         new = (yield from self._hypothesis(at, candidates, groups, in_view)) if candidates else {}
+        evidence = frozenset((*link, len(graph.landmarks.all[link[0]].keyframes)) for link in new.items())
+        if evidence == self._refused:
+            new = {}
         if not graph.links and not new:
             return None
         after = yield from graph.solved(at, graph.links, PLAIN)
@@ -69,10 +75,10 @@ class LoopSearch:
             if closed is not None:
                 graph.links |= new
                 after = closed
-            elif graph.links:
-                new = {}
             else:
-                return None
+                self._refused, new = evidence, {}
+        if not graph.links:
+            return None
         while unfit := self._unfit(at, after, new):
             self._take_back(unfit)
             new = {number: first for number, first in new.items() if number in graph.links}
