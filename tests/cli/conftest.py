@@ -1,12 +1,8 @@
-import cv2
-import numpy as np
+import json
+
 import pytest
 from support import painted
-
-CAMERA_YAML = """{width: 64, height: 64, fx: 50.0, fy: 50.0, cx: 31.5, cy: 31.5, fps: 10.0,
- distortion: {model: none, coefficients: []}, world_up: z,
- mount: {height_m: 1.0, pitch_deg: 0.0, roll_deg: 0.0, forward_m: 0.0, left_m: 0.0}}
-"""
+from support.pictures import write_scene
 
 
 @pytest.fixture(scope="session")
@@ -19,10 +15,20 @@ def painted_bundle(tmp_path_factory):
 @pytest.fixture
 def pictures(tmp_path):
     """A folder of 12 pictures of one scene, 64x64, with a camera.yaml."""
-    folder = tmp_path / "pictures"
-    folder.mkdir()
-    scene = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
-    for index in range(12):
-        cv2.imwrite(str(folder / f"{index}.png"), scene)
-    (folder / "camera.yaml").write_text(CAMERA_YAML)
-    return folder
+    return write_scene(tmp_path)
+
+
+@pytest.fixture
+def known_drive(pictures):
+    """The twelve pictures as a drive that stands still before a chair (which the painted bundle sees) and a couch."""
+    (pictures / "images").mkdir()
+    for path in pictures.glob("*.png"):
+        path.rename(pictures / "images" / path.name)
+    (pictures / "poses.tum").write_text("".join(f"{index / 10:.1f} 0 0 0 0 0 0 1\n" for index in range(12)))
+    footprint = [[5.0, -1.1], [5.5, -1.1], [5.5, -0.6], [5.0, -0.6]]
+    common = {"on_floor": True, "footprint_m": footprint, "width_m": 0.5, "depth_m": 0.5, "height_m": 0.9}
+    common |= {"visible_frames": 12}
+    chair = {"id": 1, "label": "chair", "x_m": 5.25, "y_m": -0.84}
+    couch = {"id": 2, "label": "couch", "x_m": 1.0, "y_m": 2.0}
+    (pictures / "objects.json").write_text(json.dumps({"objects": [chair | common, couch | common]}))
+    return pictures

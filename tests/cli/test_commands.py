@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support.pictures import write_scene
 
 from edgemap.runtime.step.map_file import load_map
 
@@ -69,21 +71,36 @@ def test_pitch_says_which_way_is_positive(edgemap):
 
 @pytest.mark.parametrize(
     "arguments",
-    [(), ("fly",), ("eval",), ("train",), ("map", "fold"), ("run", "--no-such-flag"), ("run", "--frames", "many")],
+    [(), ("eval",), ("map", "fold")],
 )
 def test_wrong_usage_exits_2(edgemap, arguments):
     assert edgemap(*arguments).returncode == 2
 
 
-def test_run_on_pictures_makes_a_map(edgemap, painted_bundle, pictures, tmp_path):
-    out = tmp_path / "run"
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
+@pytest.fixture(scope="module")
+def made_once(edgemap, painted_bundle, tmp_path_factory):
+    """What a run over twelve pictures prints, and its folder."""
+    folder = tmp_path_factory.mktemp("made")
+    out = folder / "run"
+    return edgemap("run", "--camera", write_scene(folder), "--bundle", painted_bundle, "--out", out), out
+
+
+@pytest.fixture
+def run_folder(made_once, tmp_path):
+    """The folder of that run, the test's own copy."""
+    return shutil.copytree(made_once[1], tmp_path / "run")
+
+
+def test_run_on_pictures_makes_a_map(made_once):
+    result, out = made_once
     assert result.returncode == 0, result.stderr
     assert [item.id for item in load_map(out)] == ["chair-1"]
     record = json.loads((out / "run.json").read_text())
     assert record["mount"]["height_m"] == 1.0
     assert record["bundle"]["sha256"]
     assert cv2.imread(str(out / "mount.jpg")) is not None
+    assert "against the truth" not in result.stdout  # which is not known here
+    assert "Against the truth" not in (out / "report.html").read_text()
 
 
 def test_map_show_draws_and_paper_clustering_runs(edgemap, painted_bundle, pictures, tmp_path):
@@ -174,14 +191,16 @@ def test_help_of_a_run_is_grouped_and_begins_with_examples(edgemap):
     assert len(examples) == 3
 
 
-def test_without_a_terminal_a_run_says_what_goes_wrong_as_it_does(edgemap, painted_bundle, pictures, tmp_path):
+def test_a_picture_that_is_none_is_skipped_counted_and_said_at_once(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
     result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
     assert result.returncode == 0, result.stderr
     (line,) = [line for line in result.stderr.splitlines() if "8.png" in line]
     assert line.startswith("frame 8: ")
-    count = json.loads((tmp_path / "run" / "run.json").read_text())["fault_count"]
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    count = record["fault_count"]
     assert f"{count} fault{'s' if count > 1 else ''}: " in result.stdout
+    assert sum("8.png: not a picture that OpenCV reads (13 bytes), skipped" in fault for fault in record["faults"]) == 1
 
 
 def test_a_run_without_standard_error_leaves_its_files_alone(painted_bundle, pictures, tmp_path):
@@ -214,11 +233,10 @@ def test_why_of_no_run_is_wrong_usage(edgemap, tmp_path):
     assert "not a run folder" in one_line(edgemap("why", tmp_path / "none"), 2)
 
 
-def test_map_show_takes_the_last_run(edgemap, painted_bundle, pictures, tmp_path):
+def test_map_show_takes_the_last_run(edgemap, run_folder, tmp_path):
     assert "no run in runs/" in one_line(edgemap("map", "show", cwd=tmp_path), 2)
     for name in ("20260101T000000Z", "20260102T000000Z"):
-        out = tmp_path / "runs" / name
-        assert edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out).returncode == 0
+        shutil.copytree(run_folder, tmp_path / "runs" / name)
     assert "20260102T000000Z/map.png" in edgemap("map", "show", cwd=tmp_path).stdout
 
 
@@ -241,22 +259,14 @@ def test_an_untrained_head_runs_when_forced(edgemap, painted_bundle, pictures, t
     assert edgemap("run", "--camera", pictures, "--bundle", painted_bundle, *flags).returncode == 0
 
 
-def test_a_picture_that_is_none_is_skipped_and_counted(edgemap, painted_bundle, pictures, tmp_path):
-    (pictures / "8.png").write_bytes(b"not a picture")
-    result = edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert result.returncode == 0, result.stderr
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    faults = [
-        fault for fault in record["faults"] if "8.png: not a picture that OpenCV reads (13 bytes), skipped" in fault
-    ]
-    assert len(faults) == 1
-
-
-def test_a_picture_that_is_none_ends_a_strict_run_with_the_map_saved(edgemap, painted_bundle, pictures, tmp_path):
+def test_a_picture_that_is_none_ends_a_strict_run_with_map_and_report(edgemap, painted_bundle, pictures, tmp_path):
     (pictures / "8.png").write_bytes(b"not a picture")
     result = edgemap("run", "--camera", pictures, "--strict", "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert "8.png: not a picture" in one_line(result)
+    line = one_line(result)
+    assert "8.png: not a picture" in line
+    assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in line
     assert load_map(tmp_path / "run")[0].count == 8
+    assert "8.png: not a picture" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_an_empty_folder_is_one_line(edgemap, painted_bundle, tmp_path):
@@ -282,7 +292,7 @@ def test_a_video_that_ends_early_keeps_the_map(edgemap, painted_bundle, tmp_path
     assert 3 <= load_map(tmp_path / "b")[0].count < 40
 
 
-def test_ctrl_c_ends_cleanly_with_the_map_saved(painted_bundle, pictures, tmp_path):
+def test_ctrl_c_ends_cleanly_with_map_and_report(painted_bundle, pictures, tmp_path):
     out = tmp_path / "run"
     (pictures / "camera.yaml").write_text((pictures / "camera.yaml").read_text().replace("fps: 10.0", "fps: 0.5"))
     command = [sys.executable, "-m", "edgemap.cli", "run", "--camera", str(pictures), "--bundle", str(painted_bundle)]
@@ -301,6 +311,7 @@ def test_ctrl_c_ends_cleanly_with_the_map_saved(painted_bundle, pictures, tmp_pa
     assert record["finished"]
     assert 0 < record["frames"] < 12
     assert load_map(out) is not None
+    assert "</html>" in (out / "report.html").read_text()
 
 
 def test_detect_prints_json_and_distances(edgemap, painted_bundle, pictures):
@@ -369,20 +380,10 @@ def test_an_unknown_bundle_is_one_line(edgemap, tmp_path):
     assert "edgemap-nano, edgemap-pico" in line
 
 
-def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):
+def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, known_drive):
     """The painted chair stands where geometry puts it: found; a couch that nobody sees is missed."""
-    poses = "".join(f"{index / 10:.1f} 0 0 0 0 0 0 1\n" for index in range(12))
-    (pictures / "images").mkdir()
-    for path in pictures.glob("*.png"):
-        path.rename(pictures / "images" / path.name)
-    (pictures / "poses.tum").write_text(poses)
-    footprint = [[5.0, -1.1], [5.5, -1.1], [5.5, -0.6], [5.0, -0.6]]
-    common = {"on_floor": True, "footprint_m": footprint, "width_m": 0.5, "depth_m": 0.5, "height_m": 0.9}
-    chair = {"id": 1, "label": "chair", "x_m": 5.25, "y_m": -0.84, "visible_frames": 12}
-    couch = {"id": 2, "label": "couch", "x_m": 1.0, "y_m": 2.0, "visible_frames": 12}
-    (pictures / "objects.json").write_text(json.dumps({"objects": [chair | common, couch | common]}))
     flags = ("--bundle", painted_bundle, "--json")
-    result = edgemap("eval", "map", "--data", f"drive:{pictures}", *flags)
+    result = edgemap("eval", "map", "--data", f"drive:{known_drive}", *flags)
     assert result.returncode == 0, result.stderr
     document = json.loads(result.stdout)
     assert document["odometry"] == "hybrid"  # as `run` has it
@@ -392,8 +393,8 @@ def test_eval_map_scores_a_drive_with_truth(edgemap, painted_bundle, pictures):
         assert (document[name]["precision"], document[name]["recall"]) == (1.0, 0.5)
         assert document[name]["median_error_m"] < 0.1
     assert {"p90_error_m", "covered95", "f1", "per_class"} <= set(document["true"])
-    (pictures / "objects.json").unlink()
-    assert "needs true poses" in one_line(edgemap("eval", "map", "--data", f"drive:{pictures}", *flags))
+    (known_drive / "objects.json").unlink()
+    assert "needs true poses" in one_line(edgemap("eval", "map", "--data", f"drive:{known_drive}", *flags))
 
 
 def test_mount_flag_keeps_roll_and_lever_arm(edgemap, painted_bundle, pictures, tmp_path):
@@ -416,35 +417,26 @@ def test_ctrl_c_before_the_first_frame_is_no_traceback(painted_bundle, tmp_path)
     assert (process.returncode, stderr) == (130, "edgemap bench: interrupted\n")
 
 
-def test_a_map_is_drawn_from_what_a_power_cut_left(edgemap, painted_bundle, pictures, tmp_path):
-    out = tmp_path / "run"
-    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", out)
+def test_a_map_is_drawn_from_what_a_power_cut_left(edgemap, run_folder):
     for name in ("sightings.jsonl", "trajectory.tum"):
-        text = (out / name).read_text()
-        (out / name).write_text(text[: len(text) - 15])
-    (out / "run.json").unlink()
-    result = edgemap("map", "show", out)
+        text = (run_folder / name).read_text()
+        (run_folder / name).write_text(text[: len(text) - 15])
+    (run_folder / "run.json").unlink()
+    result = edgemap("map", "show", run_folder)
     assert result.returncode == 0, result.stderr
     assert "chair-1" in result.stdout
 
 
-@pytest.mark.parametrize(("name", "text"), [("map.foo", ".png or .svg"), ("file/map.png", "cannot be written")])
-def test_a_picture_that_cannot_be_written_is_one_line(edgemap, painted_bundle, pictures, tmp_path, name, text):
-    edgemap("run", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
+def test_a_picture_that_cannot_be_written_is_one_line(edgemap, run_folder, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    assert text in one_line(edgemap("map", "show", tmp_path / "run", "--out", tmp_path / name))
+    for name, text in (("map.foo", ".png or .svg"), ("file/map.png", "cannot be written")):
+        assert text in one_line(edgemap("map", "show", run_folder, "--out", tmp_path / name))
 
 
 def test_doctor_knows_that_an_unknown_bundle_will_not_run(edgemap, pictures):
     result = edgemap("doctor", "--camera", pictures, "--bundle", "nope")
     assert result.returncode == 1
     assert "neither a bundle folder nor a known model" in result.stdout
-
-
-def test_a_failing_picture_says_where_the_map_is(edgemap, painted_bundle, pictures, tmp_path):
-    (pictures / "8.png").write_bytes(b"not a picture")
-    result = edgemap("run", "--strict", "--camera", pictures, "--bundle", painted_bundle, "--out", tmp_path / "run")
-    assert f"the map so far (1 objects) is in {tmp_path / 'run'}" in one_line(result)
 
 
 def test_detect_places_exactly_what_it_calls_on_the_floor(edgemap, painted_bundle, pictures):
