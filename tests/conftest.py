@@ -81,3 +81,19 @@ def realsense_recording(tmp_path_factory):
     stamps = [1000.0 + i / 30 for i in range(60)]
     path = record_whole(tmp_path_factory.mktemp("realsense") / "drive.db3", pictures, stamps)
     return path, pictures, stamps
+
+
+@pytest.fixture(scope="session")
+def whole_demo():
+    """The demo's first 200 frames, each through the backbone once."""
+    from reliability.demo_slam import DemoDrive
+
+    return DemoDrive(200)
+
+
+@pytest.fixture
+def demo(whole_demo):
+    """The same, its camera's wheels as they were."""
+    wheel = whole_demo.camera.wheel
+    yield whole_demo
+    whole_demo.camera.wheel = wheel

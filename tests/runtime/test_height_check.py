@@ -17,11 +17,9 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.observations.detections import Detections
 from edgemap.geometry.observations.lens_height import lens_heights
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.height_check import HeightCheck
 from edgemap.runtime.motion.odometry.protocol import Motion
-from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.outputs.verdict.causes import CAUSES, cause_of_fault
 from edgemap.runtime.step.build import SlamOptions, build_slam
 
@@ -53,15 +51,15 @@ def test_what_has_no_usual_height_or_is_cut_tells_nothing():
 
 
 @pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False), (0.9, True)])
-def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(given, wrong):
-    bundle, faults, heights = load_bundle(bundle_folder("edgemap-nano")), [], []
-    with open_camera("demo") as camera:
-        floor = FloorCamera(camera.intrinsics, replace(camera.mount, height_m=given))
-        slam = build_slam(camera, bundle, floor, SlamOptions(wheels=False))
-        while (frame := camera.read()) is not None and frame.stamp_s <= 12.0 and not faults:
-            observed = slam.step(frame).observed
-            faults = [fault for fault in observed.faults if "height" in fault]
-            heights += [observed.height_estimate] if observed.height_estimate else []
+def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(demo, given, wrong):
+    floor, faults, heights = FloorCamera(demo.camera.intrinsics, replace(demo.camera.mount, height_m=given)), [], []
+    slam = build_slam(demo.camera, demo.bundle, floor, SlamOptions(wheels=False))
+    for index, (image, stamp_s) in enumerate(zip(demo.images, demo.stamps_s, strict=True)):
+        if stamp_s > 12.0 or faults:
+            break
+        observed = slam.step(Frame(index, stamp_s, image)).observed
+        faults = [fault for fault in observed.faults if "height" in fault]
+        heights += [observed.height_estimate] if observed.height_estimate else []
     assert bool(faults) == wrong
     assert heights[-1].height_m == pytest.approx(0.6, abs=max(0.06, 2.0 * heights[-1].sigma_m))
     if wrong:

@@ -194,14 +194,6 @@ def test_a_good_imu_and_a_knock_of_20_ms_leave_nobody_out():
         assert all(one.source == "imu" for one in found[1:])
 
 
-@pytest.fixture(scope="module")
-def demo():
-    """The demo's first 200 frames, each through the backbone once."""
-    from reliability.demo_slam import DemoDrive
-
-    return DemoDrive(200)
-
-
 def test_through_the_whole_step_mirrored_wheels_cost_the_map_nothing(demo):
     """Against the camera alone, with wheels whose yaw has the wrong sign."""
     from reliability.liars import drive

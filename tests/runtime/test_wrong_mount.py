@@ -11,11 +11,9 @@ import pytest
 
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.level import seen_text
-from edgemap.runtime.inputs.open import open_camera
+from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.checked_mount import MountRule
 from edgemap.runtime.motion.attitude.inertial import AttitudeRule
-from edgemap.runtime.network.bundle import load_bundle
-from edgemap.runtime.network.store import bundle_folder
 from edgemap.runtime.step.build import SlamOptions, build_slam
 from edgemap.runtime.step.config import Config
 
@@ -23,25 +21,24 @@ TRUE_DEG, FRAMES = 11.5, 130
 BLIND_TO_EDGES = MountRule(fewest=10**6, judged_s=math.inf, first_every_s=math.inf, every_s=math.inf)
 
 
-def drive(off_deg, rule=None, frames=FRAMES, **options):
+def drive(demo, off_deg, rule=None, frames=FRAMES, **options):
     """Faults that name the mount, what was observed last, the mount and the map's objects, of the demo with its pitch
     given wrong by so much."""
     config = Config(attitude=AttitudeRule(check=rule or MountRule()))
-    with open_camera("demo") as camera:
-        mount = replace(camera.mount, pitch_rad=camera.mount.pitch_rad + math.radians(off_deg))
-        floor = FloorCamera(camera.intrinsics, mount)
-        slam = build_slam(camera, load_bundle(bundle_folder("edgemap-nano")), floor, SlamOptions(**options), config)
-        faults, result = [], None
-        while (frame := camera.read()) is not None and frame.index < frames:
-            result = slam.step(frame)
-            faults += [fault for fault in result.observed.faults if "pitch" in fault]
+    mount = replace(demo.camera.mount, pitch_rad=demo.camera.mount.pitch_rad + math.radians(off_deg))
+    floor = FloorCamera(demo.camera.intrinsics, mount)
+    slam = build_slam(demo.camera, demo.bundle, floor, SlamOptions(**options), config)
+    faults, result = [], None
+    for index in range(frames):
+        result = slam.step(Frame(index, demo.stamps_s[index], demo.images[index]))
+        faults += [fault for fault in result.observed.faults if "pitch" in fault]
     assert result
     return faults, result.observed, mount, slam.objects()
 
 
 @pytest.mark.parametrize("off_deg", [2.0, -2.0])
-def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(off_deg):
-    faults, observed, mount, _ = drive(off_deg, wheels=False)
+def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(demo, off_deg):
+    faults, observed, mount, _ = drive(demo, off_deg, wheels=False)
     (fault,) = faults
     found = re.match(
         rf"mount: pitch {TRUE_DEG + off_deg:.1f} and roll 0.0 deg given, .* give pitch ([\d.]+) and", fault
@@ -57,23 +54,23 @@ def test_two_degrees_are_told_once_and_every_frame_is_levelled_by_what_was_seen(
     )
 
 
-def test_motion_and_turns_alone_tell_it_where_a_room_shows_no_edges():
-    faults, observed, _, _ = drive(2.0, BLIND_TO_EDGES, wheels=False)
+def test_motion_and_turns_alone_tell_it_where_a_room_shows_no_edges(demo):
+    faults, observed, _, _ = drive(demo, 2.0, BLIND_TO_EDGES, wheels=False)
     assert len(faults) == 1
     assert "the direction of motion" in faults[0]
     assert math.degrees(observed.camera.attitude.pitch_rad) == pytest.approx(TRUE_DEG, abs=0.8)
 
 
-def test_the_right_mount_holds_to_the_last_digit():
-    faults, observed, mount, _ = drive(0.0, wheels=False)
+def test_the_right_mount_holds_to_the_last_digit(demo):
+    faults, observed, mount, _ = drive(demo, 0.0, wheels=False)
     assert not faults
     assert observed.mount_estimate.used == mount
     assert np.degrees(observed.mount_estimate.sigma_rad).max() < 0.6
 
 
-def test_nothing_stays_on_the_map_where_the_wrong_mount_has_put_it():
+def test_nothing_stays_on_the_map_where_the_wrong_mount_has_put_it(demo):
     """Ghosts of a backpack and a suitcase, 0.6 m before the true ones, at confidence 0.9."""
-    right, told = (drive(off_deg, frames=110, odometry="truth")[3] for off_deg in (0.0, 2.0))
+    right, told = (drive(demo, off_deg, frames=110, odometry="truth")[3] for off_deg in (0.0, 2.0))
     assert len(told) >= 3
     for item in told:
         same = [other.position_m for other in right if other.label == item.label]
