@@ -19,10 +19,10 @@ class MapObject:
     """One object on the floor. position_m: (2,) x, y in the map frame; covariance_m2: (2, 2) of it.
 
     width_m, height_m: mean apparent size. count: sightings. confidence: 0..1. Stamps in seconds. seen_from_m: (x, y)
-    positions from which it was observed, half a metre apart; older maps have none. labels: probability of each class
-    that it was detected as. name, confirmed: edited by a person. corrected: which of label, position, size and yaw a
-    person has set. yaw_rad: the way its front faces, and depth_m: of its footprint, where a person has set them; no
-    camera measures them.
+    positions from which it was observed, the farthest in each direction; older maps have none. labels: probability of
+    each class that it was detected as. name, confirmed: edited by a person. corrected: which of label, position, size
+    and yaw a person has set. yaw_rad: the way its front faces, and depth_m: of its footprint, where a person has set
+    them; no camera measures them.
     """
 
     id: str

@@ -16,7 +16,7 @@ from edgemap.geometry.slam.landmarks import Landmark, LandmarkRule
 class AssociationRule:
     """Evidence that landmarks need to become an object. min_count (of what its sightings count, see FloorRule),
     min_confidence: of all its sightings (chosen on simulated homes). forget_after: frames after which a landmark that
-    is no object is dropped.
+    is no object is dropped. directions: round an object; of each the farthest place it was seen from is kept.
     real_log_odds, real_slope, real_score: that an object is real, after one full sighting with a mean score of 0.5, per
     e-fold of full sightings, and per unit of the mean score's log-odds, as a box's score is about its precision on
     photographs (logistic regression on the 199 objects that two detectors map in seven tuning drives).
@@ -25,6 +25,7 @@ class AssociationRule:
     min_count: int = 4
     min_confidence: float = 0.6
     forget_after: int = 3000
+    directions: int = 24
     real_log_odds: float = -3.05
     real_slope: float = 0.98
     real_score: float = 1.5

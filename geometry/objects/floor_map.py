@@ -28,8 +28,6 @@ from edgemap.geometry.slam.pruning import drop_keyframes
 from edgemap.geometry.trajectory_correction import composed
 
 MERGED_IDS = 4096  # merged ids that are reported; older ones are dropped
-VIEW_M = 0.5  # side of the squares in which places that an object was seen from are remembered
-DIRECTIONS = 24  # from an object; for each the farthest position that it was seen from is reported
 
 
 @dataclass(slots=True, eq=False)
@@ -328,28 +326,24 @@ class FloorMap:
             confidence = estimate.saved.confidence * best.presence
             return replace(estimate.saved, confidence=confidence, labels=estimate.saved.labels or labels)
         plain = estimate.as_object(best.id, best.label, self.rule)
-        places = outermost(self._views(best.landmarks), plain.position_m)
+        places = outermost(self._views(best.landmarks), plain.position_m, self.rule.directions)
         return replace(plain, confidence=plain.confidence * best.presence, seen_from_m=places, labels=labels)
 
-    def _views(self, landmarks: Sequence[Landmark]) -> list[tuple[float, float]]:
-        """Middles of the squares that landmarks were seen from."""
+    def _views(self, landmarks: Sequence[Landmark]) -> Array:
+        """Positions (N, 2) that landmarks were seen from, those of an earlier map first."""
         saved = [view for one in landmarks if one.saved for view in one.saved.seen_from_m]
         views = np.array([(at, *view) for one in landmarks for at, view in one.views.items()]).reshape(-1, 3)
         poses = self.graph.trajectory.vectors()[views[:, 0].astype(np.intp)] if len(views) else np.zeros((0, 3))
         local = np.column_stack([views[:, 1:], np.zeros(len(views))])
-        places = np.concatenate([composed(poses, local)[:, :2], np.array(saved).reshape(-1, 2)])
-        squares = set(map(tuple, np.floor(places / VIEW_M).astype(np.intp).tolist()))
-        return [((i + 0.5) * VIEW_M, (j + 0.5) * VIEW_M) for i, j in sorted(squares)]
+        return np.concatenate([np.array(saved).reshape(-1, 2), composed(poses, local)[:, :2]])
 
 
-def outermost(places_m: Sequence[tuple[float, float]], position_m: Array) -> tuple[tuple[float, float], ...]:
-    """Of the positions (x, y) from which an object at (2,) was observed, the farthest in each direction, in the order
+def outermost(places_m: Array, position_m: Array, directions: int) -> tuple[tuple[float, float], ...]:
+    """Of the positions (N, 2) from which an object at (2,) was observed, the farthest in each direction, in the order
     given: the lines of sight from nearer ones cover the same floor.
     """
-    x_m, y_m = position_m
-    farthest: dict[int, tuple[float, int]] = {}
-    for row, (from_x_m, from_y_m) in enumerate(places_m):
-        dx_m, dy_m = from_x_m - x_m, from_y_m - y_m
-        direction = int((math.atan2(dy_m, dx_m) / math.tau + 0.5) * DIRECTIONS) % DIRECTIONS
-        farthest[direction] = max(farthest.get(direction, (-1.0, 0)), (dx_m * dx_m + dy_m * dy_m, row))
-    return tuple(places_m[row] for row in sorted(row for _, row in farthest.values()))
+    away_m = places_m - position_m
+    sector = np.floor((np.arctan2(away_m[:, 1], away_m[:, 0]) / math.tau + 0.5) * directions) % directions
+    farthest_first = np.argsort(-np.square(away_m).sum(axis=1), kind="stable")
+    rows = np.sort(farthest_first[np.unique(sector[farthest_first], return_index=True)[1]])
+    return tuple((x_m, y_m) for x_m, y_m in places_m[rows].tolist())

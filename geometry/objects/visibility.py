@@ -15,7 +15,6 @@ from edgemap.geometry.observations.floor_mask import FloorMask
 from edgemap.geometry.se2 import SE2
 
 AROUND = 8  # points of a footprint's circle that are projected
-HALF_VIEW_M = 0.25  # places that an object was seen from are known to about this
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,7 @@ def in_plain_view(
         views = np.array(objects[row].seen_from_m).reshape(-1, 2)
         if len(views) == 0 or _off_lines_m(here, views, objects[row].position_m) > rule.near_view_m:
             continue
-        seen_m = np.linalg.norm(views - objects[row].position_m, axis=1).max() + HALF_VIEW_M
+        seen_m = np.linalg.norm(views - objects[row].position_m, axis=1).max()
         if reach[row] > rule.range_share * seen_m:
             continue
         nearer = np.concatenate(
