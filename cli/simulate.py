@@ -62,6 +62,9 @@ def command(
         int | None,
         arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
     ] = None,
+    close: Annotated[
+        float, arg(metavar="SHARE", help="Of --pictures, taken before walls and furniture: little or no floor in view.")
+    ] = 0.0,
     seeds: Annotated[
         str | None,
         arg(
@@ -93,6 +96,8 @@ def command(
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
     if floor_labels is not None and (video or locobot or pictures is not None):
         raise OptionError("--floor-labels is for drives of single pictures; --pictures has them always")
+    if not 0.0 <= close <= 1.0 or (close and pictures is None):
+        raise OptionError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
     at_least(0, people=people, seed=seed, moved=moved)
     if not 1.0 <= rate <= 120.0:
         raise OptionError(f"--rate {rate:g}: expected 1 to 120 pictures per second")
@@ -106,7 +111,7 @@ def command(
         if pictures is not None:
             from edgemap.simulation.pictures import render_pictures
 
-            render_pictures(out, pictures, _homes(seeds, shard), progress, command=typed)
+            render_pictures(out, pictures, _homes(seeds, shard), progress, command=typed, close=close)
         elif locobot:
             from edgemap.simulation.locobot import record_locobot
 

@@ -16,7 +16,7 @@ from edgemap.simulation.envelope import Envelope
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.render.mesh import Array
 from edgemap.simulation.render.movers import Mover
-from edgemap.simulation.robot.plan_grid import PlanGrid
+from edgemap.simulation.robot.plan_grid import CELL_M, PlanGrid
 from edgemap.simulation.robot.sight import VisibilityEstimate
 from edgemap.simulation.studio import FIRST_MOVER_ID
 
@@ -24,6 +24,7 @@ from edgemap.simulation.studio import FIRST_MOVER_ID
 _PLACES = 24
 _UNCHOSEN = 0.08
 _CLEAR_M = 0.22
+_BEARINGS = 7  # in which floor is looked for
 _JPEG_QUALITY = (85, 95)
 # Passers-by: how often none, one or two are near, how near, and how far to the side of where the camera looks.
 _PASSERS = (0.8, 0.15, 0.05)
@@ -46,8 +47,10 @@ class Shown:
     passers: tuple[str, ...]
 
 
-def draw_views(apartment: Apartment, seed: int, count: int, envelope: Envelope | None = None) -> list[Shown]:
-    """Views of the home of a seed."""
+def draw_views(
+    apartment: Apartment, seed: int, count: int, envelope: Envelope | None = None, close: float = 0.0
+) -> list[Shown]:
+    """Views of the home of a seed; of the last ones, a share `close`, little or no floor is in view."""
     envelope, grid = envelope or Envelope(), PlanGrid(apartment)
     shown: dict[int, float] = {}
     views = []
@@ -57,19 +60,38 @@ def draw_views(apartment: Apartment, seed: int, count: int, envelope: Envelope |
         light = envelope.draw_light(rng)
         effects = replace(envelope.draw_effects(rng, light), jpeg_quality=int(rng.integers(*_JPEG_QUALITY)))
         sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
-        pose = _draw_pose(grid, sight, shown, rng)
+        near = number >= count - round(close * count)
+        pose = _draw_close(grid, camera, rng) if near else _draw_pose(grid, sight, shown, rng)
         velocity = np.array([rng.uniform(0.0, 0.7), 0.0, rng.normal(0.0, 0.4)]) * (rng.random() < 0.7)
         movers, passers = _draw_passers(grid, pose, purpose_of(seed), rng)
         views.append(Shown(SE2(*pose), velocity, camera, effects, light, movers, passers))
     return views
 
 
-def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float], rng: np.random.Generator) -> Array:
+def _draw_poses(grid: PlanGrid, rng: np.random.Generator) -> Array:
+    """Poses (_PLACES, 3) that are clear of everything."""
     places = np.zeros((0, 2))
     while len(places) < _PLACES:
         drawn = rng.uniform(0.0, 1.0, (4 * _PLACES, 2)) * grid.size_m
         places = np.concatenate([places, drawn[grid.clearance_m(drawn) > _CLEAR_M]])
-    poses = np.column_stack([places[:_PLACES], rng.uniform(-math.pi, math.pi, _PLACES)])
+    return np.column_stack([places[:_PLACES], rng.uniform(-math.pi, math.pi, _PLACES)])
+
+
+def _draw_close(grid: PlanGrid, camera: CameraSetup, rng: np.random.Generator) -> Array:
+    """The pose of some from which least floor is seen."""
+    poses, lens, mount = _draw_poses(grid, rng), camera.intrinsics, camera.mount
+    half, lowest = math.atan(lens.width / 2.0 / lens.fx), mount.pitch_rad + math.atan(lens.height / 2.0 / lens.fy)
+    away = mount.forward_m + np.arange(0.0, grid.size_m.max(), CELL_M)
+    bearings = poses[:, 2, None] + np.linspace(-half, half, _BEARINGS)
+    steps = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)[:, :, None] * away[:, None]
+    row, column = grid.cells_of(poses[:, None, None, :2] + steps)
+    free = np.logical_and.accumulate(grid.tops_m[row, column] == 0.0, axis=2)
+    seen = free & (away - mount.forward_m > mount.height_m / math.tan(lowest))
+    return poses[int(np.argmin(seen.sum(axis=(1, 2))))]
+
+
+def _draw_pose(grid: PlanGrid, sight: VisibilityEstimate, shown: dict[int, float], rng: np.random.Generator) -> Array:
+    poses = _draw_poses(grid, rng)
     if rng.random() < _UNCHOSEN:
         return poses[0]
     # Half of them look at a piece of furniture, a little off the middle.
