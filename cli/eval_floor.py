@@ -54,10 +54,13 @@ def command(
     spec = loaded.manifest.detector.floor
     if spec is None:
         raise OptionError(f"bundle {loaded.manifest.name} has no floor head (edgemap train floor makes one)")
-    detector, score = Detector(loaded), FloorScore()
+    score, detectors = FloorScore(), dict[tuple[int, int], Detector]()
     for picture, labels in tqdm(pairs, unit=" pictures", disable=json or None):
         image = read_picture(picture)
-        mask = floor_mask(*detector.raw(image), spec)
+        height, width = image.shape[:2]
+        if (width, height) not in detectors:
+            detectors[width, height] = Detector(loaded.for_pictures(width, height))
+        mask = floor_mask(*detectors[width, height].raw(image), spec)
         assert mask is not None
         score.add(mask, read_floor_labels(labels, (mask.width, mask.height)), camera)
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}

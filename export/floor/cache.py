@@ -14,7 +14,7 @@ from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FINE, STRIDES
 from edgemap.export.floor.pictures import load, targets, varied
 
-FORMAT = "edgemap.floor.views/1"
+FORMAT = "edgemap.floor.views/2"
 STRIDE = STRIDES[1] // FINE
 FULL = 255  # of a share in 8 bits
 Pair = tuple[Path, Path]
@@ -23,7 +23,8 @@ Records = NDArray[np.void]
 
 def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: Path) -> Records:
     """Varied views of each labelled picture, (len(pairs) * views,), memory-mapped; missing ones are computed: s0 to s3,
-    the features (C, H, W) float16, finest first; truth (2, H, W) and known (H, W), shares of cells in 255ths.
+    the features (C, H, W) float16, finest first; truth (2, H, W) and known (H, W), shares of cells in 255ths; computed
+    (H32,), of the coarsest rows.
 
     A view depends on its number and its picture's only, so more views keep those that are there. Raises ExportError,
     CameraError or OSError.
@@ -34,7 +35,7 @@ def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: 
     shape = features.taps[0].height, features.taps[0].width
     kind = np.dtype(
         [(f"s{level}", "<f2", (tap.channels, tap.height, tap.width)) for level, tap in enumerate(features.taps)]
-        + [("truth", "u1", (2, *shape)), ("known", "u1", shape)]
+        + [("truth", "u1", (2, *shape)), ("known", "u1", shape), ("computed", "u1", (features.taps[-1].height,))]
     )
     count = len(pairs) * views
     done = min(path.stat().st_size // kind.itemsize, count) if path.is_file() else 0
@@ -43,7 +44,7 @@ def cached_views(features: Features, pairs: Sequence[Pair], views: int, folder: 
         for number in tqdm(range(done, count), unit=" views", disable=None if done < count else True):
             record = np.zeros(1, kind)
             image, labels = varied(*load(pairs[number % len(pairs)]), np.random.default_rng([7, number]))
-            maps, placement = features(image)
+            maps, placement, record["computed"] = features(image)
             truth, labelled = targets(labels, placement, STRIDE, shape)
             for level, one in enumerate(maps):
                 record[f"s{level}"] = one

@@ -17,6 +17,7 @@ from edgemap.runtime.network.manifest import Text
 
 FORMAT = "edgemap.floor/2"
 Channels = Annotated[int, Meta(ge=1, le=4096)]
+Rows = Annotated[int, Meta(ge=0, le=4096)]
 Four = tuple[Channels, Channels, Channels, Channels]
 
 
@@ -38,7 +39,7 @@ class _Record(msgspec.Struct):
     taps: tuple[Name, Name, Name, Name]
     measured: dict[str, Any]
     channels: Four
-    rows: Channels
+    rows: Rows
     width: Channels
     detail: Channels
     sources: tuple[Text, ...] = ()

@@ -13,39 +13,64 @@ from onnx import ModelProto
 
 from edgemap.export.adopt import Tensor4
 from edgemap.export.detector.checkpoint import load_detector
+from edgemap.export.floor.head import STRIDES
 from edgemap.export.floor.merge import floor_taps
+from edgemap.export.free_rows import free_rows
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.network import Compute, Network
-from edgemap.runtime.network.preprocess import Placement, Preprocessor
+from edgemap.runtime.network.preprocess import Placement, Preprocessor, rows_of
+
+Float = NDArray[np.float32]
 
 
 class Features:
     """Pictures to a detector's features, in onnxruntime. backbone: a bundle, by name or folder, or a best.pt.
 
-    key: a hash of everything that they depend on.
+    key: a hash of everything that they depend on. open: whether the bundle leaves off the rows of the input that a
+    picture does not reach; then they are not computed here either.
     """
 
     def __init__(self, backbone: str, threads: int = 1) -> None:
         model, manifest = load_detector(backbone)
         detector = manifest.detector
         self.backbone, self.taps = manifest.name, floor_taps(model, detector)
-        self._preprocess, self._input = Preprocessor(detector.input), detector.input.name
-        self._network = tapped_network(model, self.taps, threads)
-        described = model.SerializeToString(deterministic=True) + repr((detector.input, self.taps)).encode()
+        self.open = free_rows(model, detector) is not model
+        self._preprocess, self._input = Preprocessor(detector.input), detector.input
+        self._model, self._threads = model, threads
+        self._networks: dict[int, Network] = {}
+        described = model.SerializeToString(deterministic=True) + repr((detector.input, self.taps, self.open)).encode()
         self.key = hashlib.sha256(described).hexdigest()
 
-    def __call__(self, image: NDArray[np.uint8]) -> tuple[list[NDArray[np.float32]], Placement]:
-        """Four maps (1, C, H, W), finest first, and where the picture lies in the input."""
+    def __call__(self, image: NDArray[np.uint8]) -> tuple[list[Float], Placement, Float]:
+        """Four maps (1, C, H, W), finest first, 0 where not computed; where the picture lies in the input; and which of
+        the coarsest rows are computed, (1, H32) of 0 and 1.
+        """
         tensor, placement = self._preprocess(image)
-        found = self._network.run({self._input: tensor})
-        return [found[tap.name] for tap in self.taps], placement
+        height, whole = self._input.height, (0, self._input.height)
+        first, rows = rows_of(self._input, image.shape[1], image.shape[0], STRIDES[-1]) if self.open else whole
+        if rows not in self._networks:
+            self._networks[rows] = tapped_network(self._model, self.taps, self._threads, rows / height)
+        found = self._networks[rows].run({self._input.name: tensor[:, :, first : first + rows]})
+        maps = [_filled(found[tap.name], tap, first / height) for tap in self.taps]
+        computed = np.zeros((1, self.taps[-1].height), np.float32)
+        computed[:, first // STRIDES[-1] : (first + rows) // STRIDES[-1]] = 1.0
+        return maps, placement, computed
 
 
-def tapped_network(model: ModelProto, taps: Sequence[Tensor4], threads: int = 1) -> Network:
-    """A network that returns these tensors of a model, in this order."""
+def _filled(part: Float, tap: Tensor4, above: float) -> Float:
+    whole = np.zeros((1, tap.channels, tap.height, tap.width), np.float32)
+    first = round(above * tap.height)
+    whole[:, :, first : first + part.shape[2]] = part
+    return whole
+
+
+def tapped_network(model: ModelProto, taps: Sequence[Tensor4], threads: int = 1, share: float = 1.0) -> Network:
+    """A network that returns these tensors of a model, in this order. share: of its rows, where they are open."""
     model = copy.deepcopy(model)
-    del model.graph.output[:]
+    del model.graph.output[:], model.graph.value_info[:]
+    rows = model.graph.input[0].type.tensor_type.shape.dim[2]
+    rows.dim_value = round(share * rows.dim_value)
     for tap in taps:
-        shape = (1, tap.channels, tap.height, tap.width)
+        shape = (1, tap.channels, round(share * tap.height), tap.width)
         model.graph.output.append(onnx.helper.make_tensor_value_info(tap.name, onnx.TensorProto.FLOAT, shape))
     return open_onnxruntime(model.SerializeToString(), Compute(threads))

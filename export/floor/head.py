@@ -33,17 +33,18 @@ class Block(nn.Module):
         self.spread = Unit(width, width, 5, groups=width, relu=False)
         self.mix = Unit(width, width)
 
-    def forward(self, x: Tensor) -> Tensor:
-        """The maps plus the block's residual."""
-        return x + self.mix(self.spread(x))
+    def forward(self, x: Tensor, computed: Tensor | float = 1.0) -> Tensor:
+        """The maps plus the block's residual. computed: 0 for rows that are as good as absent, (B, 1, H, 1)."""
+        return x + self.mix(self.spread(x * computed))
 
 
 class FloorHead(nn.Module):
     """Features (B, C, H, W) of strides 4, 8, 16, 32 to logits (B, 2, H, W) of stride 4: floor, wall.
 
     It works at stride 8, where features of stride 4 come in by a convolution of 2x2 and each cell gives 2x2 of the
-    output: no convolution runs on the fine maps. At stride 16 its inputs include the row of the picture and the mean of
-    the coarsest features, as context of the room. channels: of the four features. rows: of those of stride 16.
+    output: no convolution runs on the fine maps. channels: of the four features. rows: of those of stride 16, whose
+    inputs then include the row of the picture and the mean of the coarsest features, as context of the room; 0 for a
+    network whose rows are open: such a head needs none of them, so those that a picture does not reach may be left off.
     """
 
     def __init__(
@@ -54,19 +55,25 @@ class FloorHead(nn.Module):
         s4, s8, s16, s32 = channels
         self.from4 = Unit(s4, detail, 2, 2)
         self.from8, self.from16, self.from32 = (Unit(count, width, relu=False) for count in (s8, s16, s32))
-        self.row = nn.Parameter(torch.zeros(1, width, rows, 1))
-        self.scene = nn.Conv2d(s32, width, 1)
-        self.coarse = nn.Sequential(*(Block(width) for _ in range(COARSE)))
+        if rows:
+            self.row = nn.Parameter(torch.zeros(1, width, rows, 1))
+            self.scene = nn.Conv2d(s32, width, 1)
+        self.coarse = nn.ModuleList(Block(width) for _ in range(COARSE))
         self.context, self.detailed = Block(width), Unit(width + detail, width)
         self.last = Block(width)
         self.out = nn.Conv2d(width, len(LABELS) * FINE * FINE, 1)
 
-    def forward(self, s4: Tensor, s8: Tensor, s16: Tensor, s32: Tensor) -> Tensor:
-        """The logits."""
-        scene = self.scene(s32.mean((2, 3), keepdim=True))
-        x = self.coarse(functional.relu(self.from16(s16) + _twice(self.from32(s32)) + self.row + scene))
-        x = self.context(functional.relu(self.from8(s8) + _twice(x)))
-        x = self.last(self.detailed(torch.cat([x, self.from4(s4)], dim=1)))
+    def forward(self, s4: Tensor, s8: Tensor, s16: Tensor, s32: Tensor, computed: Tensor | None = None) -> Tensor:
+        """The logits. computed: of the coarsest rows the network computed, (B, H32) of 0 and 1; default: all."""
+        at8, at16 = (1.0, 1.0) if computed is None else (_rows(computed, one.shape[2]) for one in (s8, s16))
+        x = self.from16(s16) + _twice(self.from32(s32))
+        if self.rows:
+            x = x + self.row + self.scene(s32.mean((2, 3), keepdim=True))
+        x = functional.relu(x)
+        for block in self.coarse:
+            x = block(x, at16)
+        x = self.context(functional.relu(self.from8(s8) + _twice(x)), at8)
+        x = self.last(self.detailed(torch.cat([x, self.from4(s4)], dim=1)), at8)
         return functional.pixel_shuffle(self.out(x), FINE)
 
     @property
@@ -77,3 +84,8 @@ class FloorHead(nn.Module):
 
 def _twice(x: Tensor) -> Tensor:
     return functional.interpolate(x, scale_factor=2.0, mode="nearest")
+
+
+def _rows(computed: Tensor, rows: int) -> Tensor:
+    """(B, H32) as (B, 1, rows, 1)."""
+    return computed.repeat_interleave(rows // computed.shape[1], dim=1)[:, None, :, None]

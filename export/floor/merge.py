@@ -87,8 +87,9 @@ class _Emitter:
     def head(self, head: FloorHead, taps: Sequence[str]) -> None:
         s4, s8, s16, s32 = taps
         x = self._add("Add", [self._unit(head.from16, s16), self._twice(self._unit(head.from32, s32))])
-        x = self._add("Add", [x, self._constant(head.row.detach().numpy())])
-        x = self._add("Add", [x, self._convolution(head.scene, self._add("GlobalAveragePool", [s32]))])
+        if head.rows:
+            x = self._add("Add", [x, self._constant(head.row.detach().numpy())])
+            x = self._add("Add", [x, self._convolution(head.scene, self._add("GlobalAveragePool", [s32]))])
         x = self._add("Relu", [x])
         for block in head.coarse:
             assert isinstance(block, Block)

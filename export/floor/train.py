@@ -68,7 +68,7 @@ class FloorTrainer(Training):
         self._credits = tuple(credits)
         self._settings, self._schedule = settings, Schedule(settings.minutes, settings.epochs)
         self._rng = np.random.default_rng(settings.seed)
-        head = start or FloorHead(channels_of(features.taps), features.taps[2].height)
+        head = start or FloorHead(channels_of(features.taps), 0 if features.open else features.taps[2].height)
         self.head = head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._average = {name: tensor.clone() for name, tensor in self.head.state_dict().items()}
         self._optimiser = torch.optim.AdamW(self.head.parameters(), settings.rate, weight_decay=1e-2)
@@ -86,8 +86,8 @@ class FloorTrainer(Training):
             for group in self._optimiser.param_groups:
                 group["lr"] = self._settings.rate * self._schedule.rate(progress)
             self.head.train()
-            features, truth, labelled = self._batch()
-            loss, parts = floor_loss(self.head(*features), truth, labelled)
+            features, computed, truth, labelled = self._batch()
+            loss, parts = floor_loss(self.head(*features, computed), truth, labelled)
             self._optimiser.zero_grad()
             loss.backward()
             self._optimiser.step()
@@ -95,8 +95,9 @@ class FloorTrainer(Training):
             self.add(parts)
             yield
 
-    def _batch(self) -> tuple[list[Tensor], Tensor, Tensor]:
-        """Features, shares and what is known of them, mirrored or not, with noise on the features' channels."""
+    def _batch(self) -> tuple[list[Tensor], Tensor, Tensor, Tensor]:
+        """Features, which of their rows are computed, shares and what is known of them, mirrored or not, with noise on
+        the features' channels."""
         chosen = []
         for source in self._rng.choice(len(self._sources), self._settings.batch, p=self._shares):
             records = self._sources[source]
@@ -107,7 +108,8 @@ class FloorTrainer(Training):
         truth, labelled = (
             _stacked([kept[part] for kept in chosen], mirrored).div_(FULL) for part in ("truth", "known")
         )
-        return [one.contiguous(memory_format=torch.channels_last) for one in noisy], truth, labelled
+        computed = torch.from_numpy(np.stack([kept["computed"] for kept in chosen]).astype(np.float32))
+        return [one.contiguous(memory_format=torch.channels_last) for one in noisy], computed, truth, labelled
 
     def validate(self) -> None:
         """Add a row, and write `best.pt` where it is the best one."""
@@ -192,9 +194,9 @@ def scored(head: FloorHead, features: Features, pairs: Sequence[Pair]) -> dict[s
     score = FloorScore()
     for pair in pairs:
         image, labels = load(pair)
-        levels, placement = features(image)
+        levels, placement, computed = features(image)
         with torch.no_grad():
-            mask = head(*map(torch.from_numpy, levels)).sigmoid().numpy()
+            mask = head(*map(torch.from_numpy, [*levels, computed])).sigmoid().numpy()
         shape = (1, len(LABELS), *mask.shape[2:])
         spec = FloorSpec(name="floor", shape=shape, stride=STRIDE, labels=LABELS)
         seen = floor_mask({"floor": mask}, placement, spec)

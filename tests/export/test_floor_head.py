@@ -12,9 +12,11 @@ from edgemap.export.detector.checkpoint import load_detector
 from edgemap.export.errors import ExportError
 from edgemap.export.exporter import export_backbone
 from edgemap.export.floor.checkpoint import FloorCheckpoint, is_floor, load_floor, save_floor
+from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import FloorHead
 from edgemap.export.floor.merge import floor_taps, with_floor, without_floor
 from edgemap.runtime.network.bundle import load_bundle
+from edgemap.runtime.network.decode import Detector
 from edgemap.runtime.network.engines import open_onnxruntime
 from edgemap.runtime.network.manifest import read_manifest
 from edgemap.runtime.network.network import Compute
@@ -23,10 +25,10 @@ from edgemap.runtime.network.store import bundle_folder
 SHIPPED = ["edgemap-pico", "edgemap-nano", "yolox-nano"]
 
 
-def random_head(channels, seed=0):
+def random_head(channels, seed=0, rows=26):
     """With statistics and weights that matter: an untrained one's normalisation does nothing."""
     torch.manual_seed(seed)
-    head = FloorHead(channels, rows=26)
+    head = FloorHead(channels, rows)
     for name, tensor in head.state_dict().items():
         if tensor.is_floating_point():
             tensor.copy_(torch.rand_like(tensor) + 0.5 if "var" in name else 0.3 * torch.randn_like(tensor))
@@ -65,6 +67,25 @@ def test_the_joined_output_is_torchs_and_all_others_stay_bit_for_bit(name):
     bare, contract = without_floor(joined, detector)
     assert bare.graph.SerializeToString() == model.graph.SerializeToString()
     assert contract == manifest.detector
+
+
+def test_a_head_that_knows_no_row_is_trained_on_the_rows_that_a_picture_reaches(tmp_path):
+    features = Features("edgemap-nano")
+    head = random_head(tuple(tap.channels for tap in features.taps), rows=0)
+    names = tuple(tap.name for tap in features.taps)
+    save_floor(FloorCheckpoint(head, "edgemap-nano", names), tmp_path / "head.pt")  # type: ignore[arg-type]
+    options = {"heads": [tmp_path / "head.pt"]}
+    bundle = load_bundle(export_backbone("edgemap-nano", tmp_path / "b", **options), 1).for_pictures(640, 480)
+    assert bundle.detector.input.height == 320
+    picture = np.random.default_rng(3).integers(0, 255, (480, 640, 3), np.uint8)
+    outputs, _ = Detector(bundle).raw(picture)
+    levels, placement, computed = features(picture)
+    np.testing.assert_array_equal(computed[0], [1] * 10 + [0] * 3)
+    with torch.no_grad():
+        expected = head(*map(torch.from_numpy, [*levels, computed])).sigmoid().numpy()
+    assert expected[:, :, :78].std() > 0.05
+    np.testing.assert_allclose(outputs["floor"], expected[:, :, :80], atol=1e-4)
+    assert (placement.width, placement.height) == (416, 312)
 
 
 @pytest.mark.parametrize("name", ["edgemap-pico", "edgemap-nano"])
