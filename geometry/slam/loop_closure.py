@@ -16,7 +16,7 @@ Work = Generator[None, None, "tuple[Snapshot, Solution] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
-PLAIN, SEARCH, PROPOSE, REFINE, AGAIN = 6, 2, 4, 8, 4  # iterations at most, of a solution by what it is for
+PLAIN, SEARCH, PROPOSE, REFINE = 6, 2, 4, 8  # iterations at most, of a solution by what it is for
 
 
 class LoopSearch:
@@ -83,7 +83,6 @@ class LoopSearch:
             self._take_back(unfit)
             new = {number: first for number, first in new.items() if number in graph.links}
             after = yield from graph.solved(at, graph.links, PLAIN)
-        after = yield from self._doubted(at, after)
         self.found += len(graph.links) - count
         yield  # covariances are another unit of work
         return at, after
@@ -122,22 +121,6 @@ class LoopSearch:
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > graph.rule.margin else None
-
-    def _doubted(self, at: Snapshot, after: Solution) -> Generator[None, None, Solution]:
-        """The solution without the link that fits worst, where no more than half of the margin speaks for it."""
-        graph = self.graph
-        chi2, (later, _) = max(
-            zip(after.link_chi2.tolist(), at.ties(graph.links), strict=True), default=(0.0, (-1, -1))
-        )
-        if chi2 < graph.rule.doubt:
-            return after
-        others = {number: first for number, first in graph.links.items() if number != later}
-        without = yield from graph.solved(at, others, AGAIN, start=after)
-        by_chance = math.log(graph.rule.hypotheses.spacing_m2)
-        if after.log_evidence - without.log_evidence + by_chance > graph.rule.margin / 2.0:
-            return after
-        self._take_back([later])
-        return without
 
     def _take_back(self, links: Sequence[int]) -> None:
         for number in links:

@@ -36,8 +36,8 @@ class GraphRule:
     more likely; 5 is 150 to 1. kernel: squared residual at which an observation or a link weighs half. minimum:
     pictures of 0.1 s that make a landmark one to close loops with. maximum: landmarks solved for. visits: to one
     object, kept apart; older ones become one. nearest: earlier objects weighed in one closure. every: keyframes between
-    two closures. gate: squared residual above which a link is revoked; doubt: the same for a link supported by less
-    than half the margin. still_m: a closure that adds no link and moves poses by less than this is not applied.
+    two closures. gate: squared residual above which a link is revoked. still_m: a closure that adds no link and
+    moves poses by less than this is not applied.
     """
 
     freedom: float = 4.0
@@ -49,7 +49,6 @@ class GraphRule:
     nearest: int = 40
     every: int = 4
     gate: float = 11.83
-    doubt: float = 3.0
     still_m: float = 0.01
     keyframes: KeyframeRule = field(default_factory=KeyframeRule)
     landmarks: LandmarkRule = field(default_factory=LandmarkRule)

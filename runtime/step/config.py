@@ -56,7 +56,7 @@ RETIRED = {
         "still_m",
         "grown",
     ),
-    "loop_closure": ("residual", "view_m", "merged_m", "repeated", "track", "views"),
+    "loop_closure": ("residual", "view_m", "merged_m", "repeated", "track", "views", "doubt"),
     "keyframes": ("stated_inflation_yaw", "stated_per_radian"),
     "odometry": ("scale",),
     "check": ("road_rad",),
