@@ -31,7 +31,7 @@ from edgemap.runtime.network.bundle import Bundle
 from edgemap.runtime.step.config import Config
 from edgemap.runtime.step.pipeline import Pipeline
 
-NO_REST = RestRule(told_s=1e9, seen_s=1e9)  # what an odometry says of a robot that stands is judged as well
+NO_REST = RestRule(confirmed_s=1e9, pictures_s=1e9)  # what an odometry says of a robot that stands is judged as well
 OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 
 
