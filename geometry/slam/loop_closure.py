@@ -16,7 +16,7 @@ Work = Generator[None, None, "tuple[Snapshot, Solution] | None"]
 
 Evidence = frozenset[tuple[int, int, int]]  # of a hypothesis: its links, and how often each later landmark was observed
 
-PLAIN, SEARCH, PROPOSE, REFINE = 6, 2, 4, 8  # iterations at most, of a solution by what it is for
+PLAIN, SEARCH, REFINE = 6, 2, 8  # iterations at most, of a solution by what it is for
 
 
 class LoopSearch:
@@ -116,8 +116,7 @@ class LoopSearch:
         its own covariance, observations with the errors that they share, and that an object stands there by chance."""
         graph = self.graph
         links = graph.links | dict(new)
-        proposed = yield from graph.solved(at, links, PROPOSE, loose=True)
-        closed = yield from graph.solved(at, links, REFINE, start=proposed)
+        closed = yield from graph.solved(at, links, REFINE, start=without)
         by_chance = len(at.ties(new)) * math.log(graph.rule.hypotheses.spacing_m2)
         ratio = closed.log_evidence - without.log_evidence + by_chance
         return closed if ratio > graph.rule.margin else None
