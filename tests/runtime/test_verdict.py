@@ -82,7 +82,7 @@ def test_each_finding_has_its_level_and_cause(changed, level, cause, words):
 def test_a_cause_comes_before_what_follows_from_it():
     """A wrong mount that was corrected ruins the pose: the pose is graver, and the mount is the reason."""
     quality = {"sigma_m": {"end": 3.7}, "heading_sigma_deg": {"end": 56.0}, "wheel_frames": 0}
-    verdict, steps = explain(record(quality, mount_estimate=PITCH | {"used_pitch_deg": 16.3}), [CHAIR])
+    verdict, steps = explain(record(quality, mount_seen=PITCH | {"used_pitch_deg": 16.3}), [CHAIR])
     assert verdict.level == "unreliable"
     assert [step.cause for step in steps] == [CAUSES["mount"], CAUSES["wheels"]]
 
