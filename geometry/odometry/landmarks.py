@@ -320,6 +320,40 @@ def with_neighbours_depth(
     return replace(new, inverse_m=np.where(kept, new.inverse_m, mean), variance=np.where(kept, new.variance, variance))
 
 
+def scaled_by_floor(
+    landmarks: Landmarks,
+    observed: Array,
+    camera: FloorCamera,
+    start: Viewpoint,
+    noise: Noise,
+    found: Located,
+    enough: tuple[float, float],
+    doubtful: NDArray[np.bool_] | None = None,
+    rolling: tuple[SE2, Rolling] | None = None,
+) -> tuple[Landmarks, Located]:
+    """Landmarks and view after the floor has been asked: where its landmarks agree with each other and not with the
+    view found, the others have lost the scale (before a wall they may come to agree on no motion at all). Their depth
+    is unknown then, and the view is found anew. enough: share and number of the floor's landmarks that agree. The rest
+    is as of `locate`.
+    """
+    floor, (share, number) = landmarks.floor, enough
+    least = max(share * float(floor.sum()), number)
+    if floor.sum() < number or float(found.weights[floor].sum()) > least:
+        return landmarks, found
+    doubts = None if doubtful is None else doubtful[floor]
+    alone = locate(landmarks.chosen(floor), observed[floor], camera, start, noise, doubts, rolling)
+    if float(alone.weights.sum()) < least:
+        return landmarks, found
+    inverse = np.maximum(noise.unknown_mean, landmarks.on_floor)
+    variance = np.maximum(noise.unknown, 0.5 * landmarks.on_floor) ** 2
+    landmarks = replace(
+        landmarks,
+        inverse_m=np.where(floor, landmarks.inverse_m, inverse),
+        variance=np.where(floor, landmarks.variance, variance),
+    )
+    return landmarks, locate(landmarks, observed, camera, alone.view, noise, doubtful, rolling)
+
+
 def refined(
     landmarks: Landmarks, found: Located, noise: Noise, gate: float = 9.0
 ) -> tuple[Landmarks, NDArray[np.bool_]]:

@@ -22,6 +22,7 @@ from edgemap.geometry.odometry.landmarks import (
     refined,
     rescaled,
     rotated,
+    scaled_by_floor,
     with_neighbours_depth,
 )
 from edgemap.geometry.odometry.rolling import Rolling
@@ -68,6 +69,38 @@ def test_the_view_is_found(motion, tilt, seed):
     assert np.abs((motion.inverse() @ found.view.pose).vector()).max() < 2e-3
     assert found.view.tilt.pitch_rad == pytest.approx(tilt.pitch_rad, abs=1e-3)
     assert found.weights.min() > 0.8
+
+
+def collapsed(times):
+    """30 points on the floor, and 80 on walls whose depth is too small by a factor, and thought known to 1 %."""
+    points = scene(1, floor=30, walls=80)
+    known = landmarks_of(points)
+    known.inverse_m[30:] = times / np.linalg.norm(points[30:] - CAMERA.mount.position_base_m(), axis=1)
+    known.variance[30:] = (0.01 * known.inverse_m[30:]) ** 2
+    return points, known
+
+
+@pytest.mark.parametrize("times", [10.0, 30.0])
+def test_a_floor_that_agrees_with_itself_takes_the_scale_back_from_walls_that_lost_it(times):
+    points, known = collapsed(times)
+    seen = seen_from(points, Viewpoint(SE2(0.08, 0.0, 0.0)))
+    found = locate(known, seen, CAMERA, Viewpoint(), NOISE)
+    assert abs(found.view.pose.x_m) < 0.02, "the walls are more"
+    after, located = scaled_by_floor(known, seen, CAMERA, Viewpoint(), NOISE, found, (0.4, 8.0))
+    assert located.view.pose.x_m == pytest.approx(0.08, abs=0.003)
+    assert (after.floor == known.floor).all()
+    assert (np.sqrt(after.variance[30:]) > 0.25).all(), "their depth is unknown"
+    np.testing.assert_array_equal(after.inverse_m[:30], known.inverse_m[:30])
+
+
+@pytest.mark.parametrize(("times", "number"), [(1.0, 8.0), (30.0, 31.0)])
+def test_where_all_agree_or_the_floor_shows_too_little_the_view_stays(times, number):
+    points, known = collapsed(times)
+    seen = seen_from(points, Viewpoint(SE2(0.08, 0.0, 0.0)))
+    found = locate(known, seen, CAMERA, Viewpoint(), NOISE)
+    after, located = scaled_by_floor(known, seen, CAMERA, Viewpoint(), NOISE, found, (0.4, number))
+    assert after is known
+    assert located is found
 
 
 def test_jacobians_are_the_slopes_of_what_is_seen():

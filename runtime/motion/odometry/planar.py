@@ -32,6 +32,7 @@ from edgemap.geometry.odometry.landmarks import (
     rescaled,
     rotated,
     rotation_between,
+    scaled_by_floor,
     with_neighbours_depth,
 )
 from edgemap.geometry.odometry.planar import planar_motion
@@ -396,6 +397,11 @@ class PlanarOdometry:
             other = locate(self._landmarks, seen, self._camera, start, free, *given)
             if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
                 self._rotation_held, found, noise = False, other, free
+        if self._sees_floor and self._carried.on_wheels:
+            enough = self._rule.trusted_share, self._rule.least_weight
+            self._landmarks, found = scaled_by_floor(
+                self._landmarks, seen, self._camera, start, noise, found, enough, *given
+            )
         agree = self._carried.on_wheels or found.weights.sum() > self._rule.trusted_share * len(seen)
         if self._trusted and agree:
             return found
