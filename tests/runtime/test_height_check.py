@@ -50,7 +50,7 @@ def test_what_has_no_usual_height_or_is_cut_tells_nothing():
     assert not lens_heights(chair(camera, 0.9), camera)  # its foot lies below the picture
 
 
-@pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False), (0.9, True)])
+@pytest.mark.parametrize(("given", "wrong"), [(0.4, True), (0.6, False)])
 def test_the_demo_with_a_wrong_height_is_a_fault_that_names_the_likelier_one(demo, given, wrong):
     floor, faults, heights = FloorCamera(demo.camera.intrinsics, replace(demo.camera.mount, height_m=given)), [], []
     slam = build_slam(demo.camera, demo.bundle, floor, SlamOptions(wheels=False))

@@ -13,6 +13,7 @@ torch = pytest.importorskip("torch")
 from reliability.tiny_bundle import write_tiny  # noqa: E402
 
 from edgemap import models  # noqa: E402
+from edgemap.export import parity  # noqa: E402
 from edgemap.export.detector.boxes import read_heads  # noqa: E402
 from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
 from edgemap.export.detector.graph import Graph  # noqa: E402
@@ -24,9 +25,15 @@ from edgemap.runtime.network.decode import Decoder  # noqa: E402
 from edgemap.runtime.network.manifest import HeadSpec, read_manifest  # noqa: E402
 from edgemap.runtime.network.preprocess import Preprocessor, place  # noqa: E402
 
-SHIPPED = ("edgemap-pico", "edgemap-nano", "yolox-nano")
+SHIPPED = ("edgemap-pico", "edgemap-nano")
 MODELS = Path(models.__file__).parent
-HEADS = {"edgemap-pico": "picodet-s", "edgemap-nano": "yolox-nano", "yolox-nano": "yolox-nano"}
+
+
+@pytest.fixture
+def brief(monkeypatch):
+    """Export's own proof, kept short: tests/export/test_export.py is about it."""
+    monkeypatch.setattr(parity, "CASES", 1)
+    monkeypatch.setattr(parity, "STEPS", 2)
 
 
 def changed(name):
@@ -122,34 +129,30 @@ def test_a_copy_is_another_network(start):
     assert not torch.allclose(other(image)[0], before, atol=0.01)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_what_is_learnt_is_what_the_robot_runs(name, tmp_path):
-    """best.pt, its bundle with the flow head of the start, and the runtime's outputs: the torch network's."""
-    network, shipped = changed(name), read_manifest(MODELS / name)
+def test_what_is_learnt_is_what_the_robot_runs(tmp_path, brief):
+    """best.pt, its bundle with the flow head that shipped with its start, and the runtime's outputs: torch's."""
+    network, shipped = changed("edgemap-pico"), read_manifest(MODELS / "edgemap-pico")
     network.save(tmp_path / "best.pt", {"validation": {"ap50": 0.5}})
-    head = MODELS / f"heads/{HEADS[name]}.flow.pt"
+    head = MODELS / "heads/picodet-s.flow.pt"
     folder = export_backbone(str(tmp_path / "best.pt"), tmp_path / "mine", heads=[head])
     manifest = read_manifest(folder)
-    assert (manifest.name, list(manifest.odometry), manifest.measured["validation"]) == (
-        "mine",
-        ["flow"],
-        {"ap50": 0.5},
-    )
+    assert (manifest.name, list(manifest.odometry)) == ("mine", ["flow"])
+    assert manifest.measured["validation"] == {"ap50": 0.5}
     for field in ("licence", "sources", "confidence", "sure_confidence"):
         assert getattr(manifest, field) == getattr(shipped, field), field
     assert manifest.detector == msgspec.structs.replace(
         shipped.detector, floor=None
-    )  # its floor head reads the detector of before
+    )  # that reads the detector of before
     image = np.random.default_rng(2).integers(0, 256, (416, 416, 3)).astype(np.uint8)
     tensor, _ = Preprocessor(manifest.detector.input)(image)
     found = load_bundle(folder).backbone.run({manifest.detector.input.name: tensor})
     with torch.no_grad():
-        heads = changed(name)(torch.from_numpy(image).permute(2, 0, 1)[None])
-    for spec, head in zip(manifest.detector.heads, heads, strict=True):
+        wanted = network(torch.from_numpy(image).permute(2, 0, 1)[None])
+    for spec, head in zip(manifest.detector.heads, wanted, strict=True):
         np.testing.assert_allclose(found[spec.name], head.numpy(), atol=1e-3 * float(head.abs().max()))
     # What lies before the flow head's feature did not learn: the head that was trained on it fits.
     (feature,) = manifest.detector.features
-    before = load_bundle(MODELS / name).backbone.run({manifest.detector.input.name: tensor})
+    before = load_bundle(MODELS / "edgemap-pico").backbone.run({manifest.detector.input.name: tensor})
     np.testing.assert_allclose(
         found[feature.name], before[feature.name], atol=1e-5 * np.abs(before[feature.name]).max()
     )
@@ -165,7 +168,7 @@ def test_a_tensor_of_an_unknown_type_is_one_line(tmp_path):
         Graph(model)
 
 
-def test_a_head_reads_the_feature_it_names(tmp_path):
+def test_a_head_reads_the_feature_it_names(tmp_path, brief):
     """The paper's raw coarse map, or the widest one of its stride."""
     changed("edgemap-nano").save(tmp_path / "best.pt", {})
     for word, name, shape in (("head", "head_stride32", (1, 23, 13, 13)), ("stride32", None, (1, 256, 13, 13))):
