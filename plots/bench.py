@@ -27,20 +27,3 @@ def plot_bench(path: Path, document: dict[str, Any]) -> Path:
         axes[2].plot(range(1, len(soak) + 1), [row["rss_mb"] for row in soak])
         axes[2].set(xlabel="minute", ylabel="resident memory, MB", ylim=(0, None))
     return save(figure, path)
-
-
-def plot_map_size(path: Path, rows: list[dict[str, Any]]) -> Path:
-    """Draw a frame's map update over the objects on the map, a line for each number of observations; the path."""
-    figure, axis = plt.subplots(figsize=(5.0, 3.6), layout="constrained")
-    times = sorted({round(row["observations"] / row["objects"]) for row in rows})
-    for seen in times:
-        own = [row for row in rows if round(row["observations"] / row["objects"]) == seen]
-        axis.plot(
-            [row["objects"] for row in own], [row["p50_ms"] for row in own], "o-", label=f"{seen} observations each"
-        )
-    axis.set(xscale="log", xlabel="objects on the map", ylabel="update, ms of processor time", ylim=(0, None))
-    sizes = sorted({row["objects"] for row in rows})
-    axis.set_xticks(sizes, [f"{size:,}" for size in sizes])
-    axis.minorticks_off()
-    axis.legend()
-    return save(figure, path)
