@@ -64,9 +64,7 @@ def intersected(a: MotionEstimate, b: MotionEstimate) -> MotionEstimate:
     return MotionEstimate(motion, (covariance + covariance.T) / 2.0, a.source, members=a.members | b.members)
 
 
-def consensus(
-    estimates: Sequence[MotionEstimate], gate: float = GATE, known_sigma: float = KNOWN_SIGMA
-) -> MotionEstimate:
+def consensus(estimates: Sequence[MotionEstimate]) -> MotionEstimate:
     """One motion of several measurements, the most trusted first: of the sets in which all pairs agree, the one with
     the largest number of SOURCES.
 
@@ -82,14 +80,14 @@ def consensus(
     best: dict[frozenset[str], tuple[tuple[int, float], tuple[int, ...]]] = {}
     for size in range(len(estimates), 0, -1):
         for chosen in combinations(range(len(estimates)), size):
-            if _agree(chosen, apart, gate):
+            if all(apart[pair] <= GATE for pair in combinations(chosen, 2)):
                 sources = frozenset(estimates[index].source for index in chosen)
                 rank = -size, sum(apart[pair] for pair in combinations(chosen, 2))
                 if sources not in best or rank < best[sources][0]:
                     best[sources] = rank, chosen
     maximum = max(len(sources) for sources in best)
     strongest = [_fused_set(estimates, chosen) for s, (_, chosen) in best.items() if len(s) == maximum]
-    return strongest[0] if len(strongest) == 1 else _between(strongest, known_sigma)
+    return strongest[0] if len(strongest) == 1 else _between(strongest)
 
 
 def _fused_set(estimates: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> MotionEstimate:
@@ -104,14 +102,14 @@ def _fused_set(estimates: Sequence[MotionEstimate], chosen: tuple[int, ...]) -> 
     return replace(found, covariance=found.covariance + np.outer(apart, apart) / 4.0)
 
 
-def _between(sets: Sequence[MotionEstimate], known_sigma: float) -> MotionEstimate:
+def _between(sets: Sequence[MotionEstimate]) -> MotionEstimate:
     """Sets that disagree, one of which may be right: the moments of their mixture, each as likely as the others.
 
     Weights are by information and at most equal, so a set has no weight in what it does not measure (a gyro in
     translation).
     """
     sigmas = np.array([np.sqrt(np.diag(item.covariance)) for item in sets])
-    weights = np.minimum(1.0, (known_sigma / sigmas) ** 2)
+    weights = np.minimum(1.0, (KNOWN_SIGMA / sigmas) ** 2)
     weights = weights / weights.sum(axis=0)
     apart = np.array([difference(sets[0], item) for item in sets])
     middle = (weights * apart).sum(axis=0)
@@ -120,10 +118,6 @@ def _between(sets: Sequence[MotionEstimate], known_sigma: float) -> MotionEstima
     names = sorted(item.source for item in sets)
     members = frozenset[str]().union(*(item.members for item in sets))
     return MotionEstimate(sets[0].motion + middle, within + off.T @ off, names[0], " against ".join(names), members)
-
-
-def _agree(chosen: tuple[int, ...], apart: dict[tuple[int, int], float], gate: float) -> bool:
-    return all(apart[pair] <= gate for pair in combinations(chosen, 2))
 
 
 def _fused_by_source(estimates: Sequence[MotionEstimate]) -> MotionEstimate:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import edgemap
 from edgemap.runtime.motion.rest import RestRule
-from edgemap.runtime.step.config import RENAMED, Config, ConfigError, config_document, load_config
+from edgemap.runtime.step.config import RENAMED, RETIRED, Config, ConfigError, config_document, load_config
 
 
 def written(folder, document, name="c.yaml"):
@@ -43,6 +43,18 @@ def test_a_run_from_before_its_keys_were_renamed_is_read(tmp_path):
     both = written(tmp_path, {"config": {"forgetting": {"surest": 3.5, "highest": 3.0}}})
     with pytest.raises(ConfigError, match=r"config\.forgetting\.\w+: highest is given twice"):
         load_config(both)
+
+
+def test_numbers_that_nothing_uses_any_more_are_passed_over(tmp_path):
+    document = {"odometry": {"planar": {"gyro_upright_rad": [0.02, 0.04], "corners": 99}, "hybrid": {"gate": 9.0}}}
+    document |= {"attitude": {"trust": {"yaw": {"windows": 3, "least": [0.1, 0.2]}, "repeats": 7}}}
+    config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
+    assert (config.odometry.planar.corners, config.attitude.trust.repeats) == (99, 7)
+    tree = config_document(Config())
+    odometry, attitude = tree["odometry"], tree["attitude"]
+    rules = {**tree, **odometry, **odometry["hybrid"], **attitude, **attitude["check"]}
+    for part, names in RETIRED.items():
+        assert not set(names) & set(rules.get(part, {}))
 
 
 def test_every_old_name_stands_for_a_name_of_today():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ class ImuTrustRule:
     (the smallest ranges are 125 deg/s and 2 g), and beyond which none can be (2000 deg/s, 16 g). repeats: of one value;
     drivers deliver a sample up to four times. held: repeats of all three axes, by which a gyro that has noise is
     frozen. share_s, share: of bad samples, lately, by which a sensor is left out; it is used again below a tenth of
-    that. yaw: as it agrees with the odometry.
+    that.
     """
 
     gyro_rad_s: tuple[float, float] = (1.5, 35.0)
@@ -32,7 +32,6 @@ class ImuTrustRule:
     held: int = 12
     share_s: float = 0.5
     share: float = 0.3
-    yaw: TrustRule = field(default_factory=lambda: TrustRule(windows=3))
 
 
 class _Sensor:
@@ -77,7 +76,8 @@ class ImuTrust:
         self._rule = rule = rule or ImuTrustRule()
         self._gyro = _Sensor("gyro", "rad/s", rule.gyro_rad_s, rule, rule.held)
         self._accel = _Sensor("accelerometer", "m/s2", rule.accel_m_s2, rule)
-        self._yaw = Agreement(rule.yaw, rule.yaw.least[0], rule.yaw.yaw_between)
+        yaw = TrustRule()
+        self._yaw = Agreement(yaw, yaw.least[0], yaw.yaw_between)
         self._turned_rad = self._span_s = 0.0  # over the last step, by the gyro
         self._seen_s, self._reason = math.nan, ""
 

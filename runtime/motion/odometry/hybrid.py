@@ -12,8 +12,6 @@ import numpy as np
 from edgemap.geometry.camera.attitude import Attitude
 from edgemap.geometry.observations.movers import share_covered
 from edgemap.geometry.odometry.covariance_intersection import (
-    GATE,
-    KNOWN_SIGMA,
     MotionEstimate,
     consensus,
     difference,
@@ -46,15 +44,14 @@ CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 
 @dataclass(frozen=True, slots=True)
 class HybridRule:
-    """Weights of the hybrid's members. gate: squared Mahalanobis distance up to which two motions agree. known_sigma: m
-    and rad; a source with a greater standard deviation has less weight where sources disagree.  lasting_conflict:
-    number of consecutive steps of disagreement that make a fault; wheel slip is shorter. repeated_s: stream time
-    between two reports of a member that stays excluded. flow_covariance_scale, planar_covariance_scale,
-    gyro_covariance_scale: factors on the members' covariances, so that errors and covariance agree; the flow head's
-    errors last, so the drift asks for more than its NEES: 3.6, 2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the
-    camera alone). outside_flow_covariance_scale, outside_planar_covariance_scale: further factors for a camera outside
-    the head's training envelope, which is carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from
-    their true poses, drift 10 instead of 18 % over 5 m with 1000 instead of 25 in all for the head.
+    """Weights of the hybrid's members. lasting_conflict: number of consecutive steps of disagreement that make a
+    fault; wheel slip is shorter. repeated_s: stream time between two reports of a member that stays excluded.
+    flow_covariance_scale, planar_covariance_scale, gyro_covariance_scale: factors on the members' covariances, so
+    that errors and covariance agree; the flow head's errors last, so the drift asks for more than its NEES: 3.6,
+    2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone). outside_flow_covariance_scale,
+    outside_planar_covariance_scale: further factors for a camera outside the head's training envelope, which is
+    carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their true poses, drift 10 instead
+    of 18 % over 5 m with 1000 instead of 25 in all for the head.
     flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
     missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
     flow_alone_s: longest step for which it is used where no other member measures the rotation.
@@ -71,8 +68,6 @@ class HybridRule:
     wheels. compass: of the room's edges, which keep the heading.
     """
 
-    gate: float = GATE
-    known_sigma: float = KNOWN_SIGMA
     lasting_conflict: int = 10
     repeated_s: float = 10.0
     flow_covariance_scale: float = 16.0
@@ -248,7 +243,7 @@ class HybridOdometry:
             guess = self._coasting.guess(stamp_s, faults)
             guess = guess if not alive else _with_gyro_yaw(guess, alive[0])
             return replace(guess, members=self._answers(alive, alive))
-        found = consensus(self._held_to_gyro(alive), self._rule.gate, self._rule.known_sigma)
+        found = consensus(self._held_to_gyro(alive))
         self._conflicts = self._conflicts + 1 if found.conflict else 0
         # Who is wrong goes on being wrong: errors add up, not their squares, as in `Coasting`.
         lasting = 2.0 * self._conflicts - 1.0 if found.conflict else self._rule.lasting_covariance_scale
@@ -263,7 +258,7 @@ class HybridOdometry:
         else:
             moved, covariance = self._coasting.held(moved, covariance, stamp_s, carried)
         others = [item for item in alive if item.source != GYRO]
-        visual = None if len(others) == len(alive) else consensus(others, self._rule.gate, self._rule.known_sigma)
+        visual = None if len(others) == len(alive) else consensus(others)
         without_gyro = None if visual is None else (SE2(*visual.motion), np.asarray(visual.covariance))
         members = self._answers(alive, [found])
         lengths = (float(camera.motion[0]), float(wheels.motion[0])) if camera and wheels else None
@@ -342,7 +337,7 @@ class HybridOdometry:
     def _of(self, source: str, alive: Sequence[MotionEstimate]) -> MotionEstimate | None:
         """The fused measurements of one source."""
         own = [item for item in alive if item.source == source]
-        return consensus(own, self._rule.gate, self._rule.known_sigma) if own else None
+        return consensus(own) if own else None
 
     def _checked(self, index: int, motion: Motion) -> Motion:
         member = self._members[index]

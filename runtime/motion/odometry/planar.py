@@ -40,7 +40,7 @@ from edgemap.geometry.odometry.rolling import Rolling
 from edgemap.geometry.odometry.two_view import travelled
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
-from edgemap.runtime.motion.odometry.coasting import Coasting, CoastingRule
+from edgemap.runtime.motion.odometry.coasting import LONGEST_DT_S, Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import NO_PRIOR, FramePrior, Motion, first_motion, no_motion
 from edgemap.runtime.network.network import Tensors
 
@@ -52,6 +52,7 @@ SHIFT_PX = 4  # the picture's shift is estimated on every so many pixels
 RESPONSE_PX = 3  # about a corner; that far its response reads the picture
 MASK_PX = 8  # the floor mask is computed on every so many pixels
 SHORTEST_S = 1e-3  # between two pictures
+FEW = 5  # a fifth of the corners: fewer missing ones are not replaced, fewer of a keyframe tell no direction
 TURN_M = 0.3  # of path length that a radian of turn counts as
 MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
@@ -60,37 +61,25 @@ MINIMUM_COVARIANCE = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 class PlanarRule:
     """How planar odometry tracks corners and weighs them. Its metres are those of robots at home: `FloorCamera.unit_m`.
 
-    working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px: how
-    many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response,
-    shift_least_px: of the phase correlation, and what the tracker does not find by itself. scaled: landmarks of known
-    depth needed to keep the scale. reach_heights: range, in camera heights, beyond which no corner counts as floor.
-    floor_probability: of the floor mask at a corner that counts as floor; without a mask every corner within reach may
-    be floor. max_age: lifetime of a landmark, frames. track_sigma_px, drift_sigma_px: of one tracked corner at the
-    working width, and its drift in one frame. levelling: share of the tilt that is taken for the landmarks' and not for
-    the camera's. trusted_share: of the tracks that must agree, or a fresh start is tried, but on wheels: it doubles the
-    scale there as often as it mends it. agrees_more: times as many must agree on the fresh start, which has looser
-    landmarks. least_weight: tracks that must agree at all.
-    scale_drift_per_s, max_scale_drift: relative, of the scale that landmarks keep while no floor is in view.
-    longest_gap_s: without a picture; after a longer one the corners are not looked for any more.
-    carried: when the camera counts as carried, and as one on wheels. What is carried rises and sinks as well: by
-    rise_per_rad of the mount's height for each radian beyond `carried.level_rad`.
-    mover_margin_px: about boxes of people and animals, whose corners count last. lateral_m, lateral_share: as of
-    `Rolling`, for robots on wheels. unknown_axle_m: standard deviation of the axle's place where the mount's lever arm
-    is not known. slides_share: of the steps in which much floor is in view; a robot that slides in more moves sideways
-    by itself. slides_weight: of the newest step in that share. floor_lost_s: on wheels, after so long without floor
-    landmarks, what is seen below the horizon counts as floor at once. unseen_speed_m_s: of a robot whose scale is lost
-    meanwhile.
-    travelled_rad: the direction of motion is measured when the corners have moved so far, median, beside the rotation,
-    among travelled_fewest of one picture.
-    neighbour_px: distance in the picture, at the working width, over which landmarks give new ones their depth.
-    The rest holds for a carried camera with a gyro. gyro_rad, gyro_share: standard deviation of the rotation between
-    two pictures, and relative to it, as samples and pictures are not quite in step; gyro_tilt: factor on it for pitch
-    and roll, which the floor determines too. gyro_upright_rad: of tilt, from which on and up to which pitch and roll
-    are held to it; yaw always is. gyro_levelling: `levelling`, as the gyro carries the tilt on. Beyond gyro_upright_rad
-    the tilt is still being found: what the attitude learns of it rotates the landmarks and is no motion; gyro_floor is
-    the share of its standard deviation by which new floor landmarks err each for itself, so that they last.
-    scale_kept_s: after so long without landmarks of known depth, what is seen below the horizon counts as floor at
-    once.
+    working_width_px: wider pictures are scaled down to it. window_px: of the tracker. corners, corners_apart_px:
+    how many, how dense. floor_share: of the corners, looked for where the floor is within reach. shift_response: of
+    the phase correlation, from which on the picture's shift tells what lies beyond the tracker's own reach. scaled:
+    landmarks of known depth needed to keep the scale, so that what is seen below the horizon need not count as
+    floor at once. reach_heights: range, in camera heights, beyond which no corner counts as floor. max_age:
+    lifetime of a landmark, frames. track_sigma_px, drift_sigma_px: of one tracked corner at the working width, and
+    its drift in one frame. levelling: share of the tilt that is taken for the landmarks' and not for the camera's.
+    trusted_share: of the tracks that must agree, or a fresh start is tried, but on wheels: it doubles the scale
+    there as often as it mends it. agrees_more: times as many must agree on the fresh start, which has looser
+    landmarks. least_weight: tracks that must agree at all. scale_drift_per_s: relative, of the scale that landmarks
+    keep while no floor is in view. carried: when the camera counts as carried, and as one on wheels. What is
+    carried rises and sinks as well: by rise_per_rad of the mount's height for each radian beyond
+    `carried.level_rad`. lateral_m, lateral_share: as of `Rolling`, for robots on wheels. slides_share: of the steps
+    in which much floor is in view; a robot that slides in more moves sideways by itself. slides_weight: of the
+    newest step in that share. travelled_rad: the direction of motion is measured when the corners have moved so
+    far, median, beside the rotation. neighbour_px: distance in the picture, at the working width, over which
+    landmarks give new ones their depth. gyro_rad, gyro_share: standard deviation of the rotation that a gyro
+    measures between two pictures of a carried camera, and relative to it, as samples and pictures are not quite in
+    step. What the attitude learns of an IMU's tilt rotates the landmarks and is no motion.
     """
 
     working_width_px: int = 320
@@ -99,10 +88,8 @@ class PlanarRule:
     corners_apart_px: int = 6
     floor_share: float = 0.6
     shift_response: float = 0.15
-    shift_least_px: float = 8.0
     scaled: int = 25
     reach_heights: float = 12.0
-    floor_probability: float = 0.5
     max_age: int = 30
     track_sigma_px: float = 0.3
     drift_sigma_px: float = 0.1
@@ -111,29 +98,17 @@ class PlanarRule:
     agrees_more: float = 1.3
     least_weight: float = 8.0
     scale_drift_per_s: float = 0.1
-    max_scale_drift: float = 0.5
-    longest_gap_s: float = 1.0
     carried: CarriedRule = field(default_factory=CarriedRule)
-    mover_margin_px: int = 6
     lateral_m: float = 0.001
     lateral_share: float = 0.01
-    unknown_axle_m: float = 1.0
     slides_share: float = 0.3
     slides_weight: float = 0.05
-    floor_lost_s: float = 1.0
-    unseen_speed_m_s: float = 0.35
     travelled_rad: float = 0.035
-    travelled_fewest: int = 30
     neighbour_px: float = 40.0
     rise_per_rad: float = 0.5
     carried_gate: float = 0.6
     gyro_rad: float = math.radians(0.05)
     gyro_share: float = 0.03
-    gyro_tilt: float = 3.0
-    gyro_upright_rad: tuple[float, float] = (math.radians(1.0), math.radians(2.5))
-    gyro_levelling: float = 0.03
-    gyro_floor: float = 0.5
-    scale_kept_s: float = 3.0
 
 
 class PlanarOdometry:
@@ -171,9 +146,11 @@ class PlanarOdometry:
         self._mount = camera.mount  # that attitudes are about
         self._carried = Carried(rule.carried)
         known = camera.mount.forward_m != 0.0 or camera.mount.left_m != 0.0
-        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, 0.0 if known else rule.unknown_axle_m)
+        axle_m = 0.0 if known else self._level.mount.height_m  # nobody measured it: as far off as the lens is high
+        self._rolling = Rolling(rule.lateral_m, rule.lateral_share, 0.0, axle_m)
         self._slides = 0.0  # share of the steps in which the floor contradicts rolling, the latest ones
-        self._seed, self._coasting = seed, Coasting(coasting)
+        self._seed, coasting = seed, coasting or CoastingRule()
+        self._coasting, self._unseen_m_s = Coasting(coasting), coasting.speed_sigma_m_s
         self.reset("start")
 
     def step(self, frame: Frame, features: Tensors, prior: FramePrior = NO_PRIOR) -> Motion:  # noqa: ARG002
@@ -193,7 +170,7 @@ class PlanarOdometry:
         grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
-        if self._grey is not None and frame.stamp_s - self._seen_s > self._rule.longest_gap_s:
+        if self._grey is not None and frame.stamp_s - self._seen_s > LONGEST_DT_S:
             self._start_again()
         last, self._grey, dt_s = self._grey, grey, frame.stamp_s - self._seen_s
         self._mark_movers(prior.movers * (self._size[0] / frame.image.shape[1]))
@@ -223,7 +200,7 @@ class PlanarOdometry:
         scale2 = self._scale_variance(found, frame.stamp_s)
         covariance[:2, :2] += scale2 * np.outer(*[motion.vector()[:2]] * 2)
         if self._carried.on_wheels:  # a scale that has collapsed makes every motion small
-            covariance[0, 0] += scale2 * (self._rule.unseen_speed_m_s * dt_s) ** 2
+            covariance[0, 0] += scale2 * (self._unseen_m_s * dt_s) ** 2
         if self._rotation_known and self._carried.beyond_rad > 0.0:  # tilt errs too: a better yaw tells no translation
             covariance[:2, 2] = covariance[2, :2] = 0.0
         self._since, self._since_covariance = SE2(), np.zeros((3, 3))
@@ -276,17 +253,17 @@ class PlanarOdometry:
         self._landmarks = Landmarks.none()
         self._keyframe = self._view, self._camera, np.zeros((0, 3))  # and rays then of the corners, NaN for later ones
         self._motion, self._trusted, self._tilt, self._skipped = SE2(), False, self._view.tilt, False
-        self._rotation_known = self._rotation_held = self._upright = self._predicted = False
-        self._lost, self._levelled_rad = False, math.inf  # tilt being found, and what of it the landmarks have
-        self._floor_s, self._scaled_s = self._seen_s, -math.inf
+        self._rotation_known = self._predicted = False
+        self._levelled_rad = math.inf  # what the landmarks have of the tilt that an IMU measures
+        self._floor_s = self._seen_s
 
     def _scale_variance(self, found: Located, stamp_s: float) -> float:
         """Relative, of the motion's length; it grows while no floor is in view."""
         of_scale = self._landmarks.floor
         if float(found.weights[of_scale].sum()) >= self._rule.least_weight:
             self._floor_s = stamp_s
-        lost = min(self._rule.scale_drift_per_s * (stamp_s - self._floor_s), self._rule.max_scale_drift) ** 2
-        return lost + (self._noise.tilt_rad**2 if self._lost else 0.0)
+        drifted = self._rule.scale_drift_per_s * (stamp_s - self._floor_s)
+        return drifted**2 + (self._noise.tilt_rad**2 if self._rotation_known else 0.0)
 
     def _attend(self, attitude: Attitude | None) -> None:
         """The camera of this frame, the uncertainty of its attitude, and the rotation by a gyro."""
@@ -311,31 +288,18 @@ class PlanarOdometry:
             self._camera_before = self._camera
         self._predicted = ahead
         rotation = None if attitude is None or self._skipped else attitude.rotation
-        self._rotation_known = self._rotation_held = rotation is not None
-        known_rad, lost_rad = self._rule.gyro_upright_rad
-        if rotation is not None:
-            self._upright = self._noise.tilt_rad < (lost_rad if self._upright else known_rad)
-        self._lost = rotation is not None and not self._upright
-        if rotation is not None and self._lost:
-            self._retilt(rotation)
-        else:
-            self._levelled_rad = math.inf
+        self._rotation_known = rotation is not None
         self._tilt, self._levelling, self._skipped = self._view.tilt, self._rule.levelling, False
         if rotation is None:
+            self._levelled_rad = math.inf
             return
-        yaw_rad, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
-        carried = self._carried.beyond_rad > 0.0
-        self._rotation_held = carried and self._upright
-        self._motion = SE2(self._motion.x_m, self._motion.y_m, yaw_rad if self._rotation_held else rotation.yaw_rad)
+        self._retilt(rotation)
+        _, tilt = rotated(self._view.tilt, self._camera_before, rotation.rotation, self._camera)
+        self._motion = SE2(self._motion.x_m, self._motion.y_m, rotation.yaw_rad)
         sigma = math.hypot(self._rule.gyro_rad + self._rule.gyro_share * rotation.angle_rad, rotation.sigma_rad)
-        self._noise = replace(self._noise, yaw_rad=sigma if carried else math.inf)
-        if self._lost:
-            self._noise = replace(self._noise, floor_tilt_rad=self._rule.gyro_floor * self._noise.tilt_rad)
-            self._tilt, self._levelling = tilt, 0.0
-        if not self._rotation_held:
-            return
-        self._noise = replace(self._noise, tilt_rad=min(self._rule.gyro_tilt * sigma, self._noise.tilt_rad))
-        self._tilt, self._levelling = tilt, self._rule.gyro_levelling
+        yaw_sigma = sigma if self._carried.beyond_rad > 0.0 else math.inf
+        self._noise = replace(self._noise, yaw_rad=yaw_sigma, floor_tilt_rad=self._noise.tilt_rad)
+        self._tilt, self._levelling = tilt, 0.0
 
     def _retilt(self, rotation: GyroRotation) -> None:
         """The last picture's camera as known now; the landmarks follow by the share of the tilt's variance gone."""
@@ -344,8 +308,8 @@ class PlanarOdometry:
         known = Attitude.of_up(up, np.eye(2) * sigma_rad**2, "imu")
         before = self._level.at(replace(known, height_m=self._camera_before.mount.height_m))
         _, tilt = rotated(self._view.tilt, self._camera_before, np.eye(3), before)
-        share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.gyro_levelling)
-        drift = self._rule.gyro_levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
+        share = max(1.0 - (sigma_rad / self._levelled_rad) ** 2, self._rule.levelling)
+        drift = self._rule.levelling * max(sigma_rad**2 - self._levelled_rad**2, 0.0)
         self._levelled_rad = min(sigma_rad, math.sqrt(self._levelled_rad**2 + drift))
         view = Viewpoint(self._view.pose, tilt, self._view.rise_m)
         self._landmarks, self._view = reduce_tilt(self._landmarks, before, view, share)
@@ -358,7 +322,7 @@ class PlanarOdometry:
         self._mask_before, self._mask, self._sees_floor = self._mask, self._reached, seen is not None
         if seen is not None:
             floor = cv2.resize(seen.floor, self._size, interpolation=cv2.INTER_LINEAR)
-            self._mask = np.where(floor >= self._rule.floor_probability, self._reached, 0).astype(np.uint8)
+            self._mask = np.where(floor >= 0.5, self._reached, 0).astype(np.uint8)
 
     def _on_floor(self, mask: NDArray[np.uint8], corners: Pixels) -> NDArray[np.bool_]:
         """Which corners (N, 2) may count as floor at once, (N,)."""
@@ -377,7 +341,7 @@ class PlanarOdometry:
         """Where people and animals are: boxes (N, 4), px at the working width; 0 in `_still`, 255 elsewhere."""
         self._movers = boxes.astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
-        margin = self._rule.mover_margin_px
+        margin = self._rule.window_px // 2  # which the tracker reads about a corner
         for x0, y0, x1, y1 in self._movers.tolist():
             self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
 
@@ -392,11 +356,11 @@ class PlanarOdometry:
         start = self._ahead(self._since @ self._motion)
         given = self._doubtful(self._corners), self._rolls()
         found = locate(self._landmarks, seen, self._camera, start, noise, *given)
-        if self._rotation_held and found.weights.sum() < self._rule.trusted_share * len(seen):
-            free = replace(noise, yaw_rad=math.inf, tilt_rad=self._noise.tilt_rad)
+        if math.isfinite(noise.yaw_rad) and found.weights.sum() < self._rule.trusted_share * len(seen):
+            free = replace(noise, yaw_rad=math.inf)
             other = locate(self._landmarks, seen, self._camera, start, free, *given)
             if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
-                self._rotation_held, found, noise = False, other, free
+                found, noise = other, free
         if self._sees_floor and self._carried.on_wheels:
             enough = self._rule.trusted_share, self._rule.least_weight
             self._landmarks, found = scaled_by_floor(
@@ -414,7 +378,7 @@ class PlanarOdometry:
         after = self._camera.floor_points(self._corners[renewed.floor])
         sigmas = 0.02 * np.hypot(before[:, 0], before[:, 1])
         rough = planar_motion(before, np.nan_to_num(after, nan=1e3), sigmas, np.random.default_rng((self._seed, index)))
-        start = self._ahead(rough if rough and not self._rotation_held else self._since @ self._motion)
+        start = self._ahead(rough or self._since @ self._motion)
         other = locate(renewed, seen, self._camera, start, noise, *given)
         if other.weights.sum() < self._rule.agrees_more * found.weights.sum():
             return found
@@ -448,7 +412,7 @@ class PlanarOdometry:
         now = _rays(self._bearings(np.asarray(self._corners, dtype=np.float32)))
         both = np.isfinite(rays[:, 0])
         found = None
-        if both.sum() >= self._rule.travelled_fewest:
+        if both.sum() >= self._rule.corners // FEW:
             first, second = rays[both], now[both]
             rotation = rotation_between(view, camera, self._view, self._camera)
             turned = second @ rotation.T
@@ -527,7 +491,7 @@ class PlanarOdometry:
             small = [np.where(still, p - cv2.mean(p, still)[0], 0.0).astype(np.float32) for p in small]
         shift, response = cv2.phaseCorrelate(small[0], small[1], self._window)
         surprise = SHIFT_PX * np.array(shift) - medians(expected - self._corners)
-        clear = response > self._rule.shift_response and float(np.hypot(*surprise)) > self._rule.shift_least_px
+        clear = response > self._rule.shift_response and np.hypot(*surprise) > self._rule.window_px / 2 * 2**LEVELS
         return surprise.astype(np.float32) if clear else np.zeros(2, dtype=np.float32)
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
@@ -537,7 +501,7 @@ class PlanarOdometry:
     def _seek(self, grey: MatLike) -> None:
         """Make up for lost corners, on the floor and elsewhere apart: a wall's contrast must not hide the floor."""
         missing = self._rule.corners - len(self._corners)
-        if missing < self._rule.corners // 5:
+        if missing < self._rule.corners // FEW:
             return
         free = np.full(grey.shape, 255, dtype=np.uint8)
         for corner in self._corners.astype(np.intp).tolist():
@@ -563,7 +527,7 @@ class PlanarOdometry:
             rays = _rays(self._bearings(fresh))
             trusting = self._on_floor(self._mask, fresh)
             new = new_landmarks(rays, self._camera, self._view, self._noise, self._reach_m, trusting)
-            if self._rotation_held or self._carried.on_wheels:
+            if self._carried.on_wheels:
                 apart2 = ((fresh[:, None] - self._corners) ** 2).sum(axis=2)
                 near = np.exp(-apart2 / (2.0 * self._rule.neighbour_px**2))
                 new = with_neighbours_depth(new, near, self._landmarks, self._camera, self._view, self._noise)
@@ -573,15 +537,9 @@ class PlanarOdometry:
 
     def _trusting(self) -> bool:
         """Whether what is seen below the horizon counts as floor at once."""
-        if self._scaled():
-            self._scaled_s = self._seen_s
-            return self._carried.on_wheels and self._seen_s - self._floor_s > self._rule.floor_lost_s
-        return not self._rotation_held or self._seen_s - self._scaled_s > self._rule.scale_kept_s
-
-    def _scaled(self) -> bool:
-        """Whether landmarks of known depth determine the scale, so that new ones need not count as floor."""
-        kept = self._landmarks
-        return int((kept.floor | (kept.variance < (0.1 * kept.inverse_m) ** 2)).sum()) >= self._rule.scaled
+        kept, lost_s = self._landmarks, self._seen_s - self._floor_s
+        known = int((kept.floor | (kept.variance < (0.1 * kept.inverse_m) ** 2)).sum())
+        return known < self._rule.scaled or (self._carried.on_wheels and lost_s > LONGEST_DT_S)
 
     def _bearings(self, pixels: Pixels) -> Array:
         """Normalised image points (N, 2) without the lens' distortion, read off a table between its pixels."""
