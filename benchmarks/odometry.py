@@ -37,9 +37,11 @@ OWN_WHEELS = "wheel"  # as an odometry: the wheels that come with the data
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which frames of a drive: every `every`-th from `first` on, `frames` at most. lengths_m: of the segments, None
-    for the kind's own. wheels, imu, depth: whether those that come with the data may be used. mount: its height and
-    pitch hold instead of the data's own, for the odometry and not for the truth. config: the step's tuned numbers."""
+    """Frames and sensors of a drive that are evaluated: every `every`-th frame from `first` on, at most `frames`.
+
+    lengths_m: of the segments; None for the kind's own. wheels, imu, depth: whether the data's own may be used. mount:
+    replaces the data's height and pitch, for the odometry and not for the truth. config: the step's tuned numbers.
+    """
 
     first: int = 0
     every: int = 1
@@ -112,7 +114,7 @@ def score_drive(
 
 
 def together(drives: dict[str, ScoredDrive]) -> dict[str, Any]:
-    """The document of `edgemap eval odometry`: each sequence by name, and all of them put together."""
+    """The document of `edgemap eval odometry`: figures of each sequence by name, and of all sequences pooled."""
     errors = {name: drive.errors for name, drive in drives.items()}
     total = {"sequences": len(drives), **figures(list(errors.values())), "worst": worst_drive(errors)}
     total["faults"] = sum(drive.followed.faults for drive in drives.values())

@@ -115,8 +115,8 @@ def walk(drive: Drive, bundle: Bundle, config: Config, options: WalksOptions) ->
 def walk_errors(
     truth: Trajectory, stamps_s: Sequence[float], steps: Sequence[SE2], covariances: np.ndarray
 ) -> dict[str, float | None]:
-    """Of the motions between N stamps: drift in percent over each length, degrees per metre over the longest, length of
-    the path against the true one, and NEES per degree of freedom over windows of time (1 is consistent)."""
+    """Errors of the motions between N stamps: drift in percent over each length, degrees per metre over the longest,
+    path length divided by the true one, and NEES per degree of freedom over windows of time (1 is consistent)."""
     true, found = [truth.at(stamp_s) for stamp_s in stamps_s], integrated(steps)
     segments = {length: segment_errors(true, found, length, step=1) / length for length in LENGTHS_M}
     figures = {f"t_rel_{length:g}": _mean(100.0 * errors[:, 0]) for length, errors in segments.items()}

@@ -13,7 +13,7 @@ def arg(**options: Any) -> Any:
 
 
 def may_be_left_out(metavar: str, value: str) -> Any:
-    """For an option of type `str | None` whose value may be left out: `--option` alone means `value`."""
+    """An option of type `str | None` whose value may be left out: `--option` alone means `value`."""
 
     def read(words: list[str]) -> str:
         if len(words) > 1:

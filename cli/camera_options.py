@@ -99,9 +99,9 @@ HOW_TO_MEASURE = (
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """How a source is opened. realtime: files paced by their stamps. frames: how long `sim:SEED` drives; other sources
-    are as long as they are. recovery: of live devices. topics: further sensors. depth: whether frames bring their depth
-    pictures, where the source has any.
+    """Settings with which a source is opened. realtime: files are paced by their stamps. frames: length of a `sim:SEED`
+    drive; ignored by other sources. recovery: of live devices. topics: further sensors. depth: whether frames hold the
+    source's depth pictures.
     """
 
     realtime: bool = False

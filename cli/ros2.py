@@ -84,7 +84,7 @@ def ros2_sinks(
 
 
 def frame_names(frames: str) -> list[str]:
-    """The four of `--ros2-frames`. Raises OptionError."""
+    """The four frame names in the text of `--ros2-frames`. Raises OptionError."""
     names = [name.strip() for name in frames.split(",")]
     if len(names) != 4 or not all(names) or len(set(names)) != 4:
         raise OptionError(f"--ros2-frames {frames}: four different names, as in {FRAMES}")

@@ -49,9 +49,9 @@ def simulated(spec: str, frames: int | None = None) -> SimCamera:
 
 @contextmanager
 def as_data(spec: str, frames: int | None = None, quiet: bool = False) -> Iterator[str]:
-    """`KIND:DIR` for whatever a command got as its data; `demo` is the demo's own.
+    """`KIND:DIR` for the data that a command was given; `demo` stands for the demo's drive.
 
-    `sim:SEED` is rendered once, with all of its truth, to a folder that is there as long as the block.
+    `sim:SEED` is rendered once, with all of its truth, to a folder that exists until the end of the block.
     """
     from edgemap.runtime.inputs.open import DEMO
 

@@ -28,7 +28,7 @@ def class_entries(count: int) -> tuple[ClassEntry, ...]:
 
 
 def of_home(detector: DetectorSpec) -> DetectorSpec:
-    """A detector of COCO's classes with those mapped by default that stand in homes; another one as it is."""
+    """Maps by default the classes of a COCO detector that occur in homes; returns any other detector unchanged."""
     if tuple(entry.name for entry in detector.classes) != COCO_NAMES:
         return detector
     return msgspec.structs.replace(detector, classes=CLASSES)

@@ -24,7 +24,7 @@ def is_picodet(model: ModelProto) -> bool:
 
 
 def trim(model: ModelProto) -> ModelProto:
-    """The same network: its heads' last convolutions, (1, C+32, H, W), are the outputs, hard-swish is one operator."""
+    """The network cut after the last convolutions of its heads, (1, C+32, H, W), with hard-swish as one operator."""
     model = version_converter.convert_version(model, OPSET)
     _fuse_hard_swish(model)
     graph = model.graph

@@ -1,4 +1,4 @@
-"""Training in several processes at once (`torchrun`): who this one is, and what they must agree on."""
+"""Training in several processes at once (`torchrun`): the rank of this one, and values that all must share."""
 
 from __future__ import annotations
 

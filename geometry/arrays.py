@@ -1,4 +1,4 @@
-"""Types of arrays that stand in most signatures."""
+"""Array types used in most signatures."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -26,7 +26,7 @@ LEFT_OUT = ("export", "all", "dev")  # torch: gigabytes, and another build of it
 
 
 def built(folder: Path) -> dict[str, str]:
-    """Both archives of the last commit, by name: their sums. Times are that commit's, and owners nobody's."""
+    """Builds both archives of the last commit: SHA-256 by name. Members have the commit's time and no owner."""
     folder.mkdir(parents=True, exist_ok=True)
     stamp = subprocess.run(["git", "log", "-1", "--format=%ct"], cwd=ROOT, capture_output=True, text=True, check=True)
     environment = os.environ | {"SOURCE_DATE_EPOCH": stamp.stdout.strip(), "PYTHONHASHSEED": "0"}

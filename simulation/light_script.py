@@ -17,9 +17,9 @@ _SWITCH_S = 0.15
 class LightScript:
     """Shares of daylight and lamplight over time; 1 is bright noon and all lamps on.
 
-    switches_s: when the lamps go on or off; before the first they are as `lamp` says, after it they give `switched`,
-    then `lamp` again, and so on. clouds: how many stops (halvings) the thickest cloud takes; cloud_s: time from cloud
-    to cloud; phase_rad: where in the clouds the drive begins.
+    switches_s: times at which the lamps change between `lamp`, which holds at first, and `switched`. clouds: stops
+    (halvings) of light that the thickest cloud takes. cloud_s: period of the clouds; phase_rad: its phase at the
+    start of the drive.
     """
 
     day: float = 1.0

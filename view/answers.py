@@ -142,7 +142,7 @@ def event_answer(event: ZoneEvent) -> dict[str, Any]:
 
 
 def boxes(result: StepResult) -> list[dict[str, Any]]:
-    """All boxes of a picture, px; distance_m from the robot's centre on the floor, None where it stands on none."""
+    """All boxes of a picture, px. distance_m: on the floor, from the robot's centre; None for boxes off the floor."""
     placed = {
         item.sighting.detection: (round(float(np.linalg.norm(item.sighting.position_base_m)), 3), identity)
         for item, identity in zip(result.sightings, result.object_ids, strict=True)

@@ -87,7 +87,7 @@ def _from_another_site(scope: Scope, headers: dict[str, str]) -> bool:
 
 
 def own_names() -> frozenset[str]:
-    """The names that may stand in a Host header beside plain addresses."""
+    """Host names that a Host header may contain besides plain addresses."""
     machine = socket.gethostname().lower()
     return frozenset({"localhost", machine, f"{machine.split('.')[0]}.local", f"{machine.split('.')[0]}.lan"})
 

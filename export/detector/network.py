@@ -62,7 +62,7 @@ class TorchNetwork(nn.Module):
         save_detector(self.graph.model(), manifest, path)
 
     def copy(self) -> TorchNetwork:
-        """Another one with the same weights."""
+        """A copy of the network with the same weights."""
         return copy.deepcopy(self)
 
 

@@ -25,11 +25,12 @@ SMALLEST_PX = 10.0  # longer side at the network's input; what is smaller is no 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Example:
-    """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the visible share of each (N,). unasked:
-    boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None after augmentation. source: which of the
-    training's sources it is from. complete: (C,) bool, the classes that its labels cover fully. kept: (C,) bool, the
-    classes of which training stays with what another network says of this picture.
-    scores: of a network that predicted the boxes, (N,); None where they are true.
+    """A BGR picture with its boxes (N, 4) xyxy px, label numbers (N,), and the visible share of each (N,).
+
+    unasked: boxes that evaluation ignores, (N,), as `LabelledBoxes.ignorable`; None after augmentation. source: index
+    of the training's source. complete: (C,) bool, classes that the labels cover fully. kept: (C,) bool, classes for
+    which training keeps the predictions of the reference network. scores: of a network that predicted the boxes, (N,);
+    None where they are true.
     """
 
     image: NDArray[np.uint8]

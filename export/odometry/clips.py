@@ -89,7 +89,7 @@ class ClipDraws:
 
 
 class Shelf:
-    """Features of drives where a device reads them: a GPU holds all of them, a processor fetches each clip's."""
+    """Features of drives in the memory of a device: a GPU holds all of them, a processor loads those of each clip."""
 
     def __init__(self, drives: Sequence[FeatureDrive], device: torch.device) -> None:
         self.device = device

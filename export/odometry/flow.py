@@ -28,9 +28,12 @@ SLOPE = 0.1
 
 @dataclass(frozen=True)
 class FlowSizes:
-    """Channels: fine, coarse: of a cell's description, of stride 8 and 16; width: of both searches; narrow: of what the
-    fine one reads of its scores; hidden: of the memory. reach: of the fine search, in cells of stride 8 around the
-    prediction. By default a head of 0.4 million parameters."""
+    """Numbers of channels in a flow head; the defaults make one of 0.4 million parameters.
+
+    fine, coarse: of a cell's descriptor at stride 8 and 16. width: of both searches. narrow: of the correlation scores
+    that the fine search reads. hidden: of the memory. reach: of the fine search around the prediction, in cells of
+    stride 8.
+    """
 
     fine: int = 32
     coarse: int = 48

@@ -30,7 +30,7 @@ class ConvLSTMCell(nn.Module):
         self.gates = nn.Conv2d(channels + hidden, 4 * hidden, kernel, padding=kernel // 2)
 
     def forward(self, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
-        """x (1, channels, H, W) and the state to the new (h, c)."""
+        """The new state (h, c) from x (1, channels, H, W) and the state before."""
         i, f, o, g = torch.split(self.gates(torch.cat([x, h], dim=1)), self.hidden, dim=1)
         c = torch.sigmoid(f) * c + torch.sigmoid(i) * functional.leaky_relu(g, self.slope)
         return torch.sigmoid(o) * functional.leaky_relu(c, self.slope), c

@@ -88,7 +88,7 @@ def align(first: Sequence[MapObject], second: Sequence[MapObject], rule: Alignme
 def aligning(
     first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
 ) -> Generator[None, None, Alignment]:
-    """As `align`; yields after every unit of work, each of bounded size.
+    """Aligns two maps as `align` does, and yields after every unit of work; each unit has bounded size.
 
     Chance is counted a contrario (Moisan and Stival 2004): the number of motions tried, times the probability that as
     many of the other objects fall as near to one of their label at random.
@@ -151,7 +151,7 @@ def realigned(
 def aligned_near(
     guesses: Sequence[SE2], first: Sequence[MapObject], second: Sequence[MapObject], rule: AlignmentRule | None = None
 ) -> Alignment:
-    """The alignment that one of a few guessed poses of the second map in the first one's frame gives.
+    """Aligns the second map to the first one from a few guessed poses of the second map in the first map's frame.
 
     A prior guess is one hypothesis among few, while `align` tries thousands, so fewer objects confirm it. Chance is the
     number of guesses, times the probability that as many of the second map's objects fall onto one of their label at

@@ -49,7 +49,7 @@ class NumberTable:
         return self.parse(read_bytes(path, TABLE_BYTES, error), str(path), error)
 
     def parse(self, data: bytes, path: str, error: type[EdgemapError]) -> tuple[list[int], NDArray[np.float64]]:
-        """As `read`, of a file's bytes. path: for messages."""
+        """Parses the bytes of a file as `read` does. path: for messages."""
         numbers: list[int] = []
         values = array("d")  # a list would take four times the memory
         for number, line in self._lines(data, path, error):

@@ -23,7 +23,7 @@ class _Loader(yaml.SafeLoader):
     depth = 0
 
     def compose_node(self, parent: Node | None, index: int) -> Node | None:
-        """As the base class, but for what could grow without end."""
+        """Composes a node as the base class does; refuses depth and aliases that could grow without bound."""
         if self.check_event(yaml.events.AliasEvent):
             raise _Refused(f"line {self.peek_event().start_mark.line + 1}: an alias")
         self.depth += 1

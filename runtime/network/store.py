@@ -50,7 +50,7 @@ def bundle_folder(name: str) -> Path:
 
 
 def passed_over(name: str) -> Path | None:
-    """The bundle in the cache whose name is that of another one that comes with the package, and is therefore not used.
+    """The bundle in the cache that is not used because a different one in the package has its name.
 
     Raises BundleError where either has no manifest that can be read.
     """

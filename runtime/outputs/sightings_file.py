@@ -26,9 +26,9 @@ class _Run(msgspec.Struct):
 
 
 def read_sightings(folder: Path) -> list[SeenRecord]:
-    """The sightings of a run; ids of objects that merged into others are those that stayed.
+    """The observations of a run; an object that was merged into another has the other's id.
 
-    Raises MapError with the line number for a damaged line; the rest of one that a power cut tore does not count.
+    Raises MapError with the line number for a damaged line; an incomplete last line (a power cut) is ignored.
     """
     path = folder / "sightings.jsonl"
     try:

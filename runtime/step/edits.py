@@ -153,7 +153,7 @@ def load_edits(path: Path) -> list[tuple[int, Edit]]:
 
 
 def read_edits(lines: Iterable[str], source: str) -> list[tuple[int, Edit]]:
-    """As `load_edits`, of its lines. source: for messages."""
+    """Parses the lines of a file of edits as `load_edits` does. source: for messages."""
     found = []
     for number, line in enumerate(lines, 1):
         record = decode_json(line, _Line, f"{source}:{number}", EditError)

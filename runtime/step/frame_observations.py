@@ -56,7 +56,7 @@ class FrameObservations:
 
     @property
     def attitude_source(self) -> str:
-        """Where roll and pitch come from."""
+        """Source of roll and pitch."""
         attitude = self.camera and self.camera.attitude
         return attitude.source if attitude else "mount"
 

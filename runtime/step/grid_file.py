@@ -67,7 +67,7 @@ def load_grid(path: Path) -> OccupancyGrid | None:
 
 
 def read_grid(data: bytes, source: str) -> OccupancyGrid:
-    """As `load_grid`, of the file itself. source: for messages."""
+    """Parses the bytes of a grid file as `load_grid` does. source: for messages."""
     where = f"{source}: no grid"
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

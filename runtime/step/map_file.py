@@ -222,7 +222,8 @@ def load_last_pose(path: Path) -> SE2 | None:
 
 
 def read_map(data: bytes, source: str, most: int = MAXIMUM_OBJECTS) -> tuple[list[MapObject], Annotations]:
-    """As `load_annotated_map`, of the document itself. source: for messages. most: of objects, counted first."""
+    """Parses the text of a map.json as `load_annotated_map` does. source: for messages. most: greatest number of
+    objects, counted before any is made."""
     if data.count(b'"covariance_m2"') > most:  # one in every object
         raise MapError(f"{source}: more than {most} objects")
     other = f"{source}: not an {FORMAT} document"

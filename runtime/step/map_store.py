@@ -32,9 +32,9 @@ def maps_folder() -> Path:
 
 
 def find_map(text: str | Path) -> MapPlace:
-    """The map that a text means: a map.json or run folder, which are read; a name or another folder, which live.
+    """The map that a text names: a map.json or a run folder is only read; a name or another folder is saved back to.
 
-    A name is one without a slash, of which there is no map in this folder.
+    A name has no slash, and no map of that name is in the current folder.
     """
     path = user_path(str(text))
     is_file = path.is_file() or path.suffix == ".json"

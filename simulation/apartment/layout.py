@@ -162,7 +162,7 @@ class Layout:
         return None
 
     def beside(self, kind: str, anchor: Placed, room: RoomArea, gap_m: float = 0.06) -> Placed | None:
-        """At either side of a piece, both backs in line."""
+        """Places a model at either side of a piece, both backs in line."""
         for sign in self.rng.permutation([-1.0, 1.0]):
             model = self.model(kind)
             away = anchor.model.width_m / 2.0 + model.width_m / 2.0 + gap_m
@@ -175,7 +175,7 @@ class Layout:
     def before(
         self, kind: str, anchor: Placed, room: RoomArea, gap_m: float, facing: bool = True, ignore: bool = False
     ) -> Placed | None:
-        """In front of a piece, turned towards it (or the same way); ignore: may reach over or under it."""
+        """Places a model before a piece, turned towards it (or the same way); ignore: may reach over or under it."""
         model = self.model(kind)
         away = anchor.model.depth_m / 2.0 + model.depth_m / 2.0 + gap_m
         pose = anchor.pose_home_object @ SE2(away, self.uniform(-0.1, 0.1), math.pi if facing else 0.0)
@@ -184,7 +184,7 @@ class Layout:
     def on_top(
         self, kind: str, support: Placed, room: RoomArea, spread: float = 0.3, back: bool = False
     ) -> Placed | None:
-        """On a piece's flat top, within the middle `spread` of it, or at its back facing as it does."""
+        """Places a model on a piece's flat top, within the middle `spread` of it, or at its back facing as it does."""
         if support.model.top_m <= 0.0:
             return None
         depth, width = support.model.depth_m, support.model.width_m

@@ -54,7 +54,7 @@ class RoomArea:
 
     @property
     def rectangle(self) -> Rectangle:
-        """x0, y0, x1, y1."""
+        """Corners as x0, y0, x1, y1, metres."""
         return self.x0, self.y0, self.x1, self.y1
 
     @property
@@ -63,7 +63,7 @@ class RoomArea:
         return (self.x0 + self.x1) / 2.0, (self.y0 + self.y1) / 2.0
 
     def holds(self, x_m: float, y_m: float) -> bool:
-        """Whether a point lies on its floor."""
+        """Whether a point is on the floor of this room."""
         return self.x0 <= x_m <= self.x1 and self.y0 <= y_m <= self.y1
 
 
@@ -84,7 +84,7 @@ class Doorway:
 
     @property
     def rectangle(self) -> Rectangle:
-        """x0, y0, x1, y1."""
+        """Corners as x0, y0, x1, y1, metres."""
         return self.x0, self.y0, self.x1, self.y1
 
     @property

@@ -82,7 +82,7 @@ def wall_pieces(plan: ApartmentPlan, room: RoomArea, side: str) -> list[tuple[fl
 
 
 def stretch(room: RoomArea, side: str) -> tuple[float, float, float]:
-    """From where to where a wall runs (along x or y), and where its face lies on the other axis."""
+    """Start and end of a wall along x or y, and the position of its face on the other axis."""
     return {
         "near": (room.x0, room.x1, room.y0),
         "far": (room.x0, room.x1, room.y1),

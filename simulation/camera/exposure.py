@@ -1,7 +1,7 @@
-"""Automatic exposure: how much the camera brightens the picture, following the light with a lag.
+"""Automatic exposure: the camera's gain, which follows the light with a lag.
 
-The light is that of the air round the robot, baked with the home: no picture is needed to expose another one, so
-every picture can be made by itself.
+The light is that of the air around the robot, baked with the home. So the exposure of a picture needs no other
+picture, and pictures can be rendered in any order.
 """
 
 from __future__ import annotations

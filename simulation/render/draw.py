@@ -39,7 +39,7 @@ class Slots:
         self._names, self._slots = [ROOM_ID], {ROOM_ID: 0}
 
     def of(self, id_: int) -> int:
-        """The byte of an id; ids beyond the limit count as room."""
+        """The byte that represents an id in the picture; ids beyond the limit get the room's."""
         if id_ not in self._slots:
             if len(self._names) > _MOST_OBJECTS:
                 return 0

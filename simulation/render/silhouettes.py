@@ -44,8 +44,8 @@ class Outlines:
 
 
 def ideal_points(points_optical_m: Array) -> Array:
-    """Convex points (N, 3) of the optical frame as (M, 2) at unit depth, cut at the near plane where some lie behind;
-    none where all do."""
+    """Projects convex points (N, 3) of the optical frame to unit depth, (M, 2). Points behind the near plane are
+    replaced by intersections with it; M is 0 where all are behind."""
     ahead = points_optical_m[:, 2] >= NEAR_M
     front, behind = points_optical_m[ahead], points_optical_m[~ahead]
     if len(front) and len(behind):

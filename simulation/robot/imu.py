@@ -23,7 +23,7 @@ _SMOOTH = 1.0  # samples; a path's small kinks are none of the robot's accelerat
 
 @dataclass(frozen=True, slots=True)
 class ImuErrors:
-    """Of Bosch's BMI055 (in Intel's D435i and D455), by its datasheet; the walks are of its measured kind.
+    """Errors of an IMU; by default those of Bosch's BMI055 (in Intel's D435i and D455) by its datasheet.
 
     gyro_density rad/s/sqrt(Hz), accel_density m/s^2/sqrt(Hz): white noise. gyro_bias rad/s, accel_bias m/s^2 (70 mg):
     largest offset. gyro_walk rad/s^2/sqrt(Hz), accel_walk m/s^3/sqrt(Hz). scale, misaligned: standard deviations,

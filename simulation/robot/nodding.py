@@ -1,4 +1,4 @@
-"""How a robot nods: on its springs as it speeds up and brakes, and over thresholds and carpets."""
+"""Nodding of a robot: on its springs as it speeds up and brakes, and over thresholds and carpets."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Nodding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tilts:
-    """Of the base along a drive, every SAMPLE_S from time 0: samples (N, 3) of roll, pitch (positive down) in rad and
-    rise in metres."""
+    """Tilt of the base along a drive, every SAMPLE_S from time 0. samples: (N, 3), roll and pitch (positive down) in
+    rad, rise in metres."""
 
     samples: Array
 

@@ -1,4 +1,4 @@
-"""Which cameras are here: RealSense devices, V4L2 devices, and what installed kinds find."""
+"""Lists the cameras of this machine: RealSense devices, V4L2 devices, and those that installed plugins find."""
 
 import os
 import struct

@@ -69,8 +69,8 @@ class Camera(Protocol):
 
 
 class Picture(NamedTuple):
-    """stamp_s: of the device. image: BGR, (H, W, 3). depth: (H, W) metres of its pixels, 0 where unknown; None where
-    there is none."""
+    """A picture as a device delivers it. stamp_s: by the device's clock. image: BGR, (H, W, 3). depth: (H, W) metres of
+    its pixels, 0 where unknown; None without a depth camera."""
 
     stamp_s: float
     image: NDArray[np.uint8]

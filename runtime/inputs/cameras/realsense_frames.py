@@ -116,8 +116,8 @@ def started(rs: ModuleType, pipeline: Any, config: Any) -> Any:
 
 
 def await_begin(rs: ModuleType, playback: Any) -> None:
-    """Waits until the thread that reads a recording has started: before that its status is that of an ended one, and a
-    stop would be followed by the start. A recording that ends before this call costs `BEGIN_LIMIT_S`.
+    """Waits until the thread reading a recording has started. Before that its status equals that of an ended one, and
+    the start would follow a stop. For a recording that ended before this call it waits `BEGIN_LIMIT_S`.
     """
     until_s = time.monotonic() + BEGIN_LIMIT_S
     while playback.current_status() == rs.playback_status.stopped and time.monotonic() < until_s:

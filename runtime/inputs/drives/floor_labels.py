@@ -17,9 +17,9 @@ OTHER, FLOOR, WALL, UNKNOWN = 0, 1, 2, 255
 
 
 def floor_pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """Pictures of `folder/images` that have labels `folder/floor/NAME.png`, with them, in order.
+    """Pairs of a picture in `folder/images` and its labels `folder/floor/NAME.png`, in order.
 
-    Raises CameraError where there is none.
+    Raises CameraError where there are no labels.
     """
     return paired(list_pictures(folder / "images"), folder / "floor")
 

@@ -31,7 +31,7 @@ class Footprint(msgspec.Struct):
 
 
 class FloorPlan(msgspec.Struct):
-    """Walls are solid; rooms and doorways are floor where no wall and no footprint is."""
+    """True floor plan of a home. Walls are solid; rooms and doorways are floor outside of walls and footprints."""
 
     format: str
     walls: Annotated[list[Area], Meta(max_length=10_000)]

@@ -132,7 +132,7 @@ def depth_of(recording: McapReading, topic: str | None = None) -> RecordedDepth 
 
 
 def aligned(kinds: Mapping[str, str]) -> str | None:
-    """Of topics and their kinds, the first raw picture topic whose name marks depth aligned to the colour picture."""
+    """The first raw picture topic whose name marks depth aligned to the colour picture. kinds: by topic."""
     return next((name for name, kind in kinds.items() if ALIGNED in name and kind == "sensor_msgs/Image"), None)
 
 

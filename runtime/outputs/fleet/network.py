@@ -1,4 +1,4 @@
-"""Where a fleet meets: names, keys and sessions of zenoh, its messages, and the merged map asked of its keeper."""
+"""Communication of a fleet: zenoh names, keys and sessions, messages, and requests for the keeper's merged map."""
 
 import json
 import os

@@ -61,7 +61,7 @@ class FleetSink:
             raise PublishError(f"nobody keeps the map of {self._place} at {self._address} (edgemap fleet serve)")
 
     def fault(self, text: str) -> None:
-        """Faults stand in run.json."""
+        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Send the last map and leave; may be called twice."""

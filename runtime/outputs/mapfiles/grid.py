@@ -99,8 +99,8 @@ def seen_cells(grid: OccupancyGrid, objects: Sequence[MapObject] = ()) -> FloorC
 
 
 def live_grid(objects: Sequence[MapObject], x_m: float, y_m: float) -> FloorCells:
-    """As `grid_of` for a robot at (x_m, y_m): the floor that it stands on is free. Cells are twice as long, and twice
-    again, until no more than a million cover everything."""
+    """The grid of `grid_of` with the floor below a robot at (x_m, y_m) free. The side of a cell is doubled until at
+    most a million cells cover everything."""
     rule = CellsRule()
     here = Trajectory(np.zeros(1), (SE2(x_m, y_m),))
     points = np.array([[x_m, y_m], *(item.position_m for item in objects)])

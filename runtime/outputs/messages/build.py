@@ -145,7 +145,7 @@ def odometry(
 
 
 def detections_2d(stamp_ns: int, result: StepResult, ids: FrameIds = IDS) -> Message:
-    """`vision_msgs/Detection2DArray`: every box, px; with the id of its map object where there is one."""
+    """`vision_msgs/Detection2DArray`: every box, px, with the id of its map object if it has one."""
     objects = result.object_of_box
     found, head = [], header(stamp_ns, ids.optical)
     detections = result.detections

@@ -40,9 +40,9 @@ NAMESPACE = "edgemap"  # a robot of its own name has its own /map
 class Ros2Options:
     """How results are published.
 
-    namespace: before every topic but tf, and but /map where it is the usual one. pictures: whether they are
-    published too. best_effort: lost pictures, boxes and floor scans are not sent again; readers that require reliable
-    ones get none. odom_tf: False where the robot publishes odom -> base itself.
+    namespace: prefix of every topic except tf, and except /map if the namespace is the default one. pictures: whether
+    they are published too. best_effort: lost pictures, boxes and floor scans are not sent again; readers that require
+    reliable ones get none. odom_tf: False where the robot publishes odom -> base itself.
     """
 
     namespace: str = NAMESPACE
@@ -116,7 +116,7 @@ class Ros2Sink:
                 self._edit(pose_edit(message))
 
     def fault(self, text: str) -> None:
-        """Faults stand in run.json."""
+        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Unpublish; may be called twice."""

@@ -157,7 +157,7 @@ class RecordingSink:
             self._recorder.edit(line)
 
     def fault(self, text: str) -> None:
-        """Faults stand in run.json."""
+        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Finishes the file. Raises DiskError where its end cannot be written; it is valid up to its last complete

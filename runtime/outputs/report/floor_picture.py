@@ -13,7 +13,7 @@ FREE_BGRA, OBSTACLE_BGRA = (170, 140, 110, 46), (140, 120, 105, 200)
 
 
 def seen_floor(sheet: Sheet, grid: OccupancyGrid) -> Markup:
-    """Free floor, obstacles and walls; unknown cells stay white."""
+    """Draws the grid's free floor, obstacles and walls as SVG elements; unknown cells stay white."""
     rows, columns = grid.cells.shape
     picture = np.zeros((columns, rows, 4), np.uint8)
     turned = grid.cells.T[::-1, ::-1]  # x up, y to the left

@@ -30,8 +30,8 @@ def floor_svg(
     zones: Sequence[Zone] = (),
     seen: OccupancyGrid | None = None,
 ) -> Markup:
-    """Objects with size, 95 % ellipse and name; the trajectory with start and end; the true objects; zones; grid lines
-    and scale; the observed floor as background.
+    """Draws the map from above as SVG: objects with size, 95 % ellipse and name, the trajectory with start and end,
+    true objects, zones, grid lines and scale, with the observed floor as background.
     """
     sheet = _sheet(objects, trajectory, true_trajectory, evaluation_rows, zones, seen)
     marks = [_object(sheet, item) for item in sorted(objects, key=radius_m, reverse=True)]  # small ones on top

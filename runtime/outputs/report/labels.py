@@ -12,10 +12,10 @@ Box = tuple[float, float, float, float]
 def place_labels(
     marks: Sequence[tuple[str, float, float]], width_px: float, height_px: float
 ) -> list[tuple[float, float, str]]:
-    """For each (text, x, y) of a dot, where its text starts: x, baseline y and SVG's text-anchor.
+    """Positions of the texts (text, x, y) beside their dots: x, baseline y and SVG's text-anchor of each.
 
-    Greedy: each text takes the place, of eight around its dot, that overlaps least with dots, texts placed before
-    it and the border. More than `MAXIMUM_PLACED` texts stand beside their dots as they come.
+    Greedy: of eight places around its dot each text takes the one that overlaps least with dots, earlier texts and the
+    border. Beyond `MAXIMUM_PLACED` texts all are placed to the right of their dots.
     """
     if len(marks) > MAXIMUM_PLACED:  # the work grows with the square: all to the right of their dots
         return [_spots(x, y)[0] for _, x, y in marks]

@@ -57,7 +57,7 @@ class ReportFile:
             self._crops.keep({item.id for item in objects}, result.merged)
 
     def fault(self, text: str) -> None:
-        """Faults stand in run.json, from where the page takes them."""
+        """Does nothing: the page takes faults from run.json."""
 
     def close(self) -> None:
         """Write the page; never raises."""

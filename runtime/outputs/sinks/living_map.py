@@ -61,7 +61,7 @@ class LivingMap:
                 self._save()
 
     def fault(self, text: str) -> None:
-        """Faults stand in run.json."""
+        """Does nothing: faults are in run.json."""
 
     def close(self) -> None:
         """Save for good; edits of the page that stays are still saved. Raises DiskError."""

@@ -43,9 +43,9 @@ class ProgressBar:
 
 
 class ProgressLines:
-    """For a log: a line every 10 s, and each fault as it comes, but for one that differs in its numbers only.
+    """Progress in a log: a line every 10 s, and each fault, unless it differs from an earlier one in its numbers only.
 
-    total: None for live cameras. clock_s: wall time, since the lines are for who waits.
+    total: None for live cameras. clock_s: wall time, as people read the lines.
     """
 
     name = "progress lines"

@@ -16,7 +16,7 @@ class Cause:
 
     @property
     def link(self) -> str:
-        """Where to read on."""
+        """Address of the documentation section."""
         return f"{PAGE}#{self.anchor}"
 
 

@@ -46,12 +46,12 @@ class Verdict:
 
     @property
     def line(self) -> str:
-        """For a terminal or a headline."""
+        """The verdict in one line, for a terminal or a headline."""
         reasons = "; ".join(finding.text for finding in self.findings[:3])
         return f"map: {TITLES[self.level]}" + (f" ({reasons})" if reasons else "")
 
     def document(self) -> dict[str, Any]:
-        """As run.json holds it."""
+        """The verdict as plain values, as in run.json."""
         return {"level": self.level, "reasons": [finding.text for finding in self.findings]}
 
 

@@ -1,4 +1,4 @@
-"""Where up is by an accelerometer, over all samples of a source."""
+"""The direction of gravity from an accelerometer, over all samples of a source."""
 
 import numpy as np
 
