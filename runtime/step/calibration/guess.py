@@ -16,7 +16,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.camera.room_edges import level_axes, room_axes
 from edgemap.geometry.observations.class_extents import HEIGHT_M, MEASURED
 from edgemap.geometry.observations.detections import Detections
-from edgemap.geometry.observations.lens_height import lens_heights
+from edgemap.geometry.observations.lens_height import BORDER_PX, lens_heights
 from edgemap.runtime.frames.errors import CalibrationError
 from edgemap.runtime.motion.attitude.segments import line_ends, segments_between
 
@@ -39,7 +39,7 @@ USUAL_PITCH_RAD, PITCH_SIGMA_RAD = math.radians(8.0), math.radians(10.0)  # of r
 USUAL_HEIGHT_M, HEIGHT_SIGMA = 0.6, 0.7  # of the lens, and of its logarithm
 CARRIED_HEIGHT_M, CARRIED_SIGMA = 1.5, 0.15  # of a camera in a person's hands, before the chest, or on the head
 TRIED_PITCH_RAD = np.radians(np.arange(-10.0, 46.0, 1.0))
-CUT_PX, LEAST_SCORE, FARTHEST_HEIGHTS = 3.0, 0.5, 15.0  # farther than so many lens heights, pitch decides alone
+FARTHEST_HEIGHTS = 15.0  # farther than so many lens heights, pitch decides alone
 LOWEST_M, HIGHEST_M = 0.05, 3.0
 LEAST_FLOOR = 0.1  # share of the picture below the horizon
 
@@ -307,8 +307,12 @@ def _by_widths(found: Detections, camera: FloorCamera) -> list[tuple[str, float]
     shapes, seen = [MEASURED.get(label) for label in found.labels], []
     for row, shape in enumerate(shapes):
         left, _, right, foot = found.boxes[row].tolist()
-        inside = left > CUT_PX and right < camera.intrinsics.width - CUT_PX and foot < camera.intrinsics.height - CUT_PX
-        if shape is None or not inside or found.scores[row] < LEAST_SCORE:
+        inside = (
+            left > BORDER_PX
+            and right < camera.intrinsics.width - BORDER_PX
+            and foot < camera.intrinsics.height - BORDER_PX
+        )
+        if shape is None or not inside:
             continue
         ends = camera.floor_points([(left, foot - 0.5), (right, foot - 0.5)])
         wide_m = float(np.linalg.norm(ends[1] - ends[0]))
