@@ -126,7 +126,7 @@ class Batches:
 def _next(queue: Queue, worker: BaseProcess) -> tuple[Tensor, Targets]:
     while True:
         try:
-            return queue.get(timeout=5.0)
+            return queue.get(timeout=1.0)
         except Empty:
             if not worker.is_alive():
                 raise ExportError(f"a process that makes training pictures died (code {worker.exitcode})") from None

@@ -1,5 +1,7 @@
 """From labelled pictures to a bundle's figures, as a user types it; mistakes are one line."""
 
+import contextlib
+import io
 import json
 import os
 import shlex
@@ -42,36 +44,14 @@ def squares(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
-def test_train_export_and_eval(edgemap, squares, tmp_path):
-    data = f"yolo:{squares}"
-    small = ("--data", data, "--validation", data, "--start", "edgemap-nano", "--batch", 5, "--input", 128)
-    result = edgemap("train", "detector", *small, "-o", tmp_path, "--epochs", "1")
-    assert result.returncode == 0, result.stderr
-    assert "10 pictures with 10 boxes to train on, 10 to validate on" in result.stdout
-    assert {path.name for path in tmp_path.iterdir()} >= {"best.pt", "blended.pt", "last.pt", "curves.csv"}
-    assert len((tmp_path / "curves.csv").read_text().splitlines()) >= 2
-    result = edgemap("export", tmp_path / "best.pt", "-o", tmp_path / "bundle")
-    assert result.returncode == 0, result.stderr
-    assert "bundle bundle in" in result.stdout
-    flags = ("--bundle", tmp_path / "bundle", "--json")
-    figures = json.loads(edgemap("eval", "detection", "--data", data, *flags).stdout)
-    assert (figures["pictures"], figures["boxes_true"], figures["boxes_ignored"]) == (10, 9, 1)
-    assert "the bundle knows person, cat" in one_line(
-        edgemap("eval", "detection", "--data", data, *flags, "--classes", "sofa"), 2
-    )
-    assert "is a detector itself" in one_line(
-        edgemap("export", tmp_path / "best.pt", "--backbone", "yolov3", "-o", tmp_path / "x"), 2
-    )
-
-
-@pytest.mark.slow
-def test_the_page_s_fifty_pictures_as_they_stand(squares, tmp_path, monkeypatch):
-    """docs/own-model.md, on three sets of four squares with the labels and classes.txt of a labelling tool."""
+@pytest.fixture(scope="module")
+def flat(squares, tmp_path_factory):
+    """The commands of docs/own-model.md as they stand, on three sets of four squares with the labels and classes.txt of
+    a labelling tool: the folder that they leave, and what they print."""
     page = (ROOT / "docs/own-model.md").read_text().split("## Your own flat")[1]
-    commands = page.split("```sh\n")[1].split("```")[0].splitlines()
-    folders = [tmp_path / "flat" / part for part in ("mine", "choose", "other")]
-    for folder in (*(one / "images" for one in folders), tmp_path / "photographs"):
+    commands, place = page.split("```sh\n")[1].split("```")[0].splitlines(), tmp_path_factory.mktemp("flat")
+    folders = [place / "flat" / part for part in ("mine", "choose", "other")]
+    for folder in (*(one / "images" for one in folders), place / "photographs"):
         folder.mkdir(parents=True)
         for number in range(4):
             shutil.copy(squares / f"images/{number}.png", folder)
@@ -81,17 +61,41 @@ def test_the_page_s_fifty_pictures_as_they_stand(squares, tmp_path, monkeypatch)
         for number, ((box,),) in enumerate(zip(json.loads((squares / "boxes.json").read_text())["frames"][:4])):
             centre = [(box["box"][axis] + 20) / 96 for axis in (0, 1)]
             (folder / f"labels/{number}.txt").write_text(f"1 {centre[0]} {centre[1]} {40 / 96} {40 / 96}\n")
-    (tmp_path / "models").symlink_to(ROOT / "models")
+    (place / "models").symlink_to(ROOT / "models")
     ran = [shlex.split(line.split(" #")[0])[1:] for line in commands if "realsense" not in line]
     assert [words[0] for words in ran] == ["eval", "train", "export", "eval"]
     small = ["--epochs", "1", "--input", "128", "--batch", "4", "--validate-minutes", "9", "--validate-pictures", "3"]
     ran[1] += small  # some seconds of the page's minute
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(parity, "CASES", 1)
-    monkeypatch.setattr(parity, "STEPS", 2)
-    for words in ran:
-        main(words)
-    assert (tmp_path / "my-flat/odometry.flow.onnx").is_file()
+    printed = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.chdir(place)
+        patch.setattr(parity, "CASES", 1)
+        patch.setattr(parity, "STEPS", 2)
+        for words in ran:
+            main(words)
+    return place, printed.getvalue()
+
+
+@pytest.mark.slow
+def test_the_page_s_commands_train_a_bundle(flat):
+    place, printed = flat
+    assert "8 pictures with 4 boxes to train on, 3 to validate on" in printed
+    assert {path.name for path in (place / "flat/trained").iterdir()} >= {"best.pt", "blended.pt", "last.pt"}
+    assert len((place / "flat/trained/curves.csv").read_text().splitlines()) >= 2
+    assert (place / "my-flat/odometry.flow.onnx").is_file()
+
+
+@pytest.mark.slow
+def test_a_trained_bundle_is_judged_and_a_checkpoint_is_a_detector_itself(edgemap, flat, squares, tmp_path, capsys):
+    place, _ = flat
+    flags = ("eval", "detection", "--data", f"yolo:{squares}", "--bundle", place / "my-flat", "--json")
+    figures = json.loads(edgemap(*flags).stdout)
+    assert (figures["pictures"], figures["boxes_true"], figures["boxes_ignored"]) == (10, 9, 1)
+    assert "the bundle knows person" in one_line(edgemap(*flags, "--classes", "sofa"), 2)
+    with pytest.raises(SystemExit) as ended:
+        main(["export", str(place / "flat/trained/best.pt"), "--backbone", "yolov3", "-o", str(tmp_path / "x")])
+    assert ended.value.code == 2
+    assert "is a detector itself" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_a_camera_on_a_head_is_reported_as_carried_with_a_height_that_covers_the
     paths = sorted((shared_data / walk / "image").glob("*"))
     bundle = load_bundle(bundle_folder("edgemap-pico"), threads=1)
     detector = Detector(bundle, Decoder(bundle.manifest.detector, bundle.manifest.confidence, one_name=True))
-    guess = guess_camera([read_picture(path) for path in paths[:: -(-len(paths) // 30)]], detector)
+    guess = guess_camera([read_picture(path) for path in paths[:: -(-len(paths) // 16)]], detector)
     assert guess.sway_rad > math.radians(3.0)
     assert abs(math.log(guess.mount.height_m / 1.64)) < 2.5 * guess.height_sigma < 0.7
     assert abs(math.degrees(guess.mount.pitch_rad) - 22.0) < 2.5 * math.degrees(guess.pitch_sigma_rad)
@@ -104,7 +104,7 @@ def test_the_demo_is_guessed_within_its_own_sigmas():
         lens, mount = source.intrinsics, source.mount
         assert lens is not None
         assert mount is not None
-        pictures = [frame.image for frame in frames_of(source, 200) if frame.index % 8 == 0]
+        pictures = [frame.image for frame in frames_of(source, 200) if frame.index % 12 == 0]
     bundle = load_bundle(bundle_folder("edgemap-nano"), 1)
     guess = guess_camera(pictures, Detector(bundle, Decoder(bundle.manifest.detector, 0.3, one_name=True)))
     assert abs(math.log(guess.lens.fx / lens.fx)) < 2.0 * guess.focal_sigma
