@@ -36,16 +36,15 @@ class InertialNoise:
     """Standard deviations of an inexpensive sensor on a small robot; densities are per square root of a second.
 
     gyro: of the integrated angle, rad. gyro_share: of an angle, by scale and misalignment, per square root of a radian.
-    accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad.
-    bias_walk: rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_speed: m/s, of a
-    camera that is not near its mount's angles: a walk mistaken for rest at the start would look like an acceleration.
-    start_accel: of the robot at the start, m/s^2. speed, speed_s: velocity, m/s, and for how long it keeps its
-    direction, s. rest_gyro, rest_accel: at rest samples scatter less, rad/s and m/s^2. rest_bias: of the mean rate over
-    a second of rest, rad/s. rest_window_s: over which rest is judged. rest_speed, rest_yaw: rest is denied where
-    odometry measures more, m/s and rad/s. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned,
-    turned_share: of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors last
-    longer than a step. gap_s, gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole the
-    filter starts again.
+    accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad. bias_walk:
+    rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_speed: m/s, of a camera that is
+    not near its mount's angles: a walk mistaken for rest at the start would look like an acceleration. speed: velocity,
+    m/s, as a measurement of every second. rest_gyro, rest_accel: at rest samples scatter less, rad/s and m/s^2, and
+    odometry measures less than rest_gyro and `moved`. rest_bias: of the mean rate over a second of rest, rad/s.
+    rest_window_s: over which rest is judged. moved, risen: of a velocity by odometry, along the floor and up, m/s.
+    turned, turned_share: of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors
+    last longer than a step. gap_s, gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole
+    the filter starts again.
     """
 
     gyro: float = 5e-4
@@ -56,15 +55,11 @@ class InertialNoise:
     start_bias: float = 0.0175
     start_tilt: float = math.radians(8.0)
     start_speed: float = 1.5
-    start_accel: float = 0.2
     speed: float = 0.5
-    speed_s: float = 0.5
     rest_gyro: float = 0.03
     rest_accel: float = 0.5
     rest_bias: float = 0.003
     rest_window_s: float = 0.5
-    rest_speed: float = 0.03
-    rest_yaw: float = 0.05
     moved: float = 0.05
     risen: float = 0.1
     turned: float = 0.0003
@@ -141,7 +136,7 @@ def inertial_start(
     if up_optical is None:  # the offset that the mean force holds is a tilt
         mixed[:2, _OFFSET] = np.array([-rotation[1], rotation[0]]) / GRAVITY_M_S2
         return InertialState(rotation, zero, zero, zero, mixed @ covariance @ mixed.T, stamp_s, samples)
-    share = offset**2 / (offset**2 + noise.start_accel**2)
+    share = offset**2 / (offset**2 + noise.accel**2)  # beside what a second of the robot's own acceleration leaves
     covariance[_OFFSET, _OFFSET] *= 1.0 - share
     return InertialState(rotation, zero, zero, share * (force - GRAVITY_M_S2 * up), covariance, stamp_s, samples)
 
@@ -174,8 +169,8 @@ def inertial_moved(
     turned_rad = _turned_rad(before.rotation, state.rotation)
     off = np.array([wrap_angle(turned_rad - motion.yaw_rad) / span_s])
     moved = _corrected(moved, about, off, np.array([[own / span_s**2]]), learns_vertical_bias=True, robust=True)
-    slow = math.hypot(motion.x_m, motion.y_m) < noise.rest_speed * span_s
-    return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.rest_yaw * span_s)
+    slow = math.hypot(motion.x_m, motion.y_m) < noise.moved * span_s
+    return replace(moved, calm=slow and abs(motion.yaw_rad) < noise.rest_gyro * span_s)
 
 
 def inertial_mounted(state: InertialState, up_optical: Array, sigmas_rad: Array) -> InertialState:
@@ -248,7 +243,7 @@ def _held(state: InertialState, span_s: float, noise: InertialNoise) -> Inertial
     the vertical only where no odometry tells a slow turn from rest."""
     selected = _selected(_VELOCITY)
     if state.calm is None:
-        variance = noise.speed**2 * max(2.0 * noise.speed_s / span_s, 1.0) * np.eye(3)
+        variance = noise.speed**2 * max(1.0 / span_s, 1.0) * np.eye(3)
         state = _corrected(state, selected, -state.velocity, variance, learns_vertical_bias=False)
     if state.rest_s < noise.rest_window_s:
         return state

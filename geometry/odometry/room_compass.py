@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Prior = tuple[Array, Array]  # of two values, as an information matrix (2, 2), rad^-2, and its product with them
 
 RIGHT_ANGLE = math.pi / 2.0
+LOST_RAD = RIGHT_ANGLE / 4.0  # of drift since the last view; with more, right angles could be mistaken for one another
 ROUNDS = 6  # of reweighting
 CERTAIN_RAD2 = 1e-9  # variance of what is given
 WINGS = 4  # beside the first direction
@@ -37,12 +38,11 @@ class CompassRule:
     standard deviation, as larger errors are stated as they are. view_rad: standard deviation of a view's own error, in
     addition to that of its edges. outlier: of its standard deviations, at which a view counts a quarter. gate: of those
     of a view and of the drift since the last one, beyond which it belongs to a rotated object or another wing of the
-    building: `alike` of them in a row, within alike_rad, become another room direction. apart_rad, apart_m: rotation or
-    path length after which a view counts as new. views: number of views kept. lost_rad: standard deviation of the drift
-    since the last view, from which on the room's direction is learnt again: right angles could be mistaken for one
-    another. kept_s: how old a picture may be when its edges are known. settle_s: over which a correction is spread, as
-    the steps of one second are used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a
-    room, over kept_s; on a street, which bends, edges tell no heading.
+    building: `alike` of them in a row, within the gate of a view's own error, become another room direction. apart_rad,
+    apart_m: rotation or path length after which a view counts as new. views: number of views kept. kept_s: how old a
+    picture may be when its edges are known. settle_s: over which a correction is spread, as the steps of one second are
+    used together; settle_gyro_s: beside a gyro, whose steps are truer. fastest_m_s: in a room, over kept_s; on a
+    street, which bends, edges tell no heading.
     """
 
     drift: float = 8.0
@@ -51,11 +51,9 @@ class CompassRule:
     outlier: float = 2.0
     gate: float = 4.5
     alike: int = 5
-    alike_rad: float = math.radians(4.0)
     apart_rad: float = math.radians(5.0)
     apart_m: float = 0.2
     views: int = 40
-    lost_rad: float = math.radians(20.0)
     kept_s: float = 2.0
     settle_s: float = 1.0
     settle_gyro_s: float = 5.0
@@ -129,7 +127,7 @@ class RoomCompass:
             return self._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         last = self.views[-1]
         drift_rad2 = max(at.variance_rad2 - last.at.variance_rad2, CERTAIN_RAD2)
-        if drift_rad2 > rule.lost_rad**2:
+        if drift_rad2 > LOST_RAD**2:
             begun = replace(self, prior=_beginning(self.error_rad), others_rad=(), strange_rad=())
             return begun._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         expected_rad = self.room_rad + self.error_rad
@@ -155,7 +153,7 @@ class RoomCompass:
         """After a view of none of the known directions, so far off the first one."""
         strange = (*self.strange_rad, off_rad)[-self.rule.alike :]
         apart = [_wrapped(item - off_rad) for item in strange]
-        if len(strange) < self.rule.alike or max(apart) - min(apart) > self.rule.alike_rad:
+        if len(strange) < self.rule.alike or max(apart) - min(apart) > self.rule.gate * self.rule.view_rad:
             return replace(self, strange_rad=strange)
         wing_rad = _wrapped(off_rad + sum(apart) / len(apart))
         return replace(self, others_rad=(*self.others_rad, wing_rad)[-WINGS:], strange_rad=())

@@ -14,6 +14,7 @@ from edgemap.runtime.frames.frame import Frame
 WORKING_WIDTH = 160  # px; pictures are averaged down to about this width, which takes the noise out
 FINE_PX, COARSE_PX = 5, 15  # boxes at the working width; structure between them, and below the first
 PERCENTILE = 0.99  # of the absolute structure
+REPEATED_S = 10.0  # of stream, between two faults that report one lasting condition
 DECODER_GREY = 128  # what decoders leave where data is missing
 TILES = 16, 12  # across and down, of a picture that may be covered in part
 
@@ -26,7 +27,7 @@ class HealthRule:
     (photographs: 23). sharp: fine over coarse structure; Gaussian blur of 6 px at 640 has 0.36, moving cameras 0.63,
     photographs 0.77. frozen_s: of pictures that do not change at all: frozen, and not one delivered twice. torn_share:
     of the rows, at the top or the bottom, that are the last picture's while the others moved. moved: mean grey levels
-    by which the other rows changed. repeated_s: of stream, between two faults of one blindness.
+    by which the other rows changed.
     part_every_s, part_s: of pictures that are compared for what covers a part of the lens: tiles that stay as plain as
     `covered` and change by less than part_still grey levels while others change by more. part_share, part_lasts_s: of
     the tiles, and for how long, from which on that is a fault (half a picture covered has 0.35 to 0.40; walls that
@@ -43,7 +44,6 @@ class HealthRule:
     frozen_s: float = 1.0
     torn_share: float = 0.15
     moved: float = 4.0
-    repeated_s: float = 10.0
     part_every_s: float = 0.3
     part_s: float = 1.0
     part_still: float = 8.0
@@ -143,7 +143,7 @@ class HealthMonitor:
             self._part_due_s = stamp_s + rule.part_lasts_s
         if stamp_s < self._part_due_s:
             return replace(health, covered=covered)
-        self._part_due_s = stamp_s + rule.repeated_s
+        self._part_due_s = stamp_s + REPEATED_S
         fault = f"picture covered in part ({100 * covered:.0f} % of it stays plain while the rest moves)"
         return replace(health, covered=covered, fault=fault)
 
@@ -153,7 +153,7 @@ class HealthMonitor:
             return PictureHealth()
         if kind != self._kind:
             self._kind, self._reason, self._reported_s = kind, f"blind: picture {kind} ({detail})", -math.inf
-        news = kind != "repeated" and stamp_s - self._reported_s >= self._rule.repeated_s
+        news = kind != "repeated" and stamp_s - self._reported_s >= REPEATED_S
         if news:
             self._reported_s = stamp_s
         return PictureHealth(kind, self._reason, self._reason if news else "")

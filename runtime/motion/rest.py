@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from edgemap.geometry.camera.attitude import GyroRotation
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.motion.attitude.protocol import Moved
-from edgemap.runtime.motion.health import HealthRule, PictureHealth
+from edgemap.runtime.motion.health import REPEATED_S, HealthRule, PictureHealth
 
 Array = NDArray[np.float32]
 
@@ -109,7 +109,7 @@ class RestMonitor:
         """That of a good picture that has shown the same since a stamp, but for noise, though the robot must move."""
         lasts = stamp_s - since_s >= self._health.frozen_s
         reason = f"blind: picture frozen (shows the same since {since_s:.3f} s, but for noise, as the robot moves)"
-        news = lasts and stamp_s - self._reported_s >= self._health.repeated_s
+        news = lasts and stamp_s - self._reported_s >= REPEATED_S
         if news:
             self._reported_s = stamp_s
         return PictureHealth("frozen" if lasts else "repeated", reason, reason if news else "")

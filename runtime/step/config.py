@@ -44,7 +44,15 @@ RENAMED = {
 }
 # Numbers of earlier files that nothing uses any more, passed over.
 RETIRED = {
-    "attitude": ("offset_rad", "judged_s", "steady_rad", "wrong_rad"),
+    "attitude": (
+        "offset_rad",
+        "judged_s",
+        "steady_rad",
+        "wrong_rad",
+        "farthest_rad",
+        "nodding_s",
+        "swings_rad_s",
+    ),
     "association": (
         "gate",
         "max_distance_m",
@@ -59,10 +67,14 @@ RETIRED = {
     "loop_closure": ("residual", "view_m", "merged_m", "repeated", "track", "views", "doubt"),
     "keyframes": ("stated_inflation_yaw", "stated_per_radian"),
     "odometry": ("scale",),
-    "check": ("road_rad",),
-    "hybrid": ("gate", "known_sigma", "gyro_gate", "wheels_covariance_scale", "wheels_doubt"),
+    "check": ("road_rad", "strip_s", "steady_s", "gravity_rad", "first_s"),
+    "noise": ("start_accel", "speed_s", "rest_speed", "rest_yaw"),
+    "compass": ("alike_rad", "lost_rad"),
+    "depth": ("refined_px",),
+    "health": ("repeated_s",),
+    "hybrid": ("gate", "known_sigma", "repeated_s", "gyro_gate", "wheels_covariance_scale", "wheels_doubt"),
     "trust": ("yaw",),
-    "pictures": ("alone",),
+    "pictures": ("alone", "reach_sigmas"),
     "planar": (
         "axle_sigma_m",
         "nodding_sigmas",

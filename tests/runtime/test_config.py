@@ -133,9 +133,3 @@ def test_a_live_camera_is_opened_again_by_the_tree_s_rule(monkeypatch):
     with pytest.raises(AttributeError):  # no camera stands behind it
         edgemap.open("0", config=replace(Config(), camera=rule))
     assert patience == [rule]
-
-
-def test_a_number_that_nothing_uses_any_more_is_passed_over(tmp_path):
-    document = {"attitude": {"offset_rad": 0.04, "nodding_s": 0.7}}
-    config, _ = load_config(written(tmp_path, {"config": document}, "run.json"))
-    assert config.attitude == replace(Config().attitude, nodding_s=0.7)

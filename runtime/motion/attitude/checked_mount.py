@@ -31,28 +31,24 @@ class MountRule:
     """When a mount counts as wrong.
 
     pixels: pictures are scaled down to so many (192 x 144). strips: that a picture is cut into; their edges are found
-    one after the other, `strip_s` apart, as all at once take a third of a step. every_s, first_every_s: between two
-    estimates by edges, once the mount is confirmed or after `first_s`, and before or where the camera is carried.
-    window_s: of estimates that are judged together; fewest and steady_s: their minimum for a wrong mount, judged_s for
-    a carried camera. steady_rad: maximum median scatter of the estimates of a mounted camera (0.3 degrees in rendered
-    homes); a carried one is not judged. moved: mean grey levels between two pictures that count as two views. turn_rad,
-    turn_s: of a turn whose axis counts, at least and at most. gravity_s, gravity_rad: of an accelerometer's samples
-    before their mean counts, and their largest standard deviation. judge_every_s: between two judgements. wrong_rad,
-    sigmas: error from which on an angle is wrong; up to there the given one holds. sure_rad: largest standard deviation
-    at which edges may tell it: one picture's err by more. settled_rad: the same, at which a mount on wheels is known
-    for good: what is seen while it sways as if carried is left aside then, and before voids all that was seen.
-    used_rad: standard deviation below which an estimate is used although the given angle is not wrong. follow_rad:
-    change of an error by which a wrong mount is corrected again. tilt: how measurements count.
+    one a frame, as all at once take a third of a step. every_s, first_every_s: between two estimates by edges, once the
+    mount is confirmed, and before or where the camera is carried. window_s: of estimates that are judged together;
+    fewest, judged_s: their minimum. steady_rad: maximum median scatter of the estimates of a mounted camera (0.3
+    degrees in rendered homes); a carried one is not judged. moved: mean grey levels between two pictures that count as
+    two views. turn_rad, turn_s: of a turn whose axis counts, at least and at most. gravity_s: of an accelerometer's
+    samples before their mean counts; they scatter by less than its offset. judge_every_s: between two judgements.
+    wrong_rad, sigmas: error from which on an angle is wrong; up to there the given one holds. sure_rad: largest
+    standard deviation at which edges may tell it: one picture's err by more. settled_rad: the same, at which a mount on
+    wheels is known for good: what is seen while it sways as if carried is left aside then, and before voids all that
+    was seen. used_rad: standard deviation below which an estimate is used although the given angle is not wrong.
+    follow_rad: change of an error by which a wrong mount is corrected again. tilt: how measurements count.
     """
 
     pixels: int = 27_648
     strips: int = 3
-    strip_s: float = 0.09
     every_s: float = 1.5
     first_every_s: float = 0.35
-    first_s: float = 10.0
     window_s: float = 20.0
-    steady_s: float = 3.0
     judged_s: float = 5.0
     fewest: int = 8
     steady_rad: float = math.radians(1.2)
@@ -60,7 +56,6 @@ class MountRule:
     turn_rad: float = 1.2
     turn_s: float = 4.0
     gravity_s: float = 10.0
-    gravity_rad: float = math.radians(2.0)
     judge_every_s: float = 1.0
     wrong_rad: float = math.radians(0.75)
     sigmas: float = 2.5
@@ -156,14 +151,14 @@ class CheckedMount:
         if not self._strips and self._due(frame.stamp_s):
             self._begin(frame)
         first = self._started_s == self._first_s  # all at once: a carried camera may be tilted by far
-        while self._strips and (first or frame.stamp_s - self._started_s >= len(self._ends) * self._rule.strip_s):
+        for _ in range(len(self._strips) if first else min(len(self._strips), 1)):
             left, strip = self._strips.pop()
             self._ends.append(line_ends(strip, 1.0) + [left, 0.0])
 
     def _due(self, stamp_s: float) -> bool:
         """Whether it is time for the next picture."""
         self._first_s = min(self._first_s, stamp_s)
-        settled = not self._carried and (self._confirmed or stamp_s - self._first_s >= self._rule.first_s)
+        settled = self._confirmed and not self._carried
         return stamp_s - self._started_s >= (self._rule.every_s if settled else self._rule.first_every_s)
 
     def _begin(self, frame: Frame) -> None:
@@ -196,11 +191,10 @@ class CheckedMount:
         if not (self._settled and self._sways):
             self._tilt = self._tilt.by_up(EDGES, error_rad, rule.tilt.edges)
         span_s = estimates[-1, 0] - estimates[0, 0]
-        if len(estimates) < rule.fewest or span_s < rule.steady_s:
+        if len(estimates) < rule.fewest or span_s < rule.judged_s:
             return
         self._steady = bool(median_and_scatter(estimates[:, 1:])[1].max() < rule.steady_rad)
-        if span_s >= rule.judged_s:
-            self._carried, self._confirmed = not self._steady, self._steady
+        self._carried, self._confirmed = not self._steady, self._steady
 
     def _travel(self, rotation: TrackedRotation | None) -> None:
         """Motion and turns of a robot on wheels."""
@@ -234,7 +228,7 @@ class CheckedMount:
             self._forces.append((self._now_s, *attitude.force_rad.tolist()))
             if self._now_s - self._forces[0][0] >= rule.gravity_s and len(self._forces) % GRAVITY_EVERY == 0:
                 forces = np.array(self._forces)[:, 1:]
-                if forces.std(axis=0).max() < rule.gravity_rad:
+                if forces.std(axis=0).max() < rule.tilt.gravity:
                     self._tilt = self._tilt.by_up(GRAVITY, forces.mean(axis=0) - self._given, rule.tilt.gravity)
         if attitude.source == "depth":
             angles = np.array([attitude.roll_rad, attitude.pitch_rad])

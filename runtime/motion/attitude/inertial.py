@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edgemap.geometry.camera.attitude import Attitude, GyroRotation, TrackedRotation
+from edgemap.geometry.camera.carried import CarriedRule
 from edgemap.geometry.camera.imu import ImuSamples
 from edgemap.geometry.camera.inertial import (
     InertialNoise,
@@ -37,21 +38,14 @@ class AttitudeRule:
     """Weights of gravity and mount, which differ by a constant tilt: the accelerometer's offset (BMI055: 70 mg, 4 deg)
     and the mount's error.
 
-    farthest_rad: greatest angle between mount and gravity at which the filter starts from the mount; beyond it the
-    camera is held in another way. nodding_rad, nodding_s: of a level robot about its mount, and for how long it stays
-    so; held_every_s: interval between the mount's updates of the filter, since each costs processor time and
-    neighbouring ones are redundant.
-    swings_rad_s: of the tilt, up to which a gyro is not believed before the odometry confirms it; robots have 1 to 4
-    degrees a second. noise: of the sensor and the filter. trust: in its samples. pictures: where no samples come.
-    check: of the mount, by the pictures.
+    nodding_rad: of a level robot about its mount, as a measurement of every second. held_every_s: interval between the
+    mount's updates of the filter, as neighbouring ones are redundant. noise: of the sensor and the filter. trust: in
+    its samples. pictures: where no samples come. check: of the mount, by the pictures.
     """
 
-    farthest_rad: float = math.radians(6.0)
     nodding_rad: float = math.radians(0.5)
-    nodding_s: float = 0.5
     held_every_s: float = 0.15
     noise: InertialNoise = field(default_factory=InertialNoise)
-    swings_rad_s: float = math.radians(5.0)
     trust: ImuTrustRule = field(default_factory=ImuTrustRule)
     pictures: PicturesRule = field(default_factory=PicturesRule)
     check: MountRule = field(default_factory=MountRule)
@@ -107,7 +101,7 @@ class InertialAttitude:
                 state = self._mounted(state, self._loose_s)
                 self._loose_s = 0.0
         self._state = state
-        if rotation is not None and math.sqrt(self._rate2) < self._rule.swings_rad_s:
+        if rotation is not None and math.sqrt(self._rate2) < CarriedRule().rate_rad_s[0]:
             rotation = replace(rotation, proved=self._trust.proved)
         found = Attitude.of_up(state.up_optical, state.tilt_covariance(), self.name)
         return replace(found, fault=fault, rotation=rotation, force_rad=_angles(state.force_optical))
@@ -140,7 +134,7 @@ class InertialAttitude:
         state, rotation = inertial_start(first, edges[0], noise), None
         self._rate2, self._judged_s = 0.0, 0.0
         self._nodded(state, first, START_S)
-        if float(state.up_optical @ self._up) > math.cos(self._rule.farthest_rad):
+        if float(state.up_optical @ self._up) > math.cos(noise.start_tilt):
             state = inertial_start(first, edges[0], noise, self._up, float(self._nods(np.zeros(2))[0]))
         for edge_s in edges[1:]:
             part = samples.between(state.stamp_s, edge_s)
@@ -151,7 +145,7 @@ class InertialAttitude:
     def _mounted(self, state: InertialState, span_s: float) -> InertialState:
         """Held to the mount, the less the farther off it is: what is carried is not mounted."""
         nods = self._nods((state.rotation @ self._up)[1::-1])
-        return inertial_mounted(state, self._up, nods * math.sqrt(max(2.0 * self._rule.nodding_s / span_s, 1.0)))
+        return inertial_mounted(state, self._up, nods * math.sqrt(max(1.0 / span_s, 1.0)))
 
     def _nods(self, off_rad: np.ndarray) -> np.ndarray:
         """Standard deviation of the tilt about the mount (2,) of a camera that is so far off and swings as it does."""

@@ -31,13 +31,13 @@ class DepthRule:
     the best to the second best descriptor distance (Lowe 2004), below which a match counts. matched, kept: keyframes
     that a picture is matched to, and that are kept. apart_m, apart_rad: of the newest keyframe, beyond which a picture
     becomes one; fewest: so does one that fewer points fit. inliers: that must fit at all. trials, trial_px: of RANSAC;
-    sigma_px: of a refined corner; refined_px: by which the refinement moves a corner at most. patch_px: half the side
-    of the patch whose depths are one point's; valid: of its pixels, that must have one; flat: share of the depth by
-    which the middle 80 % of them differ at most, else it lies on an edge. depth_sigma_m, depth_sigma_per_m2: standard
-    deviation of a depth: constant, and with its square; slope: share of a patch's own spread that adds to it, as the
-    middle of the known depths is not the corner's where the patch is cut. fastest_m_s: of a camera that is carried.
-    lost: pictures in a row that are not located, before the keyframes are given up. covariance_scale: errors of depth
-    last over steps (NEES over 1 s of two real walks 17 and 12 with 1).
+    by so much the refinement moves a corner at most; sigma_px: of a refined corner. patch_px: half the side of the
+    patch whose depths are one point's; valid: of its pixels, that must have one; flat: share of the depth by which the
+    middle 80 % of them differ at most, else it lies on an edge. depth_sigma_m, depth_sigma_per_m2: standard deviation
+    of a depth: constant, and with its square; slope: share of a patch's own spread that adds to it, as the middle of
+    the known depths is not the corner's where the patch is cut. fastest_m_s: of a camera that is carried. lost:
+    pictures in a row that are not located, before the keyframes are given up. covariance_scale: errors of depth last
+    over steps (NEES over 1 s of two real walks 17 and 12 with 1).
     """
 
     working_width_px: int = 540
@@ -53,7 +53,6 @@ class DepthRule:
     trials: int = 200
     trial_px: float = 2.5
     sigma_px: float = 0.5
-    refined_px: float = 2.5
     patch_px: int = 3
     valid: int = 8
     flat: float = 0.06
@@ -182,7 +181,7 @@ class DepthKeyframes:
                 flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             )  # fmt: skip
             moved = moved.reshape(-1, 2)
-            near = np.hypot(*(moved - pixels[which]).T) < self._rule.refined_px
+            near = np.hypot(*(moved - pixels[which]).T) < self._rule.trial_px
             good = (status.ravel() == 1) & near
             refined[which[good]] = moved[good]
         return refined

@@ -21,6 +21,7 @@ from edgemap.geometry.odometry.covariance_intersection import (
 from edgemap.geometry.odometry.room_compass import CompassRule, RoomCompass
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.frame import Frame
+from edgemap.runtime.motion.health import REPEATED_S
 from edgemap.runtime.motion.odometry.coasting import Coasting, CoastingRule
 from edgemap.runtime.motion.odometry.protocol import (
     NO_PRIOR,
@@ -45,13 +46,12 @@ CAMERA, WHEELS = "camera", "wheels"  # the sources whose lengths are compared
 @dataclass(frozen=True, slots=True)
 class HybridRule:
     """Weights of the hybrid's members. lasting_conflict: number of consecutive steps of disagreement that make a
-    fault; wheel slip is shorter. repeated_s: stream time between two reports of a member that stays excluded.
-    flow_covariance_scale, planar_covariance_scale, gyro_covariance_scale: factors on the members' covariances, so
-    that errors and covariance agree; the flow head's errors last, so the drift asks for more than its NEES: 3.6,
-    2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone). outside_flow_covariance_scale,
-    outside_planar_covariance_scale: further factors for a camera outside the head's training envelope, which is
-    carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their true poses, drift 10 instead
-    of 18 % over 5 m with 1000 instead of 25 in all for the head.
+    fault; wheel slip is shorter. flow_covariance_scale, planar_covariance_scale, gyro_covariance_scale: factors on
+    the members' covariances, so that errors and covariance agree; the flow head's errors last, so the drift asks
+    for more than its NEES: 3.6, 2.4, 2.25 % over 5 m with 1, 4, 16 (homes 8301-8308, the camera alone).
+    outside_flow_covariance_scale, outside_planar_covariance_scale: further factors for a camera outside the head's
+    training envelope, which is carried, and nods: two head cameras 1.74 m up, with synthetic IMUs made from their
+    true poses, drift 10 instead of 18 % over 5 m with 1000 instead of 25 in all for the head.
     flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
     missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
     flow_alone_s: longest step for which it is used where no other member measures the rotation.
@@ -69,7 +69,6 @@ class HybridRule:
     """
 
     lasting_conflict: int = 10
-    repeated_s: float = 10.0
     flow_covariance_scale: float = 16.0
     planar_covariance_scale: float = 2.0
     gyro_covariance_scale: float = 2.0
@@ -364,7 +363,7 @@ class HybridOdometry:
         for index, (_, motion) in enumerate(named):
             if not motion.fault:
                 self._reported_s.pop(index, None)
-            elif stamp_s - self._reported_s.get(index, -math.inf) >= self._rule.repeated_s:
+            elif stamp_s - self._reported_s.get(index, -math.inf) >= REPEATED_S:
                 self._reported_s[index] = stamp_s
                 texts.append(motion.fault)
         return "; ".join(dict.fromkeys(texts))
