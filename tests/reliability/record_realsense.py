@@ -1,9 +1,10 @@
-"""Records pictures as a RealSense would, through librealsense's own software device and recorder: no camera needed."""
+"""Records pictures, depth and motion as a RealSense would, through librealsense's own software device and recorder."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,58 +17,94 @@ from edgemap.runtime.inputs.open import open_camera
 rs: Any = pyrealsense2  # its type stubs lack most of it
 
 FX, FY, CX, CY = 615.2, 615.4, 321.1, 239.7
+Lens = tuple[float, float, float, float]
+
+
+def software_device(number: int) -> Any:
+    """A device without hardware."""
+    device = rs.software_device()
+    device.register_info(rs.camera_info.name, "Software RealSense")
+    device.register_info(rs.camera_info.serial_number, f"{number:012d}")
+    return device
+
+
+def video_stream(
+    size: tuple[int, int],
+    lens: Lens,
+    pixel_format: Any = rs.format.rgb8,
+    bytes_per_pixel: int = 3,
+    kind: Any = rs.stream.color,
+    uid: int = 1,
+    fps: int = 30,
+    model: Any = rs.distortion.inverse_brown_conrady,
+    coefficients: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0),
+) -> Any:
+    """A stream of pictures of this size, (width, height)."""
+    intrinsics, stream = rs.intrinsics(), rs.video_stream()
+    intrinsics.width, intrinsics.height = stream.width, stream.height = size
+    intrinsics.fx, intrinsics.fy, intrinsics.ppx, intrinsics.ppy = lens
+    intrinsics.model, intrinsics.coeffs = model, list(coefficients)
+    stream.type, stream.index, stream.uid, stream.fps = kind, 0, uid, fps
+    stream.bpp, stream.fmt, stream.intrinsics = bytes_per_pixel, pixel_format, intrinsics
+    return stream
+
+
+def stamped(frame: Any, profile: Any, stamp_s: float, number: int) -> Any:
+    """The frame with its stream, stamp and number."""
+    frame.timestamp, frame.domain = stamp_s * 1000.0, rs.timestamp_domain.hardware_clock
+    frame.frame_number, frame.profile = number, profile
+    return frame
+
+
+def send(sensor: Any, profile: Any, picture: np.ndarray, stamp_s: float, number: int, **fields: Any) -> None:
+    """A sensor delivers a picture, (H, W) or (H, W, C)."""
+    frame = stamped(rs.software_video_frame(), profile.as_video_stream_profile(), stamp_s, number)
+    frame.bpp = picture.nbytes // (picture.shape[0] * picture.shape[1])
+    frame.stride = picture.shape[1] * frame.bpp
+    frame.pixels = np.ascontiguousarray(picture)
+    for name, value in fields.items():
+        setattr(frame, name, value)
+    sensor.on_video_frame(frame)
+
+
+@contextmanager
+def recording(path: Path, device: Any, end_s: float = 0.2) -> Iterator[None]:
+    """What the device's sensors deliver in the block is recorded; the recorder writes on a thread of its own."""
+    recorder = rs.recorder(str(path), device)
+    sensors = recorder.query_sensors()
+    for sensor in sensors:
+        sensor.open(sensor.get_stream_profiles())
+        sensor.start(lambda frame: None)
+    yield
+    time.sleep(end_s)
+    for sensor in sensors:
+        sensor.stop()
+        sensor.close()
 
 
 def record_realsense(
     path: Path,
     pictures: Sequence[np.ndarray],
     stamps_s: Sequence[float],
-    model: Any = rs.distortion.inverse_brown_conrady,
-    coefficients: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0),
     stream_format: Any = rs.format.rgb8,
-    lens: tuple[float, float, float, float] = (FX, FY, CX, CY),
-    fps: int = 30,
-    stream: Any = rs.stream.color,
+    lens: Lens = (FX, FY, CX, CY),
     pause_s: float = 0.004,
+    stream: Any = rs.stream.color,
+    **options: Any,
 ) -> Path:
     """Write a `.db3`: pictures in the stream's own format, (H, W, C) uint8, at the stamps in seconds.
 
-    pause_s: between two pictures, in real time: the recorder writes on a thread of its own, and drops what it does not
-    come to on a busy machine.
+    pause_s: between two pictures, in real time: the recorder drops what it does not come to on a busy machine.
     """
     height, width = pictures[0].shape[:2]
-    intrinsics = rs.intrinsics()
-    intrinsics.width, intrinsics.height = width, height
-    intrinsics.fx, intrinsics.fy, intrinsics.ppx, intrinsics.ppy = lens
-    intrinsics.model, intrinsics.coeffs = model, list(coefficients)
-    bytes_per_pixel = pictures[0].size // (width * height)
-    description = rs.video_stream()
-    description.type, description.index, description.uid = stream, 0, 1
-    description.width, description.height, description.fps = width, height, fps
-    description.bpp, description.fmt, description.intrinsics = bytes_per_pixel, stream_format, intrinsics
-
-    device = rs.software_device()
-    device.register_info(rs.camera_info.name, "Software RealSense")
-    device.register_info(rs.camera_info.serial_number, "000000000001")
+    device = software_device(1)
     sensor = device.add_sensor("RGB Camera")
-    profile = sensor.add_video_stream(description, True)
-    recorder = rs.recorder(str(path), device)
-    recorded = recorder.query_sensors()[0]
-    recorded.open(recorded.get_stream_profiles()[0])
-    queue = rs.frame_queue(len(pictures) + 1)
-    recorded.start(queue)
-    for number, (picture, stamp) in enumerate(zip(pictures, stamps_s, strict=True), start=1):
-        frame = rs.software_video_frame()
-        frame.stride, frame.bpp = width * bytes_per_pixel, bytes_per_pixel
-        frame.timestamp, frame.domain = stamp * 1000.0, rs.timestamp_domain.hardware_clock
-        frame.frame_number, frame.profile = number, profile.as_video_stream_profile()
-        frame.pixels = np.ascontiguousarray(picture)
-        sensor.on_video_frame(frame)
-        time.sleep(pause_s)
-    time.sleep(0.2)
-    recorded.stop()
-    recorded.close()
-    del recorder
+    size = pictures[0].size // (width * height)
+    profile = sensor.add_video_stream(video_stream((width, height), lens, stream_format, size, stream, **options), True)
+    with recording(path, device):
+        for number, (picture, stamp_s) in enumerate(zip(pictures, stamps_s, strict=True), start=1):
+            send(sensor, profile, picture, stamp_s, number)
+            time.sleep(pause_s)
     return path
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -35,53 +34,23 @@ def depth_room(mount: Mount, lens: Intrinsics = LENS, noise: float = 0.0, seed: 
 def record_depth(path: Path, depths_m: list[np.ndarray], apart_m: float = 0.0) -> Path:
     """A `.db3` by librealsense's software device and recorder: colour, and depth in millimetres by a sensor whose
     origin lies apart_m left of the colour lens."""
-    import pyrealsense2
+    from reliability.record_realsense import recording, rs, send, software_device, video_stream
 
-    rs: Any = pyrealsense2
-    device = rs.software_device()
-    device.register_info(rs.camera_info.name, "Software RealSense")
-    device.register_info(rs.camera_info.serial_number, "000000000003")
+    device = software_device(3)
     colour, stereo = device.add_sensor("RGB Camera"), device.add_sensor("Stereo Module")
     stereo.add_read_only_option(rs.option.depth_units, 0.001)
-    colour_profile = colour.add_video_stream(_stream(rs, rs.stream.color, 1, rs.format.rgb8, 3), True)
-    depth_profile = stereo.add_video_stream(_stream(rs, rs.stream.depth, 2, rs.format.z16, 2), True)
+    size, lens = (LENS.width, LENS.height), (LENS.fx, LENS.fy, LENS.cx, LENS.cy)
+    colour_profile = colour.add_video_stream(video_stream(size, lens), True)
+    depth_stream = video_stream(size, lens, rs.format.z16, 2, rs.stream.depth, 2)
+    depth_profile = stereo.add_video_stream(depth_stream, True)
     between = rs.extrinsics()
     between.rotation, between.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [-apart_m, 0.0, 0.0]
     depth_profile.register_extrinsics_to(colour_profile, between)
-    recorder = rs.recorder(str(path), device)
-    sensors = recorder.query_sensors()
-    for sensor in sensors:
-        sensor.open(sensor.get_stream_profiles()[0])
-        sensor.start(lambda frame: None)
     grey = np.full((LENS.height, LENS.width, 3), 90, np.uint8)
-    for number, depth in enumerate(depths_m, start=1):
-        millimetres = np.round(1000.0 * depth).astype(np.uint16)
-        for sensor, profile, picture, size in (
-            (stereo, depth_profile, millimetres, 2),
-            (colour, colour_profile, grey, 3),
-        ):
-            frame = rs.software_video_frame()
-            frame.stride, frame.bpp = LENS.width * size, size
-            frame.timestamp, frame.domain = 1000.0 + 33.3 * number, rs.timestamp_domain.hardware_clock
-            frame.frame_number, frame.profile = number, profile.as_video_stream_profile()
-            frame.pixels = np.ascontiguousarray(picture)
-            if size == 2:
-                frame.depth_units = 0.001
-            sensor.on_video_frame(frame)
-        time.sleep(0.02)  # the recorder writes on a thread of its own
-    time.sleep(0.3)
-    for sensor in sensors:
-        sensor.stop()
-        sensor.close()
-    del recorder
+    with recording(path, device, 0.3):
+        for number, depth in enumerate(depths_m, start=1):
+            stamp_s, millimetres = 1.0 + 0.0333 * number, np.round(1000.0 * depth).astype(np.uint16)
+            send(stereo, depth_profile, millimetres, stamp_s, number, depth_units=0.001)
+            send(colour, colour_profile, grey, stamp_s, number)
+            time.sleep(0.02)
     return path
-
-
-def _stream(rs: Any, kind: Any, uid: int, pixel_format: Any, size: int) -> Any:
-    lens = rs.intrinsics()
-    lens.width, lens.height, lens.fx, lens.fy = LENS.width, LENS.height, LENS.fx, LENS.fy
-    lens.ppx, lens.ppy, lens.model = LENS.cx, LENS.cy, rs.distortion.inverse_brown_conrady
-    stream = rs.video_stream()
-    stream.type, stream.index, stream.uid, stream.fmt = kind, 0, uid, pixel_format
-    stream.width, stream.height, stream.fps, stream.bpp, stream.intrinsics = LENS.width, LENS.height, 30, size, lens
-    return stream

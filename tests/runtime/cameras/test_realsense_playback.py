@@ -75,7 +75,7 @@ def test_distortion_is_carried_over(tmp_path):
 def test_a_lens_that_is_not_brown_conrady_is_refused(tmp_path):
     picture = np.zeros((480, 640, 3), np.uint8)
     model, coefficients = rs.distortion.kannala_brandt4, (0.1, 0.0, 0.0, 0.0, 0.0)
-    path = record_realsense(tmp_path / "f.db3", [picture] * 2, [0.0, 0.1], model, coefficients)
+    path = record_realsense(tmp_path / "f.db3", [picture] * 2, [0.0, 0.1], model=model, coefficients=coefficients)
     with pytest.raises(CameraError, match=r"kannala_brandt4 with coefficients \[0.1, .* not supported"):
         open_camera(f"realsense:{path}")
 
