@@ -37,6 +37,7 @@ from edgemap.runtime.network.manifest import (
     StateSpec,
 )
 from edgemap.runtime.network.network import Tensors
+from edgemap.runtime.network.store import check_place
 
 OWN = "edgemap-nano", "edgemap-pico"  # detectors that were trained here and come with the package
 
@@ -64,6 +65,7 @@ def export_backbone(
     sources: where the weights came from, for the manifest. calibrate: a folder of pictures, for an int8 variant. Raises
     ExportError or another EdgemapError; then nothing is left at `out`.
     """
+    check_place(out)
     calibration = None if calibrate is None else read_calibration(calibrate)
     floors = [load_floor(path) for path in heads if is_floor(path)]
     checkpoints = [load_head(path) for path in heads if not is_floor(path)]

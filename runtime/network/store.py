@@ -116,13 +116,18 @@ def _written(path: Path) -> Iterator[None]:
         raise BundleError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
+def check_place(target: Path) -> None:
+    """Raises BundleError where something other than a bundle or an empty folder is at `target`."""
+    if target.exists() and not (target.is_dir() and (not any(target.iterdir()) or (target / MANIFEST_NAME).is_file())):
+        raise BundleError(f"{target} exists and is no bundle: left alone")
+
+
 @contextmanager
 def staged(target: Path) -> Iterator[Path]:
     """An empty folder beside `target` that replaces it by one rename when the block succeeds and is removed otherwise.
     Raises BundleError where `target` exists and is not a bundle; it is never overwritten.
     """
-    if target.exists() and not (target.is_dir() and (not any(target.iterdir()) or (target / MANIFEST_NAME).is_file())):
-        raise BundleError(f"{target} exists and is no bundle: left alone")
+    check_place(target)
     stage = target.parent / f".{target.name}.{os.getpid()}.new"
     old = target.parent / f".{target.name}.{os.getpid()}.old"
     try:

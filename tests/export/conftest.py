@@ -108,6 +108,15 @@ def small(tmp_path, exported_once) -> Path:
 
 
 @pytest.fixture
+def brief(monkeypatch):
+    """Export's own proof, kept short: test_export.py is about it."""
+    from edgemap.export import parity
+
+    monkeypatch.setattr(parity, "CASES", 1)
+    monkeypatch.setattr(parity, "STEPS", 2)
+
+
+@pytest.fixture
 def cache(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("EDGEMAP_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"

@@ -251,7 +251,7 @@ def test_bundles_that_come_with_the_package_are_found_before_the_cache(cache, sm
     assert store.bundle_folder("small") == small
 
 
-def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_data, monkeypatch, capsys):
+def test_pull_makes_a_ready_bundle_and_a_second_pull_is_at_once(cache, shared_data, monkeypatch, capsys, brief):
     from edgemap.cli import pull
 
     pull.command("yolox-nano", given=str(shared_data / "weights" / "yolox_nano.onnx"))

@@ -231,7 +231,7 @@ def test_yolov3_tiny_with_its_real_weights(real_bundles):
 
 
 @pytest.mark.slow
-def test_full_yolov3_from_a_synthetic_file(tmp_path):
+def test_full_yolov3_from_a_synthetic_file(tmp_path, brief):
     """All layers and weights; pictures of 96 px, at which the proof costs a twentieth of that at 416."""
     network = Darknet.from_cfg(yolov3())
     random_weights(network, seed=0)

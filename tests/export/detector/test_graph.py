@@ -13,7 +13,6 @@ torch = pytest.importorskip("torch")
 from reliability.tiny_bundle import write_tiny  # noqa: E402
 
 from edgemap import models  # noqa: E402
-from edgemap.export import parity  # noqa: E402
 from edgemap.export.detector.boxes import read_heads  # noqa: E402
 from edgemap.export.detector.checkpoint import load_detector  # noqa: E402
 from edgemap.export.detector.graph import Graph  # noqa: E402
@@ -27,13 +26,6 @@ from edgemap.runtime.network.preprocess import Preprocessor, place  # noqa: E402
 
 SHIPPED = ("edgemap-pico", "edgemap-nano")
 MODELS = Path(models.__file__).parent
-
-
-@pytest.fixture
-def brief(monkeypatch):
-    """Export's own proof, kept short: tests/export/test_export.py is about it."""
-    monkeypatch.setattr(parity, "CASES", 1)
-    monkeypatch.setattr(parity, "STEPS", 2)
 
 
 def changed(name):
