@@ -132,9 +132,6 @@ def _reaches(radius: float, k1: float, k2: float) -> bool:
     return bool(distorted[first] >= radius and slope[: first + 1].min() > 0.35)
 
 
-LIGHTS = ("day", "lamp", "mixed", "dim", "changing")
-
-
 def light_of(name: str, rng: np.random.Generator, changes: bool = False) -> LightScript:
     """A light of a kind: day, lamp (after dark), mixed, dim, or changing (lamps switched by day)."""
     if name == "changing":

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edgemap.geometry.arrays import Array
 
@@ -128,11 +127,3 @@ def _without_covered(points: list[tuple[float, float]], radius: float) -> list[t
         if _covered(point, rest, radius):
             kept = rest
     return kept
-
-
-def single_linkage(points_m: Array, threshold_m: float = 1.0) -> NDArray[np.int64]:
-    """Cluster numbers (N,) of points (N, 2) at once, numbered by each cluster's first point."""
-    linkage = SingleLinkage(threshold_m)
-    keys = [linkage.add(float(x), float(y)) for x, y in points_m]
-    numbers: dict[tuple[int, int], int] = {}
-    return np.array([numbers.setdefault(linkage.cluster_of(key), len(numbers)) for key in keys], dtype=np.int64)

@@ -62,10 +62,6 @@ class RoomArea:
         """Centre of the room."""
         return (self.x0 + self.x1) / 2.0, (self.y0 + self.y1) / 2.0
 
-    def holds(self, x_m: float, y_m: float) -> bool:
-        """Whether a point is on the floor of this room."""
-        return self.x0 <= x_m <= self.x1 and self.y0 <= y_m <= self.y1
-
 
 @dataclass(frozen=True, slots=True)
 class Doorway:

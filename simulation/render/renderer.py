@@ -126,10 +126,6 @@ class Renderer:
         area = self._lens.area_px
         return np.bincount(ids.ravel(), weights=None if area is None else area.ravel()).astype(np.float64)
 
-    def silhouette_px(self, view: View, id_: int) -> float:
-        """Pixels that an object alone would cover in a picture twice as wide and high (for what the border cuts)."""
-        return float(self.whole(view, [id_])[1][0])
-
     def close(self) -> None:
         """Releases the OpenGL context."""
         self._canvas.close()

@@ -38,11 +38,6 @@ class SampledDrive:
 
     samples: Array
 
-    @property
-    def duration_s(self) -> float:
-        """Time of the last sample."""
-        return (len(self.samples) - 1) * SAMPLE_S
-
     def at(self, stamps_s: Array) -> Array:
         """(M, 3) x, y, yaw at stamps (M,) in seconds; before the start and after the end it stands."""
         time = np.arange(len(self.samples)) * SAMPLE_S

@@ -9,7 +9,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from edgemap.geometry.objects.association import AssociationRule
 from edgemap.geometry.objects.floor_map import FloorMap
 from edgemap.geometry.paper.paper_map import PaperMap
-from edgemap.geometry.paper.single_linkage import SingleLinkage, single_linkage
+from edgemap.geometry.paper.single_linkage import SingleLinkage
 
 
 def partition(labels):
@@ -21,7 +21,9 @@ def partition(labels):
 @given(st.integers(2, 250), st.floats(0.3, 20), st.integers(0, 10**6))
 def test_single_linkage_is_scipys(count, spread, seed):
     points = np.random.default_rng(seed).uniform(-spread, spread, (count, 2))
-    assert partition(single_linkage(points)) == partition(fcluster(linkage(points, "single"), 1.0, "distance"))
+    clusters = SingleLinkage()
+    cells = [clusters.add(x, y) for x, y in points.tolist()]
+    assert partition(map(clusters.cluster_of, cells)) == partition(fcluster(linkage(points, "single"), 1.0, "distance"))
 
 
 @settings(max_examples=40, deadline=None)

@@ -77,9 +77,10 @@ def test_a_datasheets_imu_follows_the_nods():
     """70 mg of offset are up to 4 degrees, which turn with the robot: learnt against the mount and taken out."""
     motion = driven()
     tilts, rng = nodding_of(motion, (2,)), np.random.default_rng(4)
-    samples = imu_samples(motion, tilts, MOUNT, motion.duration_s, rng)
+    duration_s = (len(motion.samples) - 1) * SAMPLE_S
+    samples = imu_samples(motion, tilts, MOUNT, duration_s, rng)
     source, blank, errors = InertialAttitude(MOUNT, MountAttitude(MOUNT)), np.zeros((4, 4, 3), np.uint8), []
-    for index in range(1, int(motion.duration_s * 10)):
+    for index in range(1, int(duration_s * 10)):
         stamp_s = index / 10
         frame = Frame(index, stamp_s, blank, imu=samples.between(stamp_s - 0.1, stamp_s))
         true = Attitude.of_up(

@@ -77,7 +77,7 @@ def test_silhouette_counts_what_the_picture_shows(markers):
     view = View.of_base(POSE, MOUNT)
     ids, _ = renderer.ids_and_depth(view)
     nearest = int(np.argmin(np.linalg.norm(optical(middles), axis=1))) + 1
-    assert renderer.silhouette_px(view, nearest) == pytest.approx((ids == nearest).sum(), rel=0.25)
+    assert renderer.whole(view, [nearest])[1][0] == pytest.approx((ids == nearest).sum(), rel=0.25)
 
 
 def test_floor_depth_is_that_of_the_ray(drawn, renderer):

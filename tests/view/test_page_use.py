@@ -345,8 +345,7 @@ def test_a_grid_that_is_given_up_changes_nothing(serve, look, tmp_path):
 
 
 @pytest.mark.skipif(find_axe() is None, reason="no axe-core: npm install --no-save axe-core")
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [{}, PHONE])
+@pytest.mark.parametrize(("scheme", "size"), [("light", {}), ("dark", PHONE)])
 def test_axe_finds_no_serious_fault_on_the_page(serve, look, scheme, size):
     served = serve()
     served.step(12)
