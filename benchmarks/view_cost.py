@@ -8,6 +8,7 @@ its own on this machine, so that what it takes from the cores is in the cost as 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import subprocess
 import sys
@@ -20,18 +21,19 @@ from typing import Any
 
 import numpy as np
 
-from edgemap.benchmarks.ring import Ring, read_ring
+from edgemap.benchmarks.bench import read_frames
 from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.step.mapper import Mapper
 from edgemap.runtime.step.pipeline import Pipeline
 from edgemap.runtime.step.slam import SemanticSlam
 from edgemap.view.page import LivePage
 
+DECODED = 64  # pictures, which go round forwards and backwards
 STEPS = 20  # in a block: short, so that what else the machine does meets all alike
 SETTLE = 4  # steps after a change that are not counted
 
 
-def view_cost(slam: SemanticSlam, ring: Ring, rounds: int, rate_hz: float | None = None) -> dict[str, Any]:
+def view_cost(slam: SemanticSlam, frames: Iterator[Frame], rounds: int, rate_hz: float | None = None) -> dict[str, Any]:
     """Ratios of the mean step with the page to that without, idle and viewed; and what was sent.
 
     page_cpu_ms: processor time of the page's thread for each update sent, which other processes do not disturb.
@@ -47,7 +49,7 @@ def view_cost(slam: SemanticSlam, ring: Ring, rounds: int, rate_hz: float | None
     assert looker.stdout is not None
     looker.stdout.readline()  # it is connected
     order = np.random.default_rng(0)
-    frames, laps = ring.cycle(), {name: [] for name in ("without", "idle", "viewed")}
+    laps = {name: [] for name in ("without", "idle", "viewed")}
     try:
         for turn in range(rounds + 1):
             for name in order.permutation(list(laps)).tolist():
@@ -141,11 +143,12 @@ def main() -> None:
     with open_camera("demo") as camera:
         assert camera.intrinsics is not None
         assert camera.mount is not None
-        floor, first = FloorCamera(camera.intrinsics, camera.mount), camera.read()
-        assert first is not None
-        ring = read_ring(camera, first)
+        floor = FloorCamera(camera.intrinsics, camera.mount)
+        images = [frame.image for frame in read_frames(camera, DECODED)]
+    images += images[-2:0:-1]
+    frames = (Frame(index, index / 10.0, images[index % len(images)]) for index in itertools.count())
     slam = SemanticSlam(Pipeline(bundle, floor, PlanarOdometry(floor)), Mapper())
-    print(json.dumps(view_cost(slam, ring, given.rounds, given.rate) | {"bundle": bundle.manifest.name}, indent=1))
+    print(json.dumps(view_cost(slam, frames, given.rounds, given.rate) | {"bundle": bundle.manifest.name}, indent=1))
 
 
 if __name__ == "__main__":

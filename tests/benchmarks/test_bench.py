@@ -8,9 +8,7 @@ from support import painted
 
 from edgemap.benchmarks import compare as contest
 from edgemap.benchmarks.bench import CHUNK, WARM_UP, drive_chunks, measure
-from edgemap.benchmarks.ring import RING, read_ring
 from edgemap.runtime.frames.errors import CameraError
-from edgemap.runtime.frames.frame import Frame
 from edgemap.runtime.inputs.cameras.base import CameraBase
 from edgemap.runtime.step.slam import SemanticSlam
 
@@ -29,32 +27,6 @@ class Counting(CameraBase):
             return None
         self.left -= 1
         return self.frame(np.full((4, 4, 3), self._delivered, np.uint8), self._delivered / 20, "x")
-
-
-def first_of(camera) -> Frame:
-    frame = camera.read()
-    assert frame is not None
-    return frame
-
-
-def test_the_ring_goes_forwards_and_backwards_with_fresh_numbers_and_stamps():
-    camera = Counting(4)
-    frames = read_ring(camera, first_of(camera)).cycle()
-    taken = [next(frames) for _ in range(10)]
-    assert [int(frame.image[0, 0, 0]) for frame in taken] == [0, 1, 2, 3, 2, 1, 0, 1, 2, 3]
-    assert [frame.index for frame in taken] == list(range(10))
-    assert [frame.stamp_s for frame in taken] == pytest.approx([i / 20 for i in range(10)])
-
-
-def test_the_ring_holds_no_more_than_its_size():
-    camera = Counting(200)
-    assert len(read_ring(camera, first_of(camera)).frames) == RING
-
-
-def test_one_frame_is_too_few():
-    camera = Counting(1)
-    with pytest.raises(CameraError, match="two frames or more, counting gave 1"):
-        read_ring(camera, first_of(camera))
 
 
 class Slam(SemanticSlam):
