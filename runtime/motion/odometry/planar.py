@@ -341,7 +341,7 @@ class PlanarOdometry:
         """Where people and animals are: boxes (N, 4), px at the working width; 0 in `_still`, 255 elsewhere."""
         self._movers = boxes.astype(np.intp)
         self._still = np.full(self._size[::-1], 255, dtype=np.uint8)
-        margin = self._rule.window_px // 2  # which the tracker reads about a corner
+        margin = self._rule.corners_apart_px
         for x0, y0, x1, y1 in self._movers.tolist():
             self._still[max(y0 - margin, 0) : y1 + margin, max(x0 - margin, 0) : x1 + margin] = 0
 
@@ -356,11 +356,6 @@ class PlanarOdometry:
         start = self._ahead(self._since @ self._motion)
         given = self._doubtful(self._corners), self._rolls()
         found = locate(self._landmarks, seen, self._camera, start, noise, *given)
-        if math.isfinite(noise.yaw_rad) and found.weights.sum() < self._rule.trusted_share * len(seen):
-            free = replace(noise, yaw_rad=math.inf)
-            other = locate(self._landmarks, seen, self._camera, start, free, *given)
-            if other.weights.sum() > self._rule.agrees_more * found.weights.sum():  # the gyro is wrong
-                found, noise = other, free
         if self._sees_floor and self._carried.on_wheels:
             enough = self._rule.trusted_share, self._rule.least_weight
             self._landmarks, found = scaled_by_floor(
