@@ -27,10 +27,10 @@ def places(objects):
 def test_side_by_side_is_the_same_as_alone(demo):
     drive, bundle = demo
     variants = {"wheels": Variant("hybrid"), "none": Variant("hybrid", wheels=False), "true": Variant("truth")}
-    together = map_drive(Replay(drive, bundle, 40), variants)
+    together = map_drive(Replay(drive, bundle, 28), variants)
     assert places(together["wheels"]) != places(together["none"]) != places(together["true"])
     for name, variant in variants.items():
-        assert places(map_drive(Replay(drive, bundle, 40), {name: variant})[name]) == places(together[name])
+        assert places(map_drive(Replay(drive, bundle, 28), {name: variant})[name]) == places(together[name])
 
 
 def test_true_poses_beside_it_tell_the_attitude_nothing(demo):

@@ -8,7 +8,7 @@ from edgemap.runtime.inputs.cameras import delivery
 
 @pytest.mark.parametrize("part", [names, fleet, clock], ids=lambda part: part.__name__.rpartition(".")[2])
 def test_a_few_inputs_fail_nowhere(tmp_path, part):
-    report = part.run(7, 0.003, tmp_path)
+    report = part.run(7, 0.001, tmp_path)
     assert report.failures == ()
     assert report.table
 

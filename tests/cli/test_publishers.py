@@ -4,6 +4,7 @@ import json
 import socket
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 from support.broker import MISSING, Broker
@@ -11,6 +12,7 @@ from support.broker import MISSING, Broker
 from edgemap.cli import main
 from edgemap.cli.errors import OptionError
 from edgemap.cli.publishers import host_and_port
+from edgemap.runtime.frames import extras
 from edgemap.runtime.step.map_file import load_map
 
 
@@ -84,24 +86,12 @@ def test_addresses_that_are_none(text):
     ("option", "package"),
     [("--foxglove", "foxglove"), ("--rerun=a.rrd", "rerun"), ("--mqtt=127.0.0.1", "paho"), ("--fleet=home", "zenoh")],
 )
-def test_without_the_extra_one_line_names_it(tmp_path, painted_bundle, option, package):
-    """In a process in which the package is not to be found, as on a robot with the base install."""
-    code = (
-        "import sys\n"
-        "class Hide:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        f"        if name.partition('.')[0] == {package!r}:\n"
-        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
-        "sys.meta_path.insert(0, Hide())\n"
-        "import importlib.util as u\nfind = u.find_spec\n"
-        f"def hidden(name, *a):\n    return None if name == {package!r} else find(name, *a)\n"
-        "u.find_spec = hidden\n"
-        "from edgemap.cli import main\n"
-        f"main(['run', '--bundle', {str(painted_bundle)!r}, '--out', {str(tmp_path / 'run')!r}, {option!r}])"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert result.returncode == 1
-    (line,) = result.stderr.splitlines()
+def test_without_the_extra_one_line_names_it(tmp_path, painted_bundle, option, package, monkeypatch, capsys):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == package else find_spec(name))
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "--bundle", str(painted_bundle), "--out", str(tmp_path / "run"), option])
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
     assert f"{option.partition('=')[0]} needs {package}" in line
     assert "pip install" in line
     assert not (tmp_path / "run").exists()

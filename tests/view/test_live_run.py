@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ from support import painted
 from support.http_client import Api
 from support.live import raw_viewer
 from support.live_run import begin_live_run
+
+from edgemap.cli import main
+from edgemap.runtime.frames import extras
 
 
 @pytest.fixture(scope="module")
@@ -128,22 +132,20 @@ def test_edits_reach_the_map_on_disk_while_the_run_is_held_and_after_its_end(sta
     assert "zones" not in replayed  # drawn after the recording's end
 
 
-def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path):
+def test_a_taken_port_ends_the_run_before_it_begins(start, bundle, tmp_path, capsys):
     _, port = start("--camera", "demo")
-    command = [sys.executable, "-m", "edgemap.cli", "run", "--view", "--view-port", str(port), "--bundle", str(bundle)]
-    result = subprocess.run([*command, "--out", str(tmp_path / "other")], capture_output=True, text=True, check=False)
-    assert result.returncode == 1
-    assert len(result.stderr.strip().splitlines()) == 1
-    assert f"127.0.0.1:{port} (Address already in use)" in result.stderr
+    command = ["run", "--view", "--view-port", str(port), "--bundle", str(bundle), "--out", str(tmp_path / "other")]
+    with pytest.raises(SystemExit) as ended:
+        main(command)
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"127.0.0.1:{port} (Address already in use)" in line
     assert not (tmp_path / "other").exists()
 
 
-def test_without_the_extra_the_flag_names_it(bundle):
-    code = (
-        "import sys\nfrom importlib import util\nfind = util.find_spec\n"
-        "util.find_spec = lambda name, *more: None if name == 'uvicorn' else find(name, *more)\n"
-        f"from edgemap.cli import main\nmain(['run', '--view', '--bundle', {str(bundle)!r}])"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert result.returncode == 1
-    assert "[view]'" in result.stderr
+def test_without_the_extra_the_flag_names_it(bundle, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "uvicorn" else find_spec(name))
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "--view", "--bundle", str(bundle), "--out", str(tmp_path / "run")])
+    assert ended.value.code == 1
+    assert "[view]'" in capsys.readouterr().err
