@@ -95,10 +95,10 @@ def command(
 
         plot_map(path, found, trajectory=trajectory, zones=annotations.zones, grid=floor)
     else:
-        from edgemap.geometry.grid.rooms import rooms_of
         from edgemap.geometry.grid.walls import walls_of
         from edgemap.runtime.outputs.mapfiles.geojson import geojson_text
         from edgemap.runtime.outputs.mapfiles.nav2 import vector_text
+        from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
         from edgemap.runtime.outputs.mapfiles.table import csv_text
 
         if format == "geojson":

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
-from edgemap.geometry.grid.rooms import rooms_of
 from edgemap.geometry.grid.walls import fit_walls, walls_of
+from edgemap.runtime.outputs.mapfiles.rooms import rooms_of
 
 
 def home(door_m: float, cut: int = 0) -> OccupancyGrid:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_fill_holes, distance_transform_edt, label
@@ -59,8 +59,7 @@ def rooms_of(grid: OccupancyGrid) -> tuple[Room, ...]:
         closed = float((outline & (stops | others)).sum() / max(outline.sum(), 1))
         area_m2 = float(mask.sum()) * cell_m**2
         if area_m2 >= LEAST_M2 and closed >= CLOSED:
-            corners = _simplified(_longest_loop(mask) * cell_m + [grid.x_m, grid.y_m], TOLERANCE_M)
-            found.append(Room(tuple((float(x), float(y)) for x, y in corners), area_m2, closed))
+            found.append(Room(tuple((float(x), float(y)) for x, y in _outline_m(mask, grid)), area_m2, closed))
     return tuple(sorted(found, key=lambda room: -room.area_m2))
 
 
@@ -83,47 +82,11 @@ def _largest(mask: Mask) -> Mask:
     return parts == 1 + int(np.bincount(parts.ravel(), minlength=count + 1)[1:].argmax())
 
 
-def _longest_loop(mask: Mask) -> Array:
-    """The outer border of a connected mask, counter-clockwise along the cells' edges: (N, 2), column and row."""
-    padded = np.pad(mask, 1)
-    inner = padded[1:-1, 1:-1]
-    following: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for dx, dy, start, end in (
-        (0, -1, (0, 0), (1, 0)), (1, 0, (1, 0), (1, 1)), (0, 1, (1, 1), (0, 1)), (-1, 0, (0, 1), (0, 0)),
-    ):  # fmt: skip
-        beside = padded[1 + dy : padded.shape[0] - 1 + dy, 1 + dx : padded.shape[1] - 1 + dx]
-        for row, column in zip(*(axis.tolist() for axis in np.nonzero(inner & ~beside)), strict=True):
-            following.setdefault((column + start[0], row + start[1]), []).append((column + end[0], row + end[1]))
-    return max((np.array(loop, dtype=np.float64) for loop in _loops(following)), key=len)
-
-
-def _loops(following: dict[tuple[int, int], list[tuple[int, int]]]) -> Iterator[list[tuple[int, int]]]:
-    while following:
-        first = at = next(iter(following))
-        loop = []
-        while True:
-            loop.append(at)
-            ends = following[at]
-            at, _ = ends.pop(), None if ends else following.pop(at)
-            if at == first:
-                break
-        yield loop
-
-
-def _simplified(loop: Array, tolerance_m: float) -> Array:
-    """A closed line with fewer corners, none of the others farther from it than that (Douglas and Peucker 1973)."""
-    far = int(np.square(loop - loop[0]).sum(axis=1).argmax())
-    line = np.vstack([loop, loop[:1]])
-    kept, spans = {0, far, len(loop)}, [(0, far), (far, len(loop))]
-    while spans:
-        first, last = spans.pop()
-        along = line[last] - line[first]
-        between = line[first + 1 : last] - line[first]
-        if not len(between):
-            continue
-        away = np.abs(along[0] * between[:, 1] - along[1] * between[:, 0]) / max(math.hypot(*along), 1e-9)
-        if away.max() > tolerance_m:
-            middle = first + 1 + int(away.argmax())
-            kept.add(middle)
-            spans += [(first, middle), (middle, last)]
-    return line[sorted(kept - {len(loop)})]
+def _outline_m(mask: Mask, grid: OccupancyGrid) -> Array:
+    """Corners (N, 2) of the outer border of a connected mask, counter-clockwise, map frame; within TOLERANCE_M."""
+    doubled = np.kron(mask, np.ones((2, 2), np.uint8)).astype(np.uint8)  # borders nearer to cells' edges
+    contours, _ = cv2.findContours(doubled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    loop = max(contours, key=len)
+    corners = cv2.approxPolyDP(loop, 2.0 * TOLERANCE_M / grid.cell_m, True)[:, 0] + 0.5
+    turned = corners if cv2.contourArea(loop, oriented=True) > 0.0 else corners[::-1]
+    return np.asarray(turned * (grid.cell_m / 2.0) + [grid.x_m, grid.y_m], dtype=np.float64)
