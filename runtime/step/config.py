@@ -72,7 +72,15 @@ RETIRED = {
     "compass": ("alike_rad", "lost_rad"),
     "depth": ("refined_px",),
     "health": ("repeated_s",),
-    "hybrid": ("gate", "known_sigma", "repeated_s", "gyro_gate", "wheels_covariance_scale", "wheels_doubt"),
+    "hybrid": (
+        "flow_alone_s",
+        "gate",
+        "known_sigma",
+        "repeated_s",
+        "gyro_gate",
+        "wheels_covariance_scale",
+        "wheels_doubt",
+    ),
     "trust": ("yaw",),
     "pictures": ("alone", "reach_sigmas"),
     "planar": (

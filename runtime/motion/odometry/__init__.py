@@ -99,7 +99,7 @@ def _members(bundle: Bundle, camera: Camera, floor: FloorCamera, wheels: bool, r
     members = [Member(_tracked(floor, rules), CAMERA, scale)]
     if flow is not None:
         scale = rule.flow_covariance_scale * (rule.outside_flow_covariance_scale if carried else 1.0)
-        limits = rule.flow_reach_rad, rule.flow_alone_s, rule.flow_movers_scale
+        limits = rule.flow_reach_rad, rule.flow_movers_scale, rule.flow_variance_share
         members.append(Member(flow, CAMERA, scale, False, *limits))
     if wheels and camera.wheel is not None:
         given = camera.wheel

@@ -14,13 +14,14 @@ SHORTEST_DT_S, LONGEST_DT_S = 0.01, 1.0  # between two steps, for a velocity
 
 @dataclass(frozen=True, slots=True)
 class CoastingRule:
-    """carried_s: how long the last velocity is extrapolated; after that the robot may as well stand.
+    """carried_s: how long the last velocity is extrapolated, about a robot's turn before a blank wall (16 homes, the
+    camera alone, over 5 m: 2.9 % with 0.5 s, 2.6 with 1 s and with more); after that the robot may as well stand.
 
     speed_sigma_m_s, yaw_rate_sigma_rad_s: of a small robot whose motion is unknown; the last velocity adds to them.
     acceleration_m_s2: standard deviation of a robot's acceleration, and of a certainly carried camera's.
     """
 
-    carried_s: float = 0.5
+    carried_s: float = 1.0
     speed_sigma_m_s: float = 0.35
     yaw_rate_sigma_rad_s: float = 0.5
     acceleration_m_s2: tuple[float, float] = (2.0, 20.0)

@@ -54,13 +54,14 @@ class HybridRule:
     true poses, drift 10 instead of 18 % over 5 m with 1000 instead of 25 in all for the head.
     flow_reach_rad: largest turn of one step that the flow head's search follows, whatever the time between: after
     missing frames its NEES is 1 to 3 up to 0.2 rad and 10 to 100 beyond (demo and home 9200, 1 to 9 frames apart).
-    flow_alone_s: longest step for which it is used where no other member measures the rotation.
     covered_share: of a picture that shows nothing while the rest moves, from which on the camera is in doubt: a cover
     and its edge stand still as the robot moves. covered_covariance_scale: one more factor for the camera there, and its
     power with what is covered beyond.
     flow_movers_scale: one more factor on the flow head's covariance, its power with the share of the picture that
-    people and animals cover, or covered when the corners last measured a motion: it follows them (its NEES is 1 up to a
-    fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50 to 150 beyond; 29 tuning drives).
+    people and animals cover: it follows them (its NEES is 1 up to a fifth of the picture, 6 at 0.4, 20 to 60 at 0.6, 50
+    to 150 beyond; 29 tuning drives). flow_variance_share: of the corners' variance, which the flow head's is at least:
+    it remembers, and goes on as before where a picture shows nothing. Its error of a step is 0.5 cm where corners state
+    2 mm, 1.7 where they state 2 cm, 3.3 where 10 cm, 5 where more, while it states 0.6 cm (sixteen rendered homes).
     lasting_covariance_scale: factor on the fused covariance: errors of landmarks, of scale and of a wheel's radius last
     for seconds, so that sums over 1 to 10 s vary more than independent steps would (NEES over 3 with 1: by the camera
     alone 1.9 to 3.7, with wheels 1.2 to 2.9, camera and gyro 1.3 to 2.5; homes 8301-8310).
@@ -73,12 +74,12 @@ class HybridRule:
     planar_covariance_scale: float = 2.0
     gyro_covariance_scale: float = 2.0
     flow_reach_rad: float = 0.2
-    flow_alone_s: float = 0.35
     outside_flow_covariance_scale: float = 60.0
     outside_planar_covariance_scale: float = 2.0
     covered_share: float = 0.4
     covered_covariance_scale: float = 30.0
     flow_movers_scale: float = 100.0
+    flow_variance_share: float = 0.25
     lasting_covariance_scale: float = 2.0
     movers_share: float = 0.2
     trust: TrustRule = field(default_factory=TrustRule)
@@ -96,8 +97,9 @@ class Member:
 
     covariance_scale: factor on its covariance, fitted on validation drives so that errors and covariance agree.
     optional: it is missed only after it has measured once. reach_rad: largest turn of one step that it can measure;
-    alone_s: longest step for which it is used where no other member measures the rotation. movers_scale: factor on its
-    covariance where people and animals fill the picture, as of `HybridRule.flow_movers_scale`.
+    movers_scale: factor on its covariance where people and animals fill the picture, as of
+    `HybridRule.flow_movers_scale`. seconds: above 0 it counts only beside another member of its source that measures,
+    with at least this share of that one's variances.
     """
 
     odometry: Odometry
@@ -105,8 +107,8 @@ class Member:
     covariance_scale: float = 1.0
     optional: bool = False
     reach_rad: float = math.inf
-    alone_s: float = math.inf
     movers_scale: float = 1.0
+    seconds: float = 0.0
 
 
 class HybridOdometry:
@@ -165,9 +167,7 @@ class HybridOdometry:
         for index in self._woken:
             motions[index] = blind_motion("")
         height, width = frame.image.shape[:2]
-        measured = any(self._measures(member, motion) for member, motion in zip(self._members, motions, strict=True))
-        movers = share_covered(prior.movers, width, height)
-        self._movers = movers if measured else max(movers, self._movers)
+        self._movers = share_covered(prior.movers, width, height)
         motion = self._headed(frame.stamp_s, self._fused(frame.stamp_s, motions, prior.covered), prior.attitude)
         self._last_s, self._blind_rad = frame.stamp_s, 0.0
         return motion
@@ -205,7 +205,7 @@ class HybridOdometry:
         self._begun: dict[int, Future[Motion]] = {}  # what is computed of the last frame
         self._begun_with: int | None = None  # index of that frame
         self._conflicts, self._first = 0, True
-        self._movers = 0.0  # share of the picture that people and animals cover, or did when last one measured
+        self._movers = 0.0  # share of the picture that people and animals cover
         self._compass = RoomCompass(self._rule.compass)
         self._trust, self._innovation = SourceTrust.of("wheels", self._rule.trust), Innovation()
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
@@ -213,7 +213,7 @@ class HybridOdometry:
     def _fused(self, stamp_s: float, motions: Sequence[Motion], covered: float = 0.0) -> Motion:
         checked = [self._checked(index, motion) for index, motion in enumerate(motions)]
         dt_s = stamp_s - self._last_s
-        checked = [self._within_reach(index, checked, dt_s) for index in range(len(checked))]
+        checked = [self._within_reach(index, checked) for index in range(len(checked))]
         named = list(zip(self._members, checked, strict=True))
         all_faults = "; ".join(dict.fromkeys(motion.fault for _, motion in named if motion.fault))
         faults = self._repeated_faults(stamp_s, named)
@@ -232,6 +232,7 @@ class HybridOdometry:
             if motion.measured
         ]
         alive = [item for item in alive if item.source == GYRO or (np.diag(item.covariance) < UNKNOWN).all()]
+        alive = self._seconded(alive)
         wheels, camera = self._of(WHEELS, alive), self._of(CAMERA, alive)
         judges = (
             camera is not None and max(covered / self._rule.covered_share, self._movers / self._rule.movers_share) < 1
@@ -298,10 +299,19 @@ class HybridOdometry:
         """Factor on a member's covariance in this picture."""
         return member.covariance_scale * self._rule.doubt(member.source, covered) * member.movers_scale**self._movers
 
-    def _measures(self, member: Member, motion: Motion) -> bool:
-        """Whether it is a camera's that is not led by movers, and measured."""
-        known = (np.diag(motion.covariance) < UNKNOWN).all()
-        return bool(member.source == CAMERA and member.movers_scale == 1.0 and motion.measured and known)
+    def _seconded(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
+        """The estimates; those that second another of their source are absent without it, and not much surer."""
+        shares = {_short(member): member.seconds for member in self._members if member.seconds}
+        firsts = {item.source: np.diag(item.covariance) for item in alive if not item.members & shares.keys()}
+        found = []
+        for item in alive:
+            share = max((shares.get(name, 0.0) for name in item.members), default=0.0)
+            if share and item.source in firsts:
+                looser = max(1.0, share * float((firsts[item.source] / np.diag(item.covariance)).max()))
+                found.append(replace(item, covariance=looser * item.covariance))
+            elif not share:
+                found.append(item)
+        return found
 
     def _headed(self, stamp_s: float, motion: Motion, attitude: Attitude | None) -> Motion:
         """The motion, its heading held to the room's edges."""
@@ -347,15 +357,14 @@ class HybridOdometry:
             return replace(found, fault="", state=MotionState.BLIND)
         return found
 
-    def _within_reach(self, index: int, motions: Sequence[Motion], dt_s: float) -> Motion:
+    def _within_reach(self, index: int, motions: Sequence[Motion]) -> Motion:
         """A member's motion; blind where by the others the robot rotated by more than it can measure."""
         member, motion = self._members[index], motions[index]
         if member.reach_rad == math.inf or not motion.measured:
             return motion
         others = [other for place, other in enumerate(motions) if place != index and other.measured]
         far = any(abs(self._blind_rad + other.motion.yaw_rad) > member.reach_rad for other in others)
-        alone = not others and dt_s > member.alone_s
-        return replace(motion, state=MotionState.BLIND) if far or alone else motion
+        return replace(motion, state=MotionState.BLIND) if far else motion
 
     def _repeated_faults(self, stamp_s: float, named: Sequence[tuple[Member, Motion]]) -> str:
         """Faults that are new, or were last reported a while ago."""
