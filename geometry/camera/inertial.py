@@ -39,12 +39,11 @@ class InertialNoise:
     accel: of the integrated velocity, m/s, shaking included. offset: of the accelerometer, as a tilt, rad. bias_walk:
     rad/s. start_bias: rad/s, of a gyro that was never at rest. start_tilt: rad. start_speed: m/s, of a camera that is
     not near its mount's angles: a walk mistaken for rest at the start would look like an acceleration. speed: velocity,
-    m/s, as a measurement of every second. rest_gyro, rest_accel: at rest samples scatter less, rad/s and m/s^2, and
-    odometry measures less than rest_gyro and `moved`. rest_bias: of the mean rate over a second of rest, rad/s.
-    rest_window_s: over which rest is judged. moved, risen: of a velocity by odometry, along the floor and up, m/s.
-    turned, turned_share: of a yaw by odometry, rad a step and as a share of it, beyond its own covariance: its errors
-    last longer than a step. gap_s, gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole
-    the filter starts again.
+    m/s, as a measurement of every second. rest_gyro: at rest samples scatter less, rad/s, and odometry measures less
+    than that and `moved`. rest_bias: of the mean rate over a second of rest, rad/s. rest_window_s: over which rest is
+    judged. moved, risen: of a velocity by odometry, along the floor and up, m/s. turned, turned_share: of a yaw by
+    odometry, rad a step and as a share of it, beyond its own covariance: its errors last longer than a step. gap_s,
+    gap: a longer hole between samples adds this rate, rad/s. lost_s: after such a hole the filter starts again.
     """
 
     gyro: float = 5e-4
@@ -57,7 +56,6 @@ class InertialNoise:
     start_speed: float = 1.5
     speed: float = 0.5
     rest_gyro: float = 0.03
-    rest_accel: float = 0.5
     rest_bias: float = 0.003
     rest_window_s: float = 0.5
     moved: float = 0.05
@@ -336,8 +334,7 @@ def _at_rest(state: InertialState, recent: ImuSamples, noise: InertialNoise) -> 
     unlike = np.abs(recent.gyro_rad_s.mean(axis=0) - state.bias)
     # An IMU may be poorer than a BMI055: EuRoC's gyro has 4.5 deg/s of bias before it rests.
     likely = 5.0 * np.sqrt(np.diag(state.covariance)[_BIAS]) + 0.003
-    calm = recent.gyro_rad_s.std(axis=0).max() < noise.rest_gyro
-    return bool(calm and recent.accel_m_s2.std(axis=0).max() < noise.rest_accel and (unlike < likely).all())
+    return bool(recent.gyro_rad_s.std(axis=0).max() < noise.rest_gyro and (unlike < likely).all())
 
 
 def rotation_of(vectors: Array) -> Array:

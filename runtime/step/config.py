@@ -68,7 +68,7 @@ RETIRED = {
     "keyframes": ("stated_inflation_yaw", "stated_per_radian"),
     "odometry": ("scale",),
     "check": ("road_rad", "strip_s", "steady_s", "gravity_rad", "first_s"),
-    "noise": ("start_accel", "speed_s", "rest_speed", "rest_yaw"),
+    "noise": ("start_accel", "speed_s", "rest_speed", "rest_yaw", "rest_accel"),
     "compass": ("alike_rad", "lost_rad"),
     "depth": ("refined_px",),
     "health": ("repeated_s",),
