@@ -55,6 +55,9 @@ def command(
             "noise, by day, nobody about."
         ),
     ] = False,
+    locobot: Annotated[
+        bool, arg(help="The LoCoBot data set instead: 5,000 training pictures and four drives of 2,000.")
+    ] = False,
     pictures: Annotated[
         int | None,
         arg(metavar="PER_HOME", help="Unrelated pictures for training a detector instead, from --seeds."),
@@ -91,7 +94,7 @@ def command(
 
     need_simulation()
     at_least(1, frames=frames, pictures=pictures, floor_labels=floor_labels)
-    if floor_labels is not None and (video or pictures is not None):
+    if floor_labels is not None and (video or locobot or pictures is not None):
         raise OptionError("--floor-labels is for drives of single pictures; --pictures has them always")
     if not 0.0 <= close <= 1.0 or (close and pictures is None):
         raise OptionError(f"--close {close:g}: expected 0 to 1, a share of --pictures")
@@ -109,6 +112,10 @@ def command(
             from edgemap.simulation.pictures import render_pictures
 
             render_pictures(out, pictures, _homes(seeds, shard), progress, command=typed, close=close)
+        elif locobot:
+            from edgemap.simulation.locobot import record_locobot
+
+            record_locobot(out, seed, progress, command=typed)
         else:
             from edgemap.simulation.label_drive import label_drive
             from edgemap.simulation.record import record
@@ -125,7 +132,7 @@ def command(
         print(f"{out}: done; use its folders as --data drive:{out}/SEED")
         return
     kind = "yolo" if pictures is not None else "drive"
-    print(f"{out}: done; use it as --data {kind}:{out}")
+    print(f"{out}: done" if locobot else f"{out}: done; use it as --data {kind}:{out}")
 
 
 def _choices(

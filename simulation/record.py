@@ -12,6 +12,7 @@ import numpy as np
 
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.floor_plan import PLAN_NAME
+from edgemap.runtime.inputs.drives.locobot import write_locobot
 from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.write import write_drive
@@ -39,20 +40,22 @@ def record(
     world: World,
     folder: Path,
     *,
+    layout: str = "drive",
     video: bool = False,
     depth: bool = False,
     progress: Progress = lambda _done, _all: None,
     command: str = "edgemap simulate",
     workers: int | None = None,
 ) -> None:
-    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes.
-
-    depth: 16 bits, millimetres along the optical axis. progress: called with the pictures done and all. Raises
-    SimulationError and MissingExtraError, one line each.
+    """Renders a world's drive to a folder; an interrupted one is resumed, with identical bytes. layout: `drive`
+    (images/ or video.mp4; depth/ if asked) or `locobot` (rgb/, depth/). depth: 16 bits, millimetres along the optical
+    axis. progress: called with the pictures done and all. Raises SimulationError and MissingExtraError, one line each.
     """
-    store = FrameStore(folder, _settings(world, video, depth), None if video else "images", depth)
+    locobot = layout == "locobot"
+    settings = _settings(world, layout, video, depth)
+    store = FrameStore(folder, settings, "rgb" if locobot else None if video else "images", depth or locobot)
     if store.complete:
-        if not (folder / PLAN_NAME).is_file():  # rendered before plans were written
+        if not locobot and not (folder / PLAN_NAME).is_file():  # rendered before plans were written
             write_floor_plan(world, store)
         progress(world.frames, world.frames)
         return
@@ -66,29 +69,33 @@ def record(
         _write_video(store, world.camera.rate_hz)
     camera, truth = world.camera, truth_of(world)
     wheel = wheel_odometry(world.motion, world.stamps_s, np.random.default_rng([world.seed, 3]))
-    boxes = [store.read(index) for index in range(world.frames)]
-    objects = object_records(world.apartment, world.poses()[0], boxes)
-    tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
-    write_floor_plan(world, store)
-    write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, wheel.tolist(), tilts)
-    if world.imu:
-        rng = np.random.default_rng([world.seed, 9])
-        samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
-        write_imu_csv(folder / "imu.csv", samples)
+    if locobot:
+        write_locobot(folder, camera.intrinsics, camera.mount, camera.rate_hz, wheel.tolist(), truth)
+    else:
+        boxes = [store.read(index) for index in range(world.frames)]
+        objects = object_records(world.apartment, world.poses()[0], boxes)
+        tilts = None if world.tilts is None else world.tilts.at(world.stamps_s)
+        rows = wheel.tolist()
+        write_floor_plan(world, store)
+        write_drive(folder, camera.intrinsics, camera.mount, camera.rate_hz, truth, objects, boxes, rows, tilts)
+        if world.imu:
+            rng = np.random.default_rng([world.seed, 9])
+            samples = imu_samples(world.motion, world.tilts, camera.mount, float(world.stamps_s[-1]) + 0.1, rng)
+            write_imu_csv(folder / "imu.csv", samples)
     if moved := moved_record(world):
         write_text(folder / "moved.json", json.dumps(moved, indent=1))
     write_text(folder / "README.md", credits_text(world.models(), command))
     store.finish()
 
 
-def _settings(world: World, video: bool, depth: bool) -> dict[str, Any]:
+def _settings(world: World, layout: str, video: bool, depth: bool) -> dict[str, Any]:
     return (
         {
             "format": FORMAT,
             "seed": world.seed,
             "home_seed": world.home_seed,
             "frames": world.frames,
-            "layout": "drive",  # as in recordings from before it was the only one
+            "layout": layout,
             "video": video,
             "depth": depth,
             "people": len(world.walkers),

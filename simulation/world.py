@@ -22,8 +22,8 @@ from edgemap.simulation.errors import SimulationError
 from edgemap.simulation.light_script import LightScript
 from edgemap.simulation.people import Walker, draw_walkers
 from edgemap.simulation.render.scene import Scene, Solid
-from edgemap.simulation.robot.explore import drive
-from edgemap.simulation.robot.motion import SampledDrive
+from edgemap.simulation.robot.explore import Habits, drive
+from edgemap.simulation.robot.motion import Limits, SampledDrive
 from edgemap.simulation.robot.nodding import Tilts, nodding_of
 from edgemap.simulation.robot.plan_grid import PlanGrid
 from edgemap.simulation.robot.sight import VisibilityEstimate
@@ -57,6 +57,8 @@ class Choices:
     effects: Effects | None = None
     light: str | None = None
     people: int | None = None
+    limits: Limits | None = None
+    habits: Habits | None = None
     contract: bool = True
     moved: int = 0
     nodding: bool = False
@@ -177,16 +179,16 @@ def _draw_drive(
     camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
     light = light_of(choices.light, rng) if choices.light else envelope.draw_light(rng)
     effects = choices.effects or envelope.draw_effects(rng, light)
-    limits = envelope.draw_limits(rng)
+    limits = choices.limits or envelope.draw_limits(rng)
     drawn = int(rng.choice(len(envelope.people), p=envelope.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2, *turn]
     try:
-        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), _CONTRACT_S, choices.habits)
         if choices.contract and not _fulfils(motion, sight):
             return None
         seconds = frames / camera.rate_hz + _SPARE_S
-        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds)
+        motion = drive(grid, sight, limits, np.random.default_rng(way), seconds, choices.habits)
     except SimulationError:
         return None
     people = drawn if choices.people is None else choices.people

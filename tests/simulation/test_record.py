@@ -142,6 +142,18 @@ def test_boxes_lie_in_the_picture_and_name_objects(recorded):
         assert record["id"] in known or record["label"] == "person"
 
 
+def test_locobot_set_is_readable(drawn, tmp_path):
+    from edgemap.simulation.locobot import parts
+    from edgemap.simulation.record import record
+
+    assert [part.frames for part in parts(0)] == [1000] * 5 + [2000] * 4
+    assert all(part.seed < 8000 or part.name.startswith("test-") for part in parts(0))
+    record(drawn, tmp_path / "one", layout="locobot", workers=1)
+    drive = open_drive(f"locobot:{tmp_path / 'one'}")
+    assert len(drive.images) == len(drive.depth) == FRAMES
+    assert drive.notes["truth"] == "poses.tum"
+
+
 def test_the_floor_plan_lies_beside_the_drive_and_comes_to_one_that_was_rendered_without(recorded, drawn, tmp_path):
     """The robot's poses lie on floor, outside of every wall and footprint; asked for again nothing is rendered."""
     from shutil import copytree
