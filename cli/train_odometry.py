@@ -37,6 +37,10 @@ def command(
     start: Annotated[
         Path | None, arg(metavar="FILE", help="A head's best.pt to go on from, for the same feature.")
     ] = None,
+    larger: Annotated[
+        Path | None,
+        arg(metavar="FILE", help="A flow head to begin a smaller one with, fitted to it; --steps 0 gives just that."),
+    ] = None,
     minutes: Minutes = None,
     steps: Annotated[int, arg(metavar="N", help="Budget in batches.")] = 4000,
     resume: Resume = False,
@@ -89,8 +93,8 @@ def command(
     at_least(2, length=length)
     at_least(0, steps=steps, first=first, views=views, validation_first=validation_first)
     check_training(minutes, rate, validate_minutes)
-    if views and head != "flow":
-        raise OptionError("--views: for a flow head, which knows how its camera is mounted")
+    if views and (head != "flow" or larger is not None):
+        raise OptionError("--views: for a flow head, which knows how its camera is mounted, and without --larger")
     from edgemap.export.exporter import is_onnx, open_backbone
     from edgemap.export.odometry.data import FeatureStore, usual_views
     from edgemap.export.odometry.flow import FlowHead
@@ -106,13 +110,13 @@ def command(
     store = FeatureStore(part, feature, cache or cache_folder() / "features")
     print(f"features {feature} {store.shape} of {part.name} in {store.folder}", flush=True)
     if views is None:
-        views = usual_views(data) if head == "flow" else 0
+        views = usual_views(data) if head == "flow" and larger is None else 0
     train = store.load(data, first, frames, workers, views)
     held_back = store.load(validation, validation_first, validation_frames, workers)
     seen = f"{len(data)} drives" + (f" and {views} views of each" if views else "")
     print(f"{sum(map(len, train))} frames of {seen} to train on, {sum(map(len, held_back))} to validate on")
     begun = begin(
-        head, store, train, backbone, feature, seed=seed, start=start,
+        head, store, train, backbone, feature, seed=seed, start=start, larger=larger, device=device,
         kernel=kernel, slope=0.0 if relu else 0.1,
     )  # fmt: skip
     print(f"{head} head: {begun.head.parameters_count:,} parameters", flush=True)

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from edgemap.export.errors import ExportError
+from edgemap.export.exporter import open_backbone
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, Kind, load_head
 from edgemap.export.odometry.data import FeatureDrive, FeatureStore
-from edgemap.export.odometry.flow import FlowHead
+from edgemap.export.odometry.flow import SMALL, FlowHead, FlowSizes
 from edgemap.export.odometry.paper import PaperHead, random_head
+from edgemap.export.odometry.smaller import fit_smaller
+from edgemap.export.ranks import Ranks
 from edgemap.geometry.camera.floor import length_unit_m
 
+FIT_DRIVES = 24  # that a smaller head is fitted on: evenly chosen
 SAMPLES = 64  # frames that mean and deviation are taken from
 
 
@@ -28,10 +34,16 @@ def begin(
     *,
     seed: int = 0,
     start: Path | None = None,
+    larger: Path | None = None,
+    device: str = "cpu",
     kernel: int = 3,
     slope: float = 0.1,
 ) -> HeadCheckpoint:
-    """The head to train for a store's features. kernel, slope: of the paper's head. Raises ExportError."""
+    """The head to train for a store's features. kernel, slope: of the paper's head. Raises ExportError.
+
+    larger: a flow head, of these or another backbone's features, that a small one is fitted to on `FIT_DRIVES` of the
+    drives. device: where that is computed.
+    """
     sample = _sample(drives, np.random.default_rng(seed))
     if start is not None:
         earlier = load_head(start)
@@ -47,11 +59,13 @@ def begin(
         return HeadCheckpoint(earlier.head, backbone, feature, kind)
     torch.manual_seed(seed)
     if kind == "flow":
-        head = FlowHead(store.shape, store.stride, unit_m=unit_of(drives))
+        head = FlowHead(store.shape, store.stride, FlowSizes() if larger is None else SMALL, unit_of(drives))
     else:
         head = random_head(store.shape, seed, kernel, slope)
         head.motion_scale.copy_(torch.from_numpy(_scale(drives)))
     _standardise(head, sample)
+    if larger is not None and isinstance(head, FlowHead):
+        _fit(head, larger, store, drives[:: -(-len(drives) // FIT_DRIVES)], device)
     return HeadCheckpoint(head, backbone, feature, kind)
 
 
@@ -60,6 +74,28 @@ def unit_of(drives: Sequence[FeatureDrive]) -> float:
     of them; where no floor is in view, 1."""
     nearest = [1.0 / most for drive in drives if (most := float(drive.cells[:, 6].max())) > 0.0]
     return length_unit_m(float(np.median(nearest))) if nearest else 1.0
+
+
+def _fit(head: FlowHead, larger: Path, store: FeatureStore, drives: Sequence[FeatureDrive], device: str) -> None:
+    """Raises ExportError where the larger one is no flow head, or of another grid."""
+    teacher = load_head(larger)
+    if not isinstance(teacher.head, FlowHead) or (teacher.head.rows, teacher.head.columns) != (head.rows, head.columns):
+        raise ExportError(
+            f"{larger}: a {teacher.kind} head for features {tuple(teacher.head.shape)}, not a flow head to fit"
+        )
+    part = open_backbone(teacher.backbone, None, [teacher.feature])
+    same_place = msgspec.structs.replace(part.detector.input, resize=store.input.resize)
+    part = replace(part, detector=msgspec.structs.replace(part.detector, input=same_place))
+    theirs = FeatureStore(part, teacher.feature, store.folder.parent, 1)
+    if theirs.folder == store.folder:
+        head.feature_mean.copy_(teacher.head.feature_mean)
+        head.feature_std.copy_(teacher.head.feature_std)
+        pairs = [(drive, drive) for drive in drives]
+    else:
+        pairs = list(zip(drives, theirs.load([drive.name for drive in drives]), strict=True))
+    place = Ranks(device).device
+    fit_smaller(head.to(place), teacher.head.to(place), pairs)
+    head.cpu()
 
 
 def _standardise(head: FlowHead | PaperHead, sample: torch.Tensor) -> None:

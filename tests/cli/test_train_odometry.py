@@ -104,6 +104,18 @@ def test_train_export_and_run(edgemap, floor_drive, backbone, cache, tmp_path, k
     assert document["measured"][f"odometry.{kind}"]["training"]["drives"] == 1
 
 
+def test_a_smaller_head_is_fitted_to_a_larger_one(edgemap, floor_drive, backbone, cache, tmp_path):
+    data = f"drive:{floor_drive}"
+    flags = ("--data", data, "--validation", data, "--backbone", backbone, "--cache", cache)
+    large, small = tmp_path / "large", tmp_path / "small"
+    result = edgemap("train", "odometry", *flags, "--length", "4", "--batch", "2", "--steps", "1", "-o", large)
+    assert result.returncode == 0, result.stderr
+    result = edgemap("train", "odometry", *flags, "--larger", large / "best.pt", "--steps", "0", "-o", small)
+    assert result.returncode == 0, result.stderr
+    assert "flow head: 128,812 parameters" in result.stdout
+    assert (small / "best.pt").is_file()
+
+
 @pytest.mark.parametrize(
     ("flags", "code", "message"),
     [
