@@ -91,7 +91,8 @@ class RoomCompass:
     """past: of the odometry, the latest steps. views: of the room. prior: of the odometry's drift up to the first of
     them and the room's direction, by views that are not kept. error_rad: the drift up to the last one. room_rad:
     direction of the room against the start. others_rad: of its other wings against that. strange_rad: of the latest
-    views, if none showed a known one. paid_rad: of the drift, what motions were given back."""
+    views, if none showed a known one. paid_rad: of the drift, what motions were given back. error_rad2: variance of
+    error_rad; unseen_rad2: of the heading where no view told, which no later one can."""
 
     rule: CompassRule
     past: tuple[Heading, ...] = ()
@@ -102,6 +103,16 @@ class RoomCompass:
     others_rad: tuple[float, ...] = ()
     strange_rad: tuple[float, ...] = ()
     paid_rad: float = 0.0
+    error_rad2: float = 0.0
+    unseen_rad2: float = 0.0
+
+    @property
+    def heading_rad2(self) -> float:
+        """Variance of the heading since the start as the room bounds it; infinite where no view does, rad^2."""
+        if not self.views:
+            return math.inf
+        since_rad2 = self.past[-1].variance_rad2 - self.views[-1].at.variance_rad2
+        return self.unseen_rad2 + self.error_rad2 + since_rad2 + (self.error_rad + self.paid_rad) ** 2
 
     def moved(self, stamp_s: float, motion: SE2, variance_rad2: float) -> RoomCompass:
         """The compass after a step of the odometry up to a stamp, whose yaw has this variance."""
@@ -124,11 +135,15 @@ class RoomCompass:
             return self
         shown_rad, variance_rad2 = at.yaw_rad + room.level_rad, room.sigma_rad**2 + rule.view_rad**2
         if not self.views:
-            return self._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
+            begun = replace(self, unseen_rad2=self.unseen_rad2 + at.variance_rad2)
+            return begun._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         last = self.views[-1]
         drift_rad2 = max(at.variance_rad2 - last.at.variance_rad2, CERTAIN_RAD2)
         if drift_rad2 > LOST_RAD**2:
-            begun = replace(self, prior=_beginning(self.error_rad), others_rad=(), strange_rad=())
+            unseen_rad2 = self.unseen_rad2 + self.error_rad2 + drift_rad2
+            begun = replace(
+                self, prior=_beginning(self.error_rad), others_rad=(), strange_rad=(), unseen_rad2=unseen_rad2
+            )
             return begun._solved((RoomView(at, shown_rad, variance_rad2, 0.0),))
         expected_rad = self.room_rad + self.error_rad
         off_rad = min((_wrapped(shown_rad - expected_rad - wing) for wing in (0.0, *self.others_rad)), key=abs)
@@ -170,7 +185,7 @@ class RoomCompass:
         steady[place[1:], place[:-1]] = steady[place[:-1], place[1:]] = -tied
         steady[np.ix_(ends, ends)] += self.prior[0]
         given[ends] += self.prior[1]
-        weight, found = 1.0 / variance, given
+        weight, found, normal = 1.0 / variance, given, steady
         for _ in range(ROUNDS):
             normal, right = steady.copy(), given.copy()
             normal[place, place] += weight
@@ -182,7 +197,10 @@ class RoomCompass:
             found = np.linalg.solve(normal, right)
             miss2 = (shown - found[:count] - found[count]) ** 2 / variance
             weight = 1.0 / (variance * (1.0 + miss2 / self.rule.outlier**2) ** 2)
-        solved = replace(self, views=views, error_rad=float(found[count - 1]), room_rad=float(found[count]))
+        error_rad2 = float(np.linalg.inv(normal)[count - 1, count - 1])
+        solved = replace(
+            self, views=views, error_rad=float(found[count - 1]), room_rad=float(found[count]), error_rad2=error_rad2
+        )
         return solved._shortened(float(weight[0])) if count > self.rule.views else solved
 
     def _shortened(self, weight: float) -> RoomCompass:

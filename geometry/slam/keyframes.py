@@ -54,6 +54,8 @@ class KeyframeTrajectory:
         self._vectors = np.zeros((0, 3))
         self._loose: list[Array] = []  # covariances that loops are searched with
         self._first, self._first_information = np.zeros(3), FIXED
+        self._turned_rad = 0.0  # the sum of all yaws
+        self._headings: list[tuple[float, float]] = []  # of the keyframes, by it, and its variance
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -67,18 +69,20 @@ class KeyframeTrajectory:
         """Adds the first keyframe with its covariance."""
         self.poses, self.stamps_s, self._first = [pose], [stamp_s], pose.vector()
         self.covariances = [covariance]
+        self._headings, self._turned_rad = [(pose.yaw_rad, math.inf)], pose.yaw_rad
         self._first_information = inverse(covariance + inverse(FIXED))
 
     def is_due(self, motion: SE2, covariance: Array) -> bool:
         """Adds a motion. Returns whether the next keyframe is due."""
         self.odometer_m += math.hypot(motion.x_m, motion.y_m) + abs(motion.yaw_rad)
+        self._turned_rad += motion.yaw_rad
         self._since_covariance = compose_covariance(self.since, self._since_covariance, motion, covariance)
         self.since = self.since @ motion
         far = math.hypot(self.since.x_m, self.since.y_m) > self.rule.keyframe_m
         return far or abs(self.since.yaw_rad) > self.rule.keyframe_rad
 
-    def keep(self, stamp_s: float) -> None:
-        """Makes the current pose a keyframe."""
+    def keep(self, stamp_s: float, heading_rad2: float = math.inf) -> None:
+        """Makes the current pose a keyframe. heading_rad2: variance of the sum of all yaws up to here."""
         self.covariances.append(
             compose_covariance(self.poses[-1], self.covariances[-1], self.since, self._since_covariance)
         )
@@ -90,6 +94,7 @@ class KeyframeTrajectory:
         self._loose.append(self._loosened(self._since_covariance))
         self.poses.append(self.pose)
         self.stamps_s.append(stamp_s)
+        self._headings.append((self._turned_rad, heading_rad2))
         self.since, self._since_covariance = SE2(), np.zeros((3, 3))
 
     def _loosened(self, covariance: Array) -> Array:
@@ -103,7 +108,11 @@ class KeyframeTrajectory:
         motions = np.array([motion.vector() for motion in self._motions]).reshape(-1, 3)
         covariances = np.array(self._loose if loose else self._covariances).reshape(-1, 3, 3)
         gains = self.rule.path_gain, self.rule.yaw_gain
-        return OdometryFactors(motions, inverse(covariances), self._first, self._first_information, gains)
+        headings = np.array(self._headings).reshape(-1, 2)
+        # All of them share the room's own error: together they tell as much as one does.
+        known = 1.0 / (headings[:, 1] * max(len(headings), 1))
+        first = self._first, self._first_information
+        return OdometryFactors(motions, inverse(covariances), *first, gains, headings[:, 0], known)
 
     def vectors(self) -> Array:
         """All keyframes' poses, (K, 3)."""
@@ -148,6 +157,7 @@ class KeyframeTrajectory:
         self.covariances = [covariance for row, covariance in enumerate(self.covariances) if row not in gone]
         self._vectors = np.zeros((0, 3))
         self.stamps_s = [stamp_s for row, stamp_s in enumerate(self.stamps_s) if row not in gone]
+        self._headings = [heading for row, heading in enumerate(self._headings) if row not in gone]
 
     def _joined(self, covariances: list[Array], gone: Set[int]) -> list[Array]:
         """Covariances of the motions once keyframes are dropped."""

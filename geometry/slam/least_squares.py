@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -25,13 +25,16 @@ TOGETHER = 2  # iterations in one unit of work
 class OdometryFactors:
     """K poses one after another. motions (K - 1, 3): from each to the next, (m, m, rad) in the earlier one's frame;
     information (K - 1, 3, 3) of them. first (3,): prior of the first pose; first_information (3, 3). gains (2,):
-    standard deviations of the share by which all paths, and all rotations, are too long."""
+    standard deviations of the share by which all paths, and all rotations, are too long. headings (K,): yaw of each
+    pose by a compass, rad; known (K,): information of it, rad^-2, zero where there is none; both may be empty."""
 
     motions: Array
     information: Array
     first: Array
     first_information: Array
     gains: tuple[float, float] = (0.0, 0.0)
+    headings: Array = field(default_factory=lambda: np.zeros(0))
+    known: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,6 +237,11 @@ class _System:
         residual[2] = np.angle(np.exp(1j * residual[2]))
         self.rhs[0] -= odometry.first_information @ residual
         self.cost += 0.5 * float(residual @ odometry.first_information @ residual)
+        if len(odometry.headings):
+            off = np.angle(np.exp(1j * (self._poses[:, 2] - odometry.headings)))
+            self._diagonal[:, 2, 2] += odometry.known
+            self.rhs[:, 2] -= odometry.known * off
+            self.cost += 0.5 * float(odometry.known @ off**2)
         x, y, by_before, by_after = _seen_from(self._poses[:-1], self._poses[1:, :2])
         turn = self._poses[1:, 2] - self._poses[:-1, 2]
         by_gain = np.zeros((self._count - 1, 3, 2))

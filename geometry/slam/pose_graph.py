@@ -100,11 +100,12 @@ class PoseGraph:
         landmark.own_m2 = positive(item.covariance_m2 - np.eye(2) * side_m2, least=1e-4)
         return landmark
 
-    def advance(self, motion: SE2, covariance: Array, stamp_s: float) -> bool:
-        """Adds a motion, and a keyframe where it is due. Returns whether a loop search is due, by path and rotation."""
+    def advance(self, motion: SE2, covariance: Array, stamp_s: float, heading_rad2: float = math.inf) -> bool:
+        """Adds a motion, and a keyframe where it is due. heading_rad2: variance of the sum of all yaws, as of `Motion`.
+        Returns whether a loop search is due, by path and rotation."""
         if not self.trajectory.is_due(motion, covariance):
             return False
-        self.trajectory.keep(stamp_s)
+        self.trajectory.keep(stamp_s, heading_rad2)
         return len(self.trajectory) % self.rule.every == 0
 
     def observe(self, sightings: Sequence[PlacedSighting], frame: int = 0) -> list[Landmark]:

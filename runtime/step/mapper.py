@@ -291,7 +291,8 @@ class Mapper:
         if not graph.trajectory.poses:
             graph.trajectory.begin(self.pose_map_base, self.pose_covariance, observed.stamp_s)
             return None
-        self._due |= graph.advance(observed.motion.motion, observed.motion.covariance, observed.stamp_s)
+        motion = observed.motion
+        self._due |= graph.advance(motion.motion, motion.covariance, observed.stamp_s, motion.heading_rad2)
         if self._due and not self.loop_closer.busy:
             self._due = False
             self.map.bound()

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -110,6 +112,22 @@ def test_motions_given_as_exact_can_be_solved():
     assert way.is_due(SE2(0.3, 0.0, 0.0), np.zeros((3, 3)))
     way.keep(0.1)
     assert np.isfinite(way.factors().information).all()
+
+
+def test_headings_of_a_compass_tell_as_much_together_as_one_of_them():
+    way = KeyframeTrajectory()
+    way.begin(SE2(1.0, 2.0, 0.5), np.zeros((3, 3)), 0.0)
+    for frame, variance in enumerate((0.04, math.inf, 0.04), 1):
+        assert way.is_due(SE2(0.3, 0.0, 0.1), SPREAD)
+        way.keep(frame / 10, variance)
+    before = way.factors()
+    assert before.headings == pytest.approx([0.5, 0.6, 0.7, 0.8])
+    assert before.known * len(way) == pytest.approx([0.0, 25.0, 0.0, 25.0])
+    turned = np.array([pose.vector() + [0.0, 0.0, 0.2] for pose in way.poses])
+    way.set_poses(turned, np.zeros((4, 3, 3)), 0.4)
+    assert way.factors().headings == pytest.approx(before.headings)  # they were measured, and stay what they were
+    way.drop({1})
+    assert way.factors().headings == pytest.approx([0.5, 0.7, 0.8])
 
 
 def test_a_start_that_is_not_certain_is_known_as_well_as_it_is():

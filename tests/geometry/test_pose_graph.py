@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,7 +46,9 @@ def drive(seed=0, count=9):
     information = inverse(np.array([np.diag([9e-4, 9e-4, 9e-4]) + 1e-4 for _ in motions]))
     start = np.array([p.vector() for p in poses]) + random.normal(0.0, 0.05, (count, 3))
     start[0] = poses[0].vector()
-    chain = OdometryFactors(np.array(motions), information, start[0], FIXED, (0.05, 0.1))
+    headings = np.array([p.yaw_rad for p in poses]) + random.normal(0.0, 0.02, count)
+    known = np.where(np.arange(count) % 3 == 0, 0.0, random.uniform(100.0, 2500.0, count))
+    chain = OdometryFactors(np.array(motions), information, start[0], FIXED, (0.05, 0.1), headings, known)
     return start, landmarks + random.normal(0.0, 0.2, (3, 2)), chain, looks
 
 
@@ -58,6 +61,8 @@ def residuals(x, count, chain, looks):
         off = relative.vector() - motion * (1 + np.array([0.05, 0.05, 0.1]) * x[[-3, -3, -2]])
         off[2] = math.remainder(off[2], math.tau)
         found.append(np.linalg.cholesky(information).T @ off)
+    off = [math.remainder(yaw_rad, math.tau) for yaw_rad in poses[:, 2] - chain.headings]
+    found.append(np.sqrt(chain.known) * off)
     found.append(x[-6:])  # errors of each landmark's range, of odometry and of the mount, in their standard deviations
     rows = zip(
         looks.pose, looks.landmark, looks.position_m, looks.information, looks.bias_m, looks.range_m, strict=True
@@ -177,6 +182,7 @@ def test_a_way_without_landmarks_stays_as_it_was_driven():
         np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2))
     )
     empty = LandmarkFactors(np.zeros((0, 2)), np.zeros((0, 2, 2)), NO_ROWS, NO_ROWS, np.zeros(0))
+    chain = replace(chain, headings=np.zeros(0), known=np.zeros(0))
     found = solve(start, np.zeros((0, 2)), chain, nothing, empty)
     pose = SE2(*chain.first)
     for motion, where in zip(chain.motions, found.poses[1:], strict=True):

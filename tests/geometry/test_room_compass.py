@@ -63,6 +63,23 @@ def test_another_wing_of_the_building_turns_no_map(askew_deg):
     assert np.degrees(np.abs(driven(drift, seen))).max() < 3.0
 
 
+@pytest.mark.parametrize(("unseen", "afterwards_deg"), [(100, 5.0), (310, 30.0)])
+def test_what_it_states_of_the_heading_is_bounded_while_the_room_is_seen(unseen, afterwards_deg):
+    """The odometry's own would be 16 degrees after 100 steps; what is lost beyond a quarter of a right angle no later
+    view tells."""
+    compass, step = RoomCompass(CompassRule()).moved(0.0, SE2(), 0.0), math.radians(0.5)
+    assert compass.heading_rad2 == math.inf
+    stated = []
+    for index in range(1, SPAN):
+        compass = compass.moved(index * STEP_S, SE2(0.05, 0.0, 0.0), step**2)
+        if index % 5 == 0 and not 200 <= index < 200 + unseen:
+            compass = compass.saw(RoomHeading(index * STEP_S, 0.3, math.radians(0.6)))
+        stated.append(math.degrees(math.sqrt(compass.heading_rad2)))
+    assert max(stated[20:199]) < 5.0
+    assert stated[198 + unseen] > math.degrees(step) * math.sqrt(unseen)
+    assert afterwards_deg - 8.0 < stated[-1] < afterwards_deg
+
+
 def test_steps_are_corrected_smoothly():
     errors = np.zeros(SPAN)
     errors[100] = math.radians(8.0)  # a step that is badly wrong, and does not say so

@@ -206,7 +206,7 @@ class HybridOdometry:
         self._begun_with: int | None = None  # index of that frame
         self._conflicts, self._first = 0, True
         self._movers = 0.0  # share of the picture that people and animals cover
-        self._compass = RoomCompass(self._rule.compass)
+        self._compass = RoomCompass(self._rule.compass, unseen_rad2=0.0 if reason == "start" else math.inf)
         self._trust, self._innovation = SourceTrust.of("wheels", self._rule.trust), Innovation()
         self._last_s, self._blind_rad = math.inf, 0.0  # of the last step with a picture; yaw since then
 
@@ -325,7 +325,8 @@ class HybridOdometry:
         self._compass, turned_rad = compass.paid(span_s, by_gyro=motion.without_gyro is not None)
         x_m, y_m, yaw_rad = motion.motion.vector()
         covariance = motion.covariance + np.diag([0.0, 0.0, turned_rad**2])
-        return replace(motion, motion=SE2(x_m, y_m, yaw_rad + turned_rad), covariance=covariance)
+        heading = SE2(x_m, y_m, yaw_rad + turned_rad)
+        return replace(motion, motion=heading, covariance=covariance, heading_rad2=self._compass.heading_rad2)
 
     def _held_to_gyro(self, alive: Sequence[MotionEstimate]) -> list[MotionEstimate]:
         """The estimates; one whose yaw disagrees with the gyro's counts as much less as makes it agree: a gyro errs by

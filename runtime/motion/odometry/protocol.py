@@ -1,5 +1,6 @@
 """Interface of an odometry: frames in, motion of the base with its covariance out."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -64,7 +65,8 @@ class Motion:
     base frame. fault: one line on what failed or was excluded, else empty; for display only. members: of a hybrid, by
     name: `used`, `blind` (no measurement) or `left_out` (it disagrees). without_gyro: of a hybrid with a gyro, motion
     and covariance from its other members. rotation: of the camera, where tracked corners measure it. lengths: of a
-    hybrid, ahead by the camera and by the wheels, m."""
+    hybrid, ahead by the camera and by the wheels, m. heading_rad2: variance of the sum of all yaws since the start,
+    where a compass bounds it; infinite without one."""
 
     motion: SE2 = field(default_factory=SE2)
     covariance: Array = field(default_factory=unknown_covariance)
@@ -74,6 +76,7 @@ class Motion:
     without_gyro: tuple[SE2, Array] | None = None
     rotation: TrackedRotation | None = None
     lengths: tuple[float, float] | None = None
+    heading_rad2: float = math.inf
 
     @property
     def measured(self) -> bool:
