@@ -33,17 +33,16 @@ def drive_chunks(open_drive: OpenDrive) -> Iterator[tuple[SemanticSlam, list[Fra
         camera, slam = open_drive()
         count = 0
         with camera:
-            while chunk := read_frames(camera):
+            while chunk := _decoded(camera):
                 count += len(chunk)
                 yield slam, chunk
         if count < 2:
             raise CameraError(f"bench needs two frames or more, {camera.name} gave {count}")
 
 
-def read_frames(camera: Camera, count: int = CHUNK) -> list[Frame]:
-    """The next frames of a camera, at most `count`."""
+def _decoded(camera: Camera) -> list[Frame]:
     frames = []
-    while len(frames) < count and (frame := next_frame(camera, lambda _: None)) is not None:
+    while len(frames) < CHUNK and (frame := next_frame(camera, lambda _: None)) is not None:
         frames.append(frame)
     return frames
 

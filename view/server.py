@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import ipaddress
-import math
 import secrets
 import socket
 import threading
 import time
 from collections.abc import Callable
 
-import psutil
 import uvicorn
 
 from edgemap.runtime.frames.reading import print_message
@@ -54,12 +52,6 @@ class PageServer:
         until_s = time.monotonic() + START_LIMIT_S
         while self._thread.is_alive() and not self._server.started and time.monotonic() < until_s:
             time.sleep(0.005)
-
-    def cpu_s(self) -> float:
-        """Processor time that the page's thread has taken so far, seconds; NaN once it has ended."""
-        threads = {thread.id: thread for thread in psutil.Process().threads()}
-        mine = threads.get(self._thread.native_id or 0)
-        return mine.user_time + mine.system_time if mine else math.nan
 
     def close(self) -> None:
         """Closes the viewers' connections and releases the port; may be called twice."""
