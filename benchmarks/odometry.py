@@ -14,8 +14,15 @@ from numpy.typing import NDArray
 
 from edgemap.benchmarks.odometry_replay import Followed, follow
 from edgemap.evaluation.attitude import attitude_figures
-from edgemap.evaluation.availability import availability
-from edgemap.evaluation.odometry import INDOOR_LENGTHS_M, KITTI_LENGTHS_M, DriveErrors, errors_of, figures, worst_drive
+from edgemap.evaluation.odometry import (
+    INDOOR_LENGTHS_M,
+    KITTI_LENGTHS_M,
+    DriveErrors,
+    availability,
+    errors_of,
+    figures,
+    worst_drive,
+)
 from edgemap.evaluation.planar_fit import planar_fit
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.mount import Mount

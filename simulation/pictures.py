@@ -19,8 +19,7 @@ from edgemap.simulation.apartment import furniture
 from edgemap.simulation.apartment.apartment import furnish
 from edgemap.simulation.apartment.credits import PICTURES, credits_text
 from edgemap.simulation.camera.exposure import light_levels, settled_gain
-from edgemap.simulation.camera.film import encoded, sensed
-from edgemap.simulation.camera.shake import shaken
+from edgemap.simulation.camera.film import encoded, sensed, shaken
 from edgemap.simulation.errors import require
 from edgemap.simulation.floor_labels import floor_labels
 from edgemap.simulation.pool import default_workers, ordered

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.trajectory import Trajectory
 from edgemap.runtime.inputs.drives.floor_plan import PLAN_NAME
 from edgemap.runtime.inputs.drives.locobot import write_locobot
@@ -17,7 +19,7 @@ from edgemap.runtime.inputs.drives.pictures import read_picture
 from edgemap.runtime.inputs.drives.sensor_csv import write_imu_csv
 from edgemap.runtime.inputs.drives.write import write_drive
 from edgemap.simulation.apartment.credits import credits_text
-from edgemap.simulation.changes import moved_record
+from edgemap.simulation.apartment.placed import Placed
 from edgemap.simulation.floor_plan import write_floor_plan
 from edgemap.simulation.robot.imu import imu_samples
 from edgemap.simulation.robot.wheels import wheel_odometry
@@ -119,3 +121,30 @@ def _write_video(store: FrameStore, rate_hz: float) -> None:
     unfinished = store.parts / "video.mp4"
     write_video(unfinished, map(read_picture, store.picture_paths()), rate_hz)
     unfinished.replace(store.folder / "video.mp4")
+
+
+def moved_record(world: World) -> dict[str, Any]:
+    """Pieces removed and moved, with ids as in objects.json, and the new drive's `start` (x m, y m, yaw degrees): all
+    in the start-pose frame of the seed's own drive, which is what its map is in. Empty where nothing was moved."""
+    if world.changes is None or world.start_before is None:
+        return {}
+    pose_before_home = world.start_before.inverse()
+    start = pose_before_home @ world.poses()[0]
+    return {
+        "frame": "start pose of the drive before",
+        "start": [round(start.x_m, 4), round(start.y_m, 4), round(math.degrees(start.yaw_rad), 4)],
+        "removed": [_named(item) | {"was_m": _place(item, pose_before_home)} for item in world.changes.removed],
+        "moved": [
+            _named(old) | {"was_m": _place(old, pose_before_home), "is_m": _place(new, pose_before_home)}
+            for old, new in world.changes.moved
+        ],
+    }
+
+
+def _named(item: Placed) -> dict[str, Any]:
+    return {"id": item.id, "label": item.label}
+
+
+def _place(item: Placed, pose_before_home: SE2) -> list[float]:
+    x_m, y_m = pose_before_home.apply([item.pose_home_object.x_m, item.pose_home_object.y_m])
+    return [round(float(x_m), 4), round(float(y_m), 4)]

@@ -13,8 +13,7 @@ from edgemap.geometry.camera.mount import Mount
 from edgemap.geometry.se2 import SE2
 from edgemap.simulation.apartment import furniture
 from edgemap.simulation.camera.exposure import gains
-from edgemap.simulation.camera.film import encoded, sensed
-from edgemap.simulation.camera.shake import shaken
+from edgemap.simulation.camera.film import encoded, sensed, shaken
 from edgemap.simulation.errors import require
 from edgemap.simulation.floor_labels import floor_labels
 from edgemap.simulation.light_script import LightScript

@@ -11,13 +11,17 @@ from collections.abc import Callable
 
 import uvicorn
 
+from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import print_message
 from edgemap.view.app import make_app
 from edgemap.view.connections import WaitingLimited
-from edgemap.view.errors import ViewError
 from edgemap.view.page import LivePage
 
 START_LIMIT_S = 10.0
+
+
+class ViewError(EdgemapError):
+    """An address that the live page cannot be served on."""
 
 
 class PageServer:

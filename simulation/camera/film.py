@@ -1,6 +1,11 @@
-"""From the renderer's picture to the camera's: shutter, noise, code, in the order in which they happen."""
+"""From the renderer's picture to the camera's: vibration, shutter, noise, code, in the order in which they happen.
+
+Shot noise grows with the root of the light, read noise is always there; both grow with the gain.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,10 +13,13 @@ from numpy.typing import NDArray
 
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount
-from edgemap.simulation.camera.noise import noisy
 from edgemap.simulation.camera.setup import Effects
 from edgemap.simulation.camera.shutter import exposed, optical_twist
 from edgemap.simulation.render.mesh import Array
+
+_GAMMA = 2.2
+# Speeds at which a robot shakes as much as `shake_rad` says; standing still it does not.
+_SPEED_M_S, _YAW_RATE_RAD_S = 0.4, 0.8
 
 
 def sensed(
@@ -43,3 +51,29 @@ def encoded(picture: NDArray[np.uint8], jpeg_quality: int | None) -> tuple[bytes
         # OpenCV's own choice of filter and runs: smaller files of noisy pictures than a stated level, in half the time.
         return cv2.imencode(".png", picture)[1].tobytes(), ".png"
     return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes(), ".jpg"
+
+
+def noise_levels(shot: float, read: float, gain: float) -> NDArray[np.float32]:
+    """Standard deviation in grey levels for each of the 256 levels of a gamma-coded picture.
+
+    Light is level^2.2; its variance, shot^2 gain light + (read gain)^2, comes back through the slope of the root.
+    """
+    level = np.maximum(np.arange(256) / 255.0, 0.02)
+    sigma = np.sqrt(shot**2 * gain * level**_GAMMA + (read * gain) ** 2)
+    return (255.0 * sigma / (_GAMMA * level ** (_GAMMA - 1.0))).clip(0.0, 25.0).astype(np.float32)
+
+
+def noisy(
+    picture: NDArray[np.uint8], shot: float, read: float, gain: float, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """The picture with the noise of one exposure; gain: how much it was brightened, 1 in good light."""
+    noise = rng.standard_normal(picture.shape, dtype=np.float32)
+    noise *= np.asarray(cv2.LUT(picture, noise_levels(shot, read, gain)))
+    return np.asarray(cv2.add(noise, picture, dtype=cv2.CV_8U), dtype=np.uint8)
+
+
+def shaken(mount: Mount, shake_rad: float, velocity: np.ndarray, rng: np.random.Generator) -> Mount:
+    """The mount in one picture, with shake. velocity: forward m/s, left m/s, yaw rad/s of the base."""
+    strength = min(1.0, abs(velocity[0]) / _SPEED_M_S + abs(velocity[2]) / _YAW_RATE_RAD_S)
+    pitch, roll = rng.normal(0.0, 1.0, 2) * shake_rad * strength
+    return replace(mount, pitch_rad=mount.pitch_rad + pitch, roll_rad=mount.roll_rad + roll)

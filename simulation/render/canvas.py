@@ -23,9 +23,9 @@ class RenderTarget:
         self.context = _context(self.gl)
         self._programs: dict[SurfaceKind, Any] = {}
         self._textures: dict[int, tuple[NDArray[np.uint8], Any]] = {}
-        self.silhouette = self.context.program(*shaders.SILHOUETTE)
-        self.walls = self.context.program(*shaders.WALLS)
-        self._shadow = self.context.program(*shaders.SHADOW)
+        self.silhouette = self.context.program(*shaders.shader("silhouette"))
+        self.walls = self.context.program(*shaders.shader("walls"))
+        self._shadow = self.context.program(*shaders.shader("shadow"))
         square = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], dtype="f4")
         self._square = self.context.vertex_array(
             self._shadow, [(self.context.buffer(square.tobytes()), "2f", "corner")]

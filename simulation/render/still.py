@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from edgemap.simulation.render.atlas import Atlas
 from edgemap.simulation.render.batches import Batch, pack_parts, pack_surfaces
 from edgemap.simulation.render.canvas import Meshes, RenderTarget, depth_of
-from edgemap.simulation.render.culling import in_view
 from edgemap.simulation.render.mesh import Array
-from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene
-from edgemap.simulation.render.view import metres
+from edgemap.simulation.render.scene import ROOM_ID, LightMix, LitScene, LitSurface
+from edgemap.simulation.render.view import NEAR_M, metres
 
 _WALLS_PX = (80, 60)
+_WIDTH = 1024  # of the atlas
 
 
 class Still:
@@ -72,3 +73,68 @@ class Still:
         self._canvas.context.enable_only(self._canvas.gl.DEPTH_TEST)
         self._walls.array(program).render()
         return metres(depth_of(self._small))
+
+
+class Atlas:
+    """Light maps side by side. places: per surface (u0, v0, u1, v1), the map's own border in the texture, 0..1."""
+
+    def __init__(self, surfaces: Sequence[LitSurface]) -> None:
+        at = _shelves([lit.lamp.shape[:2] for lit in surfaces])
+        rows = max([16, *(row + lit.lamp.shape[0] + 2 for (row, _), lit in zip(at, surfaces, strict=True))])
+        self.size = (_WIDTH, 1 << (rows - 1).bit_length())
+        self._day, self._lamp = (np.zeros((self.size[1], _WIDTH, 3), dtype=np.float32) for _ in range(2))
+        self.places: list[Array] = []
+        for (row, column), lit in zip(at, surfaces, strict=True):
+            height, width = lit.lamp.shape[:2]
+            for sheet, light in ((self._day, lit.day), (self._lamp, lit.lamp)):
+                # One more texel all around, for the filter.
+                sheet[row : row + height + 2, column : column + width + 2] = np.pad(
+                    light, ((1, 1), (1, 1), (0, 0)), "edge"
+                )
+            low = np.array([column + 1, row + 1], dtype=np.float64)
+            self.places.append(np.concatenate([low, low + [width, height]]) / [*self.size, *self.size])
+
+    def mixed(self, light: LightMix) -> NDArray[np.float16]:
+        """The texture, (rows, columns, 4)."""
+        sheet = np.ones((self.size[1], _WIDTH, 4), dtype=np.float16)
+        sheet[..., :3] = light.day * self._day + light.lamp * self._lamp
+        return sheet
+
+
+def _shelves(shapes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Row and column of each map (with its border), tallest first, shelf on shelf. Maps wider than the atlas cannot be
+    placed; `light.py` keeps them smaller."""
+    at: list[tuple[int, int]] = [(0, 0)] * len(shapes)
+    row = column = shelf = 0
+    for number in sorted(range(len(shapes)), key=lambda n: -shapes[n][0]):
+        height, width = shapes[number][0] + 2, shapes[number][1] + 2
+        if column + width > _WIDTH:
+            row, column, shelf = row + shelf, 0, 0
+        at[number] = row, column
+        column, shelf = column + width, max(shelf, height)
+    return at
+
+
+def in_view(corners: Array, clip_home: Array, walls_m: NDArray[np.float32] | None) -> tuple[NDArray[np.intp], Array]:
+    """Indices of the boxes (N, 8, 3) that may be seen, and all boxes' mean optical depth (N,) in metres.
+
+    walls_m: (rows, columns) optical depth of the bare walls in a small picture of the same view, first row on top;
+    a box that lies behind them everywhere is left out.
+    """
+    clip = corners @ clip_home[:, :3].T + clip_home[:, 3]
+    sides, depth = clip[..., :2], clip[..., 3]
+    outside = np.all(sides < -depth[..., None], axis=1).any(axis=-1)
+    outside |= np.all(sides > depth[..., None], axis=1).any(axis=-1)
+    outside |= np.all(depth < NEAR_M, axis=1)
+    if walls_m is not None:
+        near = depth.min(axis=1)
+        unsure = np.flatnonzero(~outside & (near > NEAR_M))
+        flat = sides[unsure] / depth[unsure, :, None]
+        size = np.array(walls_m.shape[::-1])
+        # The picture's y points down here, as in `projection`, turned over.
+        at = (flat + 1.0) / 2.0 * size
+        low = np.clip(np.floor(at.min(axis=1)) - 1, 0, size - 1).astype(int)
+        high = np.clip(np.ceil(at.max(axis=1)) + 1, 1, size).astype(int)
+        for index, (c0, r0), (c1, r1) in zip(unsure, low, high, strict=True):
+            outside[index] = walls_m[r0:r1, c0:c1].max() < near[index]
+    return np.flatnonzero(~outside), np.maximum(depth, 0.0).mean(axis=1)

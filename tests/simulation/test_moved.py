@@ -70,7 +70,7 @@ def test_too_many_to_move_is_one_line():
 
 
 def test_the_second_drive_keeps_camera_and_light_and_says_where_it_starts():
-    from edgemap.simulation.changes import moved_record
+    from edgemap.simulation.record import moved_record
     from edgemap.simulation.world import Choices, draw_world
 
     before, after = draw_world(8110, 20), draw_world(8110, 20, Choices(moved=2))

@@ -14,9 +14,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from edgemap.geometry.se2 import SE2
 from edgemap.view.connections import WaitingLimited
-from edgemap.view.errors import ViewError
 from edgemap.view.guard import _cookie
-from edgemap.view.server import PageServer
+from edgemap.view.server import PageServer, ViewError
 from edgemap.view.viewer import IN_FLIGHT
 
 

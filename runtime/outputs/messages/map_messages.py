@@ -1,7 +1,11 @@
-"""The objects on the map as ROS 2 messages: for programs (Detection3DArray) and for eyes (MarkerArray)."""
+"""The map as ROS 2 messages: its objects, for programs (Detection3DArray) and for eyes (MarkerArray), and the floor."""
+
+import math
 
 import numpy as np
 
+from edgemap.geometry.grid.floor_scan import FloorScan
+from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject, ellipse_95
 from edgemap.geometry.se2 import SE2
 from edgemap.runtime.frames.colours import label_rgb
@@ -12,6 +16,7 @@ from edgemap.runtime.outputs.messages.build import header, occupancy_grid_messag
 
 CUBE, CYLINDER, TEXT, DELETE_ALL = 1, 3, 9, 3  # visualization_msgs/Marker: three types, one action
 TALLEST_M, FLAT_M, LETTER_M, THIN_M = 2.5, 0.01, 0.15, 5e-4
+BEAM_RAD, NEAREST_M = math.radians(0.5), 0.05  # of the floor's scan
 
 
 def detections_3d(stamp_ns: int, objects: list[MapObject], ids: FrameIds = IDS) -> Message:
@@ -78,3 +83,31 @@ def _height_m(item: MapObject) -> float:
 def _box(item: MapObject) -> dict[str, float]:
     side_m = max(float(item.width_m), FLAT_M)  # its depth is not seen: as deep as wide
     return {"x": side_m, "y": side_m, "z": _height_m(item)}
+
+
+def grid_message(stamp_ns: int, grid: OccupancyGrid, ids: FrameIds = IDS) -> Message:
+    """`nav_msgs/OccupancyGrid` in the map frame: observed floor free, obstacles occupied, the rest unknown."""
+    return occupancy_grid_message(stamp_ns, grid.cells, (grid.x_m, grid.y_m), grid.cell_m, ids)
+
+
+def scan_message(stamp_ns: int, scan: FloorScan, ids: FrameIds = IDS) -> Message:
+    """`sensor_msgs/LaserScan` in the base frame: the nearest contact of each beam of half a degree, NaN where the
+    picture has none (REP-117: no measurement, so no cell is cleared). Intensities: the contacts' weights.
+    """
+    ranges_m = np.hypot(*scan.contacts_base_m.T)
+    beams = np.rint(np.arctan2(scan.contacts_base_m[:, 1], scan.contacts_base_m[:, 0]) / BEAM_RAD).astype(np.intp)
+    first, last = (int(beams.min()), int(beams.max())) if len(beams) else (0, 0)
+    nearest = np.full(last - first + 1, np.nan)
+    weights = np.zeros(last - first + 1)
+    for at in np.argsort(-ranges_m, kind="stable"):  # the nearest of a beam last
+        nearest[beams[at] - first], weights[beams[at] - first] = ranges_m[at], scan.weights[at]
+    return {
+        "header": header(stamp_ns, ids.base),
+        "angle_min": first * BEAM_RAD,
+        "angle_max": last * BEAM_RAD,
+        "angle_increment": BEAM_RAD,
+        "range_min": NEAREST_M,
+        "range_max": scan.rule.reach_m + 1.0,  # from the base, the lens may be ahead of it
+        "ranges": nearest.tolist(),
+        "intensities": weights.tolist(),
+    }

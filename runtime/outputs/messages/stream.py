@@ -18,8 +18,13 @@ from edgemap.runtime.frames.messages.definitions import Message
 from edgemap.runtime.frames.messages.frame_ids import FrameIds
 from edgemap.runtime.frames.messages.stamps import to_ns
 from edgemap.runtime.outputs.messages import build
-from edgemap.runtime.outputs.messages.floor_messages import grid_message, scan_message
-from edgemap.runtime.outputs.messages.map_messages import detections_3d, markers, occupancy_grid
+from edgemap.runtime.outputs.messages.map_messages import (
+    detections_3d,
+    grid_message,
+    markers,
+    occupancy_grid,
+    scan_message,
+)
 from edgemap.runtime.step.slam import StepResult
 
 JPEG_QUALITY = 90
