@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.groups import NetworkOptions, Source
-from edgemap.cli.options import Json
+from edgemap.cli.options import Json, print_json
 
 
 def command(
@@ -133,9 +133,7 @@ def command(
 
         print_message(f"see it:  {plot_bench(plot / 'bench.png', document)}")
     if json:
-        import json as json_module
-
-        print(json_module.dumps(document, indent=1))
+        print_json(document)
     else:
         _print_figures(document)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from edgemap.cli.options import Json
+from edgemap.cli.options import Json, print_json
 
 if TYPE_CHECKING:
     from edgemap.runtime.inputs.cameras.found import FoundCamera
@@ -16,11 +16,10 @@ def command(json: Json = False) -> None:
 
     cameras, notes = found_cameras()
     if json:
-        import json as json_module
         from dataclasses import asdict
 
         found = [asdict(camera) | {"command": command_line(camera)} for camera in cameras]
-        print(json_module.dumps({"cameras": found, "notes": notes}, indent=1))
+        print_json({"cameras": found, "notes": notes})
         return
     for camera in cameras:
         print(f"{camera.spec:<24} {camera.name}" + (f"; {camera.problem}" if camera.problem else ""))

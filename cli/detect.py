@@ -11,7 +11,7 @@ import tyro
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import read_intrinsics, read_mount
 from edgemap.cli.groups import NetworkOptions, Optics
-from edgemap.cli.options import Confidence, Json, minimum_score
+from edgemap.cli.options import Confidence, Json, minimum_score, print_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -80,9 +80,7 @@ def command(
                 _print_result(document)
     finally:  # a picture that cannot be read does not lose those before it
         if json:
-            import json as json_module
-
-            print(json_module.dumps(documents, indent=1, allow_nan=False))
+            print_json(documents)
 
 
 def _plot(

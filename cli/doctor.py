@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import HOW_TO_MEASURE, CameraFile, CameraSpec, IntrinsicsText, MountText
-from edgemap.cli.options import BundleName, Json
+from edgemap.cli.options import BundleName, Json, print_json
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.extras import install_hint, pip
 
@@ -77,10 +77,9 @@ def command(
     """
     findings = list(_examine(camera, bundle, mount, intrinsics, camera_file, plot))
     if json:
-        import json as json_module
         from dataclasses import asdict
 
-        print(json_module.dumps([asdict(finding) for finding in findings], indent=1))
+        print_json([asdict(finding) for finding in findings])
     else:
         signs = {"ok": "ok     ", "missing": "missing", "broken": "BROKEN "}
         for finding in findings:

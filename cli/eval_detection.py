@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.groups import NetworkOptions
-from edgemap.cli.options import Json, at_least, in_unit
+from edgemap.cli.options import Json, at_least, in_unit, print_json
 
 
 def command(
@@ -88,9 +88,7 @@ def command(
     drawn = mistakes.save(plot) if mistakes and plot else []
     document["boxes_of_unknown_classes"] = unknown
     if json:
-        import json as json_module
-
-        print(json_module.dumps(document, indent=1))
+        print_json(document)
         return
     print(f"{document['bundle']} on {data}: {document['pictures']} pictures, {document['boxes_true']} true boxes")
     print(f"  AP {document['ap']:.3f}   AP50 {document['ap50']:.3f}")

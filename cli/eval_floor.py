@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.groups import NetworkOptions
-from edgemap.cli.options import Json, at_least
+from edgemap.cli.options import Json, at_least, print_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,9 +66,7 @@ def command(
     document: dict[str, Any] = {"data": data, "bundle": loaded.manifest.name}
     document |= {"precision": loaded.precision, "engine": loaded.engine, **score.row()}
     if json:
-        import json as json_module
-
-        print(json_module.dumps(document, indent=1))
+        print_json(document)
         return
     print(f"{document['bundle']} on {data}: {document['pictures']} pictures")
     print(f"  IoU {_text(document['iou'], '.3f')}   floor ends {_text(document['boundary_px'], '.1f')} px off")

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from edgemap.cli.arguments import arg
 from edgemap.cli.groups import MotionOptions, NetworkOptions
-from edgemap.cli.options import Confidence, ConfigFile, Json, LoopClosure, WithoutDepth, at_least, in_unit
+from edgemap.cli.options import Confidence, ConfigFile, Json, LoopClosure, WithoutDepth, at_least, in_unit, print_json
 
 
 def command(
@@ -109,9 +109,7 @@ def command(
                 places = [(item.label, item.x_m, item.y_m) for item in wanted]
                 plot_map(plot / f"{name}.png", objects, trajectory=drive.truth, truth=places)
     if json:
-        import json as json_module
-
-        print(json_module.dumps(document, indent=1))
+        print_json(document)
         return
     room = f"{count} frames, {path_m:.1f} m, {document['objects_true']} objects on the floor"
     print(f"{document['bundle']} on {data}: {room}")

@@ -12,7 +12,7 @@ from edgemap.cli.arguments import arg
 from edgemap.cli.camera_options import MountText, read_mount
 from edgemap.cli.errors import OptionError
 from edgemap.cli.groups import NetworkOptions
-from edgemap.cli.options import ConfigFile, Json, WithoutDepth, WithoutImu, at_least
+from edgemap.cli.options import ConfigFile, Json, WithoutDepth, WithoutImu, at_least, print_json
 
 Repeated = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 DEFAULT_DATA = (("demo",),)
@@ -101,9 +101,7 @@ def command(
     for name, spec in zip(names, specs, strict=True):
         document["sequences"][name]["data"] = spec
     if json:
-        import json as json_module
-
-        print(json_module.dumps(document, indent=1))
+        print_json(document)
         return
     print(f"{odometry} odometry, bundle {document['bundle']}")
     for name, own in document["sequences"].items():

@@ -11,7 +11,7 @@ import tyro
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.last_run import last_run
-from edgemap.cli.options import Json, known_names, numbers
+from edgemap.cli.options import Json, known_names, numbers, print_json
 
 if TYPE_CHECKING:
     from edgemap.geometry.map_object import MapObject
@@ -134,15 +134,13 @@ def _print_lines(answers: Answers) -> None:
 
 def _print_json(path: Path, answers: Answers) -> None:
     """One document like map.json, with `distance_m` where a point was given."""
-    import json
-
     from edgemap.runtime.step.map_file import map_document
 
     document = map_document([item for item, _ in answers])
     for record, (_, distance_m) in zip(document["objects"], answers, strict=True):
         if distance_m is not None:
             record["distance_m"] = round(distance_m, 6)
-    print(json.dumps({"map": str(path)} | document, indent=1))
+    print_json({"map": str(path)} | document)
 
 
 def _draw(

@@ -93,6 +93,13 @@ ConfigOptions = Annotated[
 Json = Annotated[bool, arg(help="Print one JSON document on standard output and nothing else.")]
 
 
+def print_json(document: object) -> None:
+    """What `--json` prints."""
+    import json
+
+    print(json.dumps(document, indent=1))
+
+
 def numbers(text: str, option: str, names: str) -> list[float]:
     """Comma-separated finite numbers, as many as there are names. Raises OptionError."""
     try:

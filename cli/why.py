@@ -10,7 +10,7 @@ import tyro
 from edgemap.cli.arguments import arg
 from edgemap.cli.errors import OptionError
 from edgemap.cli.last_run import last_run
-from edgemap.cli.options import Json
+from edgemap.cli.options import Json, print_json
 
 
 def command(
@@ -32,8 +32,6 @@ def command(
         raise OptionError(f"{folder}: not a run folder")
     verdict, steps = explain(*read_run(folder))
     if json:
-        import json as json_module
-
         document = {"run": str(folder), "verdict": verdict.document()}
         causes = [
             {
@@ -45,7 +43,7 @@ def command(
             }
             for step in steps
         ]
-        print(json_module.dumps(document | {"causes": causes}, indent=1))
+        print_json(document | {"causes": causes})
         return
     print(f"{folder}: map: {TITLES[verdict.level]}")
     if verdict.level == "good":

@@ -44,6 +44,7 @@ RENAMED = {
 }
 # Numbers of earlier files that nothing uses any more, passed over.
 RETIRED = {
+    "camera": ("stall_intervals", "retries", "reset_every", "back_off_limit_s", "settle_s"),
     "attitude": (
         "offset_rad",
         "judged_s",

@@ -4,29 +4,25 @@ import statistics
 from collections import deque
 from dataclasses import dataclass
 
+STALL_INTERVALS, RESET_EVERY = 10, 2
+BACK_OFF_LIMIT_S, SETTLE_S = 30.0, 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class RecoveryRule:
     """Timeouts and retries of a live camera's supervisor.
 
     first_frame_limit_s: silence allowed before the first frame: devices wake slowly. After an opening it is three
-    times the stall limit, doubled with each opening in a row, at most this. stall_intervals, stall_limit_s:
-    a frame is late after this many of the camera's own median frame intervals, at least so many seconds.
-    retries: failed grabs in a row before the device is opened again; one that took as long as a stall may is enough.
-    reset_every: each so many-th opening is preceded
-    by a hardware reset, where the camera has one. back_off_s, back_off_limit_s: wait before the second opening in a
-    row, doubled each time, and its limit. A frame ends the row: the next one begins as far on as there were outages
-    without settle_s of frames between them. restarts: openings that may be spent; refill_s of frames give one back.
+    times the stall limit, doubled with each opening in a row, at most this. stall_limit_s: a frame is late after ten
+    of the camera's own median frame intervals, at least so many seconds. Every second opening is preceded by a
+    hardware reset, where the camera has one. back_off_s: wait before the second opening in a row, doubled each time,
+    at most half a minute. A frame ends the row: the next one begins as far on as there were outages without two
+    seconds of frames between them. restarts: openings that may be spent; refill_s of frames give one back.
     """
 
     first_frame_limit_s: float = 10.0
-    stall_intervals: float = 10.0
     stall_limit_s: float = 1.0
-    retries: int = 3
-    reset_every: int = 2
     back_off_s: float = 0.5
-    back_off_limit_s: float = 30.0
-    settle_s: float = 2.0
     restarts: int = 20
     refill_s: float = 30.0
 
@@ -49,7 +45,7 @@ class RecoveryClock:
         """Longest allowed silence of the device, s."""
         if not self._intervals_s:
             return self.rule.first_frame_limit_s
-        running = max(self.rule.stall_limit_s, self.rule.stall_intervals * statistics.median(self._intervals_s))
+        running = max(self.rule.stall_limit_s, STALL_INTERVALS * statistics.median(self._intervals_s))
         waking = min(self.rule.first_frame_limit_s, 3.0 * running * 2.0 ** max(0, self.restarts - 1))
         return waking if self.fresh else running
 
@@ -67,7 +63,7 @@ class RecoveryClock:
             self._intervals_s.append(now_s - self.heard_s)
             self.spent = max(0.0, self.spent - (now_s - self.heard_s) / self.rule.refill_s)
         self.heard_s, self.fresh = now_s, False
-        if now_s - self._restarted_s >= self.rule.settle_s:
+        if now_s - self._restarted_s >= SETTLE_S:
             self.restarts = self._outages = 0
 
     def restart(self, now_s: float) -> bool:
@@ -76,10 +72,10 @@ class RecoveryClock:
         self.spent += 1.0
         self.heard_s = self._restarted_s = now_s
         self.fresh = True
-        return self.restarts % self.rule.reset_every == 0
+        return self.restarts % RESET_EVERY == 0
 
     def back_off_s(self) -> float:
         """Wait before the next restart, s; 0 before the first in a row."""
         if self.restarts == 0:
             return 0.0
-        return min(self.rule.back_off_limit_s, self.rule.back_off_s * 2.0 ** (self.restarts - 1))
+        return min(BACK_OFF_LIMIT_S, self.rule.back_off_s * 2.0 ** (self.restarts - 1))

@@ -13,6 +13,7 @@ from edgemap.runtime.inputs.cameras.returned import size_of
 
 POLL_S = 0.2  # longest wait of one poll that has no device to wait for
 RETRY_S = 0.05  # between two grabs, the first of which failed
+RETRIES = 3  # failed grabs in a row before the device is opened again
 
 
 class Supervisor:
@@ -104,7 +105,7 @@ class Supervisor:
         if self._failures == 1:
             self._fault(FaultKind.FAILED, f"stopped delivering ({error_line(error)})")
         # One that was waited for (a network stream's time limit) has had the time that retries would take.
-        if self._failures > self._recovery.rule.retries or took_s >= self._recovery.stall_limit_s:
+        if self._failures > RETRIES or took_s >= self._recovery.stall_limit_s:
             self._give_up_device()
         else:
             self._wait(RETRY_S)
