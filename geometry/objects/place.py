@@ -68,8 +68,9 @@ class MergeBudget:
 
     arrived: sequence number of each robot's latest map. stopped: polled at every unit. waiting: robots whose alignment
     with the place is postponed. unfinished: an alignment was postponed, also one between two robots outside the place.
-    lately: units that each robot has used, halved at every merge. members: each robot's alignment in the previous
-    merge, tried first for a map that has changed a little.
+    lately: units that each robot has used, halved at every merge; an alignment of two robots outside the place is on
+    both accounts, so that none who tries all the others comes first again. members: each robot's alignment in the
+    previous merge, tried first for a map that has changed a little.
     """
 
     arrived: dict[str, int] = field(default_factory=dict)
@@ -80,6 +81,7 @@ class MergeBudget:
     unfinished: bool = False
     lately: Counter[str] = field(default_factory=Counter)
     members: dict[str, MergedRobot] = field(default_factory=dict)
+    _units: int = 0
     _spent: Counter[str] = field(default_factory=Counter)
     _owed: Counter[str] = field(default_factory=Counter)  # `lately` as this merge began
 
@@ -87,33 +89,40 @@ class MergeBudget:
         """Another merge."""
         self.lately = Counter({name: units // 2 for name, units in self.lately.items() if units > 1})
         self._owed = Counter(self.lately)
+        self._units = 0
         self._spent.clear()
         self.waiting.clear()
         self.unfinished = False
 
-    def payer(self, name: str, members: Collection[str]) -> str:
-        """The robot whose budget pays for an alignment: the robot itself until its first merge, then the one with the
-        newest map.
+    def payers(self, name: str, members: Collection[str]) -> set[str]:
+        """The robots whose budgets pay for an alignment: the robot itself until its first merge, then the one with the
+        newest map; and who leads a group that is not the place.
         """
+        leader = next(iter(members))
         if name not in self.members:
-            return name
-        return max({name, *members}, key=lambda one: (self.arrived.get(one, 0), one))
+            return {name, leader} if leader and not self._in_place(leader) else {name}
+        return {max({name, *members}, key=lambda one: (self.arrived.get(one, 0), one))}
 
-    def left(self, payer: str) -> int:
-        """Units that one robot may still cost."""
-        return min(self.each - self._spent[payer], self.total - self._spent.total())
+    def left(self, payers: Collection[str]) -> int:
+        """Units that these robots may still cost."""
+        return min(*(self.each - self._spent[payer] for payer in payers), self.total - self._units)
 
-    def spend(self, payer: str) -> None:
+    def spend(self, payers: Collection[str]) -> None:
         """One unit. Raises MergeStopped."""
-        self._spent[payer] += 1
-        self.lately[payer] += 1
+        self._units += 1
+        self._spent.update(payers)
+        self.lately.update(payers)
         if self.stopped():
             raise MergeStopped("stopped")
 
     def turn(self, name: str) -> tuple[bool, bool, int]:
         """Sort key: robots of a place of two or more first, then those that use little, then strangers by their use."""
-        known = name in self.members
-        return len(self.members) > 1 and not known, self.last(name), 0 if known else self._owed[name]
+        known = self._in_place(name)
+        return not known, self.last(name), 0 if known else self._owed[name]
+
+    def _in_place(self, name: str) -> bool:
+        """Whether a robot is in a place of two or more; alone, it has no more right to a turn than the others."""
+        return len(self.members) > 1 and name in self.members
 
     def last(self, name: str) -> bool:
         """Whether a robot joins after all others."""
@@ -282,14 +291,14 @@ class _Registration:
         return None
 
     def _aligned(self, group: _Group, name: str) -> Alignment | str:
-        payer, mine = self.budget.payer(name, group.members), self.maps[name].objects
+        payers, mine = self.budget.payers(name, group.members), self.maps[name].objects
         if (near := self._near(group, name)) is not None:
-            self.budget.spend(payer)
+            self.budget.spend(payers)
             return near
-        work, allowed = aligning(group.objects, mine), min(UNITS_OF_WORK, self.budget.left(payer))
+        work, allowed = aligning(group.objects, mine), min(UNITS_OF_WORK, self.budget.left(payers))
         try:
             for _ in range(allowed):
-                self.budget.spend(payer)
+                self.budget.spend(payers)
                 next(work)
         except StopIteration as end:
             return end.value

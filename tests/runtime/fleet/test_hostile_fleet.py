@@ -148,6 +148,17 @@ def test_nobody_waits_for_strangers_that_fit_nowhere():
     assert place.members["robot2"].pose_place_map is not None
 
 
+def test_one_robot_under_thirty_names_keeps_no_two_others_apart():
+    """All invented maps are new in every merge, so that no alignment of theirs stays known."""
+    random, known, budget = np.random.default_rng(0), {}, MergeBudget()
+    maps = {f"robot{k}": RobotMap(f"key{k}", tuple(objects)) for k, objects in enumerate(home(2))}
+    for merge in range(4):
+        invented = {f"name{k}": RobotMap(f"{k} of {merge}", tuple(junk(random, 16))) for k in range(30)}
+        place = merge_place({**invented, **(maps if merge > 1 else {})}, None, known, budget)
+    joined = [name for name, member in place.members.items() if member.pose_place_map is not None]
+    assert joined == ["robot0", "robot1"]
+
+
 def test_a_merge_stops_when_it_is_asked_to(keeper, tmp_path):
     for name, objects in zip(("one", "two"), home(2), strict=True):
         tell(keeper, name, objects)
