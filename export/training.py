@@ -1,11 +1,13 @@
-"""Common parts of all trainings: a budget, validations that select `best.pt`, a `last.pt` to resume from."""
+"""Common parts of all trainings: a budget, validations that select `best.pt`, a `last.pt` to resume from, curves."""
 
 from __future__ import annotations
 
+import csv
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,8 @@ from edgemap.runtime.frames.reading import one_line
 
 SAVE_EVERY_S = 120.0
 LOOK_EVERY = 20  # steps of a GPU, which would have to wait for each look
+WARM_UP = 0.03  # of the budget
+LAST_RATE = 0.03  # of the highest
 
 
 class Training(ABC):
@@ -148,3 +152,66 @@ def average_into(average: dict[str, Tensor], network: nn.Module, decay: float) -
     get_ema_multi_avg_fn(decay)([average[name] for name in floats], [now[name] for name in floats], None)
     for name in now.keys() - set(floats):
         average[name].copy_(now[name])
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A budget of minutes or, where that is None, of epochs."""
+
+    minutes: float | None
+    epochs: int
+
+    def progress(self, trained_s: float, epoch: float) -> float:
+        """Share of the budget that is spent, 0..1. epoch: whole and part epochs done."""
+        if self.minutes is not None:
+            return min(1.0, trained_s / (60.0 * self.minutes))
+        return min(1.0, epoch / self.epochs) if self.epochs else 1.0
+
+    @staticmethod
+    def rate(progress: float) -> float:
+        """Factor on the learning rate: a short rise, then a cosine down."""
+        if progress < WARM_UP:
+            return max(0.01, progress / WARM_UP)
+        fall = (progress - WARM_UP) / (1.0 - WARM_UP)
+        return LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + math.cos(math.pi * fall))
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One pair of axes. lines: columns of the table to their names in the legend; a column without values is left out.
+
+    top: upper end of the ordinate, which begins at 0; None draws what there is.
+    """
+
+    title: str
+    lines: dict[str, str]
+    from_zero: bool = True
+    top: float | None = None
+
+
+def write_curves(rows: Sequence[dict[str, Any]], folder: Path, over: tuple[str, str], panels: Sequence[Panel]) -> None:
+    """Write `curves.csv` and, with the extra `plot`, `curves.png`. over: the abscissa's column and its name."""
+    with (folder / "curves.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(dict.fromkeys(key for row in rows for key in row)))
+        writer.writeheader()
+        writer.writerows(rows)
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        return
+    figure = Figure(figsize=(4.5 * len(panels), 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    column, name = over
+    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        for part, label in panel.lines.items():
+            if any(part in row for row in rows):
+                axes.plot(
+                    [row[column] for row in rows], [row.get(part) for row in rows], "o-", markersize=3, label=label
+                )
+        axes.set(xlabel=name, ylabel=panel.title)
+        if panel.from_zero:
+            axes.set_ylim(0.0, panel.top)
+        axes.grid(alpha=0.3)
+        axes.legend(frameon=False)
+    figure.savefig(folder / "curves.png", dpi=110)

@@ -12,7 +12,6 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from edgemap.export.curves import Panel, write_curves
 from edgemap.export.detector.assign import Assignment, Targets
 from edgemap.export.detector.boxes import Rows
 from edgemap.export.detector.loader import Batches
@@ -21,8 +20,7 @@ from edgemap.export.detector.network import TorchNetwork
 from edgemap.export.detector.store import Example
 from edgemap.export.detector.validate import validate
 from edgemap.export.errors import ExportError
-from edgemap.export.schedule import Schedule
-from edgemap.export.training import Training, average_into
+from edgemap.export.training import Panel, Schedule, Training, average_into, write_curves
 
 AVERAGE_STEPS = 600  # the moving average looks back about so far, less at the start
 CLIP_NORM = 20.0

@@ -21,8 +21,7 @@ from edgemap.export.floor.checkpoint import FloorCheckpoint, save_floor
 from edgemap.export.floor.features import Features
 from edgemap.export.floor.head import LABELS, STRIDES, FloorHead
 from edgemap.export.floor.pictures import load
-from edgemap.export.schedule import Schedule
-from edgemap.export.training import Training, average_into
+from edgemap.export.training import Schedule, Training, average_into
 from edgemap.runtime.frames.reading import one_line
 from edgemap.runtime.network.floor_mask import floor_mask
 from edgemap.runtime.network.manifest import FloorSpec

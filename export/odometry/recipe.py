@@ -18,7 +18,7 @@ from edgemap.export.odometry.flow import FlowHead
 from edgemap.export.odometry.flow_loss import MOTION_SIGMA, ClipBatch, flow_loss, run_clip
 from edgemap.export.odometry.paper import PaperHead
 from edgemap.export.odometry.validate import Unroll
-from edgemap.export.schedule import Schedule
+from edgemap.export.training import Schedule
 
 LAMBDA = 100.0  # of the paper's equation 2: what a radian's square counts against a metre's
 

@@ -13,15 +13,13 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from edgemap.export.curves import Panel, write_curves
 from edgemap.export.errors import ExportError
 from edgemap.export.odometry.checkpoint import HeadCheckpoint, save_head
 from edgemap.export.odometry.clips import ClipDraws, Shelf, make_batch
 from edgemap.export.odometry.data import FeatureDrive
 from edgemap.export.odometry.recipe import Recipe
 from edgemap.export.odometry.validate import validate
-from edgemap.export.schedule import Schedule
-from edgemap.export.training import Training, average_into
+from edgemap.export.training import Panel, Schedule, Training, average_into, write_curves
 
 CLIP_NORM = 1.0
 AVERAGE_STEPS = 300

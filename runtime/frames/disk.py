@@ -1,12 +1,13 @@
 """Atomic writes: a file is replaced as a whole, or extended by complete records, even when the disk fails."""
 
 import errno
+import fcntl
 import os
 from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from edgemap.runtime.frames.errors import DiskError
+from edgemap.runtime.frames.errors import DiskError, RunFolderError
 
 MAX_WAITING = 200_000  # lines; an hour at 10 Hz with five sightings in each frame
 
@@ -81,6 +82,17 @@ def _write(handle: int, blocks: Iterable[bytes]) -> int:
     except BaseException:
         os.close(handle)
         raise
+    return handle
+
+
+def lock_folder(folder: Path, held: str) -> int:
+    """An open handle of the folder that no other run holds. Raises RunFolderError (held: its words), or OSError."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise RunFolderError(f"{folder}: {held}") from None
     return handle
 
 

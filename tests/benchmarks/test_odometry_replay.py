@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from edgemap.benchmarks.odometry_replay import follow
+from edgemap.benchmarks.odometry import follow
 from edgemap.geometry.camera.floor import FloorCamera
 from edgemap.geometry.camera.intrinsics import Intrinsics
 from edgemap.geometry.camera.mount import Mount

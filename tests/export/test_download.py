@@ -10,8 +10,7 @@ from hashlib import sha256
 
 import pytest
 
-from edgemap.export import obtain as obtain_module
-from edgemap.export import package_index
+from edgemap.export import obtain as obtaining
 from edgemap.export.obtain import obtain
 from edgemap.export.sources import KNOWN, KnownModel, SourceArchive, Web
 from edgemap.runtime.frames.errors import BundleError
@@ -163,20 +162,20 @@ def test_index_pages(monkeypatch):
     good = "a" * 64
     page = f'<a href="/x/toy-0.1-py3-none-any.whl#sha256={good}">toy-0.1-py3-none-any.whl</a>'
     base = "https://index.example/simple/toy/"
-    assert "not on the project's page (1 files there)" in refusal(package_index.archive_link, page, base, ARCHIVE)
+    assert "not on the project's page (1 files there)" in refusal(obtaining.archive_link, page, base, ARCHIVE)
     page += f'<a data-x="1" href="../../p/toy-0.1.tar.gz#sha256={good}">toy-0.1.tar.gz</a>'
-    assert package_index.archive_link(page, base, ARCHIVE) == ("https://index.example/p/toy-0.1.tar.gz", good)
+    assert obtaining.archive_link(page, base, ARCHIVE) == ("https://index.example/p/toy-0.1.tar.gz", good)
     page = '<a href="/x/toy-0.1.tar.gz#md5=abc">toy-0.1.tar.gz</a>'
-    assert "carries no sha256" in refusal(package_index.archive_link, page, base, ARCHIVE)
+    assert "carries no sha256" in refusal(obtaining.archive_link, page, base, ARCHIVE)
     monkeypatch.setenv("PIP_INDEX_URL", "https://user:secret@index.example/simple")
-    assert package_index.index_url() == "https://user:secret@index.example/simple"
+    assert obtaining.index_url() == "https://user:secret@index.example/simple"
     monkeypatch.delenv("PIP_INDEX_URL")
-    monkeypatch.setattr(package_index, "_ask", lambda *arguments: "")
-    assert refusal(package_index.index_url) == "package index: pip names none"
+    monkeypatch.setattr(obtaining, "_ask", lambda *arguments: "")
+    assert refusal(obtaining.index_url) == "package index: pip names none"
 
 
 def test_a_file_of_the_users_own_is_checked_too(server, cache, tmp_path, monkeypatch):
-    monkeypatch.setattr(obtain_module, "fetch_member", None)
+    monkeypatch.setattr(obtaining, "fetch_member", None)
     (tmp_path / "mine").write_bytes(DATA)
     path, sources = obtain(model(), str(tmp_path / "mine"))
     assert path.read_bytes() == DATA

@@ -1,6 +1,5 @@
 """A map that lives on over runs: saved back while the robot drives, with the pose from which the next run starts."""
 
-import fcntl
 import math
 import os
 from collections.abc import Callable
@@ -11,8 +10,8 @@ from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import Annotations
 from edgemap.geometry.se2 import SE2
-from edgemap.runtime.frames.disk import write_atomically
-from edgemap.runtime.frames.errors import DiskError, RunFolderError
+from edgemap.runtime.frames.disk import lock_folder, write_atomically
+from edgemap.runtime.frames.errors import DiskError
 from edgemap.runtime.step.grid_file import grid_name, save_grid
 from edgemap.runtime.step.map_file import map_text
 from edgemap.runtime.step.slam import StepResult
@@ -38,10 +37,7 @@ class LivingMap:
         self._saved_s = -math.inf
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock: int | None = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RunFolderError(f"{folder}: another run uses this map") from None
+            self._lock: int | None = lock_folder(folder, "another run uses this map")
         except OSError as error:
             raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
 

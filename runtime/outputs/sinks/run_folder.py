@@ -1,6 +1,5 @@
 """The run folder: map, trajectory, sightings and the run's own record, on disk from the first second on."""
 
-import fcntl
 import json
 import math
 import os
@@ -18,7 +17,7 @@ from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.grid.occupancy_grid import OccupancyGrid
 from edgemap.geometry.map_object import MapObject
 from edgemap.geometry.objects.edits import NO_ANNOTATIONS, Annotations
-from edgemap.runtime.frames.disk import LineFile, write_atomically
+from edgemap.runtime.frames.disk import LineFile, lock_folder, write_atomically
 from edgemap.runtime.frames.errors import DiskError, RunFolderError
 from edgemap.runtime.frames.timing import percentiles
 from edgemap.runtime.frames.trajectory import tum_line
@@ -34,6 +33,7 @@ from edgemap.runtime.step.slam import StepResult
 SAVE_EVERY_S = 0.75  # of stream between two saved maps: with two frames at 10 Hz on top, less than 1 s is lost
 STAGES_EVERY = 20  # saves between two in which run.json's stage times are new: of 10,000 frames they take 7 ms
 MAX_FAULTS = 200  # in run.json; the count goes on
+IN_USE = "another run writes into it; choose another --out"
 
 
 class RunFolder:
@@ -77,7 +77,7 @@ class RunFolder:
         self._closed = False
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock(folder)
+            self._lock = lock_folder(folder, IN_USE)
         except OSError as error:
             raise DiskError(f"{folder}: cannot be written ({error.strerror})") from None
         if any(
@@ -185,7 +185,7 @@ class RunFolder:
         """A folder that vanished, where what it lay in is still there."""
         try:
             self.folder.mkdir()
-            lock = _lock(self.folder)
+            lock = lock_folder(self.folder, IN_USE)
         except OSError as error:
             raise DiskError(f"{self.folder}: is gone ({error.strerror})") from None
         os.close(self._lock)
@@ -231,17 +231,6 @@ class RunFolder:
         self.verdict = verdict_of(record, self._objects)
         record["verdict"] = self.verdict.document()
         write_atomically(self.folder / "run.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
-
-
-def _lock(folder: Path) -> int:
-    """An open handle of the folder that no other run holds. Raises RunFolderError where one does, or OSError."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise RunFolderError(f"{folder}: another run writes into it; choose another --out") from None
-    return handle
 
 
 def mount_record(seen: MountEstimate) -> dict[str, float]:

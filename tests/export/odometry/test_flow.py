@@ -39,7 +39,7 @@ def test_it_learns_to_tell_motion_from_a_textured_floor():
     head, recipe = new_head(), flow_recipe(1e-3, 5)
     optimizer = recipe.optimizer(head)
     before, draws = validate(head, recipe.unroll, unseen), ClipDraws(recipe.clips, train)
-    for step in range(120):
+    for step in range(80):
         rng = np.random.default_rng(step)
         loss, _ = recipe.loss(head, make_batch([draws.draw(rng) for _ in range(3)]), 0.5)
         optimizer.zero_grad()
