@@ -16,6 +16,8 @@ from support.pictures import write_scene
 
 from edgemap.runtime.step.map_file import load_map
 
+DEMO = Path(__file__).parents[2] / "runtime" / "inputs" / "demo"
+
 
 def one_line(result, code=1):
     """The single line that a known failure prints, after the faults of the frames before it; no traceback."""
@@ -226,6 +228,21 @@ def test_why_names_black_pictures_first(edgemap, painted_bundle, pictures, tmp_p
     lines = edgemap("why", out).stdout.splitlines()
     assert next(line for line in lines if line.startswith("1. ")) == "1. light or lens: pictures without information"
     assert json.loads(edgemap("why", out, "--json").stdout)["causes"][0]["docs"].endswith("#light-and-lens")
+
+
+@pytest.mark.parametrize(("shift_s", "kept", "share"), [(1e6, 600, 100), (0.0, 20, 61)], ids=["clock", "stop"])
+def test_why_names_first_the_wheels_that_bring_nothing_or_stop(edgemap, tmp_path, shift_s, kept, share):
+    """The demo's first 50 frames, where the robot drives."""
+    drive = shutil.copytree(DEMO, tmp_path / "drive")
+    header, *rows = (DEMO / "wheel.csv").read_text().splitlines()
+    samples = [row.split(",", 1) for row in rows[:kept]]
+    shifted = [f"{float(stamp) + shift_s:.3f},{pose}" for stamp, pose in samples]
+    (drive / "wheel.csv").write_text("\n".join([header, *shifted]) + "\n")
+    run = edgemap("run", "--camera", f"drive:{drive}", "--frames", "50", "--out", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    first = json.loads(edgemap("why", tmp_path / "run", "--json").stdout)["causes"][0]
+    assert first["docs"].endswith("#wheels")
+    assert first["evidence"][0] == f"{share} % of the frames in motion have no wheel odometry"
 
 
 def test_why_of_no_run_is_wrong_usage(edgemap, tmp_path):

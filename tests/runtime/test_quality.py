@@ -36,6 +36,7 @@ def test_what_is_counted():
     assert (found["frames"], found["blind_frames"], found["blind"]) == (10, 1, {"dark": 1})
     assert (found["guessed_frames"], found["still_frames"]) == (1, 1)
     assert (found["wheel_frames"], found["gyro_frames"], found["object_frames"]) == (1, 0, 10)
+    assert found["wheels"]
     assert found["rate_hz"] == pytest.approx(5.0)
     assert found["duration_s"] == pytest.approx(1.8)
     largest = np.sqrt(np.linalg.eigvalsh(COVARIANCE[:2, :2])[-1])
@@ -50,6 +51,7 @@ def test_a_covariance_that_is_none_is_left_out():
     counter.add(replace(second, update=replace(second.update, pose_covariance=np.full((3, 3), np.nan))))
     assert json.dumps(counter.document(), allow_nan=False)
     assert counter.document()["sigma_m"]["end"] > 0.1
+    assert not counter.document()["wheels"]
 
 
 def test_before_the_first_frame_there_is_a_document():

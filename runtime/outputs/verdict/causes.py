@@ -60,9 +60,10 @@ CAUSES = {
         "camera",
     ),
     "wheels": Cause(
-        "no wheel odometry: the camera alone measures the motion",
-        "Give the wheels' poses (--odometry wheel:FILE.csv, --wheel-topic, or wheel.csv beside pictures) or an IMU; "
-        "without either, drive slowly and return to places that were seen before.",
+        "wheel odometry is missing",
+        "Give the wheels' poses (--odometry wheel:FILE.csv, --wheel-topic, or wheel.csv beside pictures) over the whole "
+        "drive and by the camera's clock, or an IMU; without either, drive slowly and return to places that were seen "
+        "before.",
         "wheels",
     ),
     "drift": Cause(

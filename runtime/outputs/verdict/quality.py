@@ -13,8 +13,9 @@ class QualityCounter:
     """Feed it every result; `document` holds the counts as plain values.
 
     frames: all. blind_frames: pictures without information, by kind in `blind`; one that only repeats while the robot
-    rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest. wheel_frames,
-    gyro_frames: that member of the odometry was used. object_frames: with an object on the floor. carried_frames: the
+    rests does not count. guessed_frames: nothing measured the motion. still_frames: the robot at rest. wheels: whether
+    the source or an option declares wheel odometry, with data or without. wheel_frames, gyro_frames: that member of the
+    odometry was used. object_frames: with an object on the floor. carried_frames: the
     camera sways as in a hand or on a head. mount_frames: roll and pitch were the mount's, unmeasured. travelled_m.
     sigma_m, heading_sigma_deg: standard deviation of the pose, at the end and the largest along the way. duration_s:
     of stream. rate_hz: median.
@@ -23,6 +24,7 @@ class QualityCounter:
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
         self._blind: Counter[str] = Counter()
+        self._wheels = False
         self._first_s = self._last_s = math.nan
         self._steps_s: list[float] = []
         self._sigma_m = self._heading_rad = self._largest_m = self._largest_rad = self._travelled_m = 0.0
@@ -44,6 +46,7 @@ class QualityCounter:
             self._blind["frozen"] += 1
         self._counts["guessed_frames"] += result.motion.blind
         self._counts["still_frames"] += observed.at_rest
+        self._wheels |= any(name.startswith("wheel") for name in members)
         self._counts["wheel_frames"] += _used(members, "wheel")
         self._counts["gyro_frames"] += _used(members, "gyro")
         self._counts["object_frames"] += bool(result.sightings)
@@ -67,6 +70,7 @@ class QualityCounter:
             "blind_frames": sum(self._blind.values()),
             "blind": dict(self._blind),
             **{f"{name}_frames": self._counts[f"{name}_frames"] for name in names},
+            "wheels": self._wheels,
             "travelled_m": round(self._travelled_m, 3),
             "sigma_m": {"end": round(self._sigma_m, 4), "largest": round(self._largest_m, 4)},
             "heading_sigma_deg": {

@@ -124,15 +124,18 @@ def _floor(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Seque
 def _motion(record: Mapping[str, Any], quality: Mapping[str, Any], objects: Sequence[MapObject]) -> Iterator[Finding]:  # noqa: ARG001
     """The uncertainty of the pose, and its causes."""
     frames, wheels = quality["frames"], quality.get("wheel_frames", 0)
+    alone = str(record.get("odometry", "")).startswith("wheel:")
+    wheels = frames - quality["guessed_frames"] if alone else wheels
     cause = CAUSES["drift"] if wheels > 0.5 * frames else CAUSES["wheels"]
+    moving = frames - quality.get("still_frames", 0) - 1
+    if (alone or quality.get("wheels", wheels > 0)) and wheels < (1.0 - SOME_SHARE) * moving:
+        cause, share = CAUSES["wheels"], 1.0 - wheels / moving
+        yield Finding("care", cause, f"{100 * share:.0f} % of the frames in motion have no wheel odometry")
     guessed = quality["guessed_frames"] / frames
     if guessed > SOME_SHARE:
         yield Finding(
             _level(guessed, LOST_SHARE), cause, f"the motion of {100 * guessed:.0f} % of the frames is a guess"
         )
-    if 0 < wheels < (1.0 - SOME_SHARE) * (frames - quality.get("still_frames", 0) - 1):
-        share = 1.0 - wheels / frames
-        yield Finding("care", CAUSES["wheels"], f"{100 * share:.0f} % of the frames have no wheel odometry")
     sigma_m, heading = quality["sigma_m"]["end"], quality["heading_sigma_deg"]["end"]
     if max(sigma_m / WRONG_M, heading / WRONG_DEG) > 0.5:
         level = _level(max(sigma_m / WRONG_M, heading / WRONG_DEG), 1.0)
