@@ -61,7 +61,7 @@ CAUSES = {
     ),
     "wheels": Cause(
         "wheel odometry is missing",
-        "Give the wheels' poses (--odometry wheel:FILE.csv, --wheel-topic, or wheel.csv beside pictures) over the whole "
+        "Give the wheels' poses (--odometry wheel:FILE.csv, --wheel-topic, or wheel.csv beside pictures) for the whole "
         "drive and by the camera's clock, or an IMU; without either, drive slowly and return to places that were seen "
         "before.",
         "wheels",
