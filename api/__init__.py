@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 from edgemap.runtime.frames.version import VERSION
@@ -13,6 +14,10 @@ from edgemap.runtime.frames.version import VERSION
 if TYPE_CHECKING:
     from edgemap.runtime.session import Session
     from edgemap.runtime.session import open_session as open
+
+# onnxruntime 1.31 and later send events about sessions to their maker, and keep a device id in the user's cache, unless
+# this stands in the environment before they are imported. Whoever wants that sets it to 0.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 __version__ = VERSION
 __all__ = ["Session", "__version__", "open"]

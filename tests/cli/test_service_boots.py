@@ -1,0 +1,96 @@
+"""deploy/edgemap.service, started twice as systemd starts it: one map, with the objects of the first boot."""
+
+import os
+import re
+import shlex
+import socket
+import subprocess
+import sys
+from collections import defaultdict
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from edgemap.runtime.step.map_file import load_map
+
+UNIT = Path(__file__).parents[2] / "deploy" / "edgemap.service"
+FRAMES = 150  # of each boot at least
+
+
+def read_unit(text):
+    """The settings of [Service]: each with its values, in order; an empty line or a comment is none."""
+    settings = defaultdict(list)
+    for line in text.partition("[Service]")[2].partition("\n[")[0].splitlines():
+        if line and not line.startswith("#"):
+            name, _, value = line.partition("=")
+            settings[name].append(value)
+    return settings
+
+
+def started(settings, listener, home):
+    """The service's process. systemd.service(5): `${NAME}` is one word of the command, `$NAME` as many as it holds."""
+    named = dict(word.split("=", 1) for line in settings["Environment"] for word in shlex.split(line))
+    for path in settings["EnvironmentFile"]:
+        named |= dict(line.split("=", 1) for line in Path(path).read_text().splitlines())
+    words = []
+    for word in settings["ExecStart"][-1].split():
+        whole = re.fullmatch(r"\$(\w+)", word)
+        words += named[whole[1]].split() if whole else [re.sub(r"\$\{(\w+)\}", lambda match: named[match[1]], word)]
+    program, *arguments = words
+    assert program == "/opt/edgemap/bin/edgemap"
+    system = {"PATH": os.environ["PATH"], "HOME": str(home), "NOTIFY_SOCKET": listener.getsockname()}
+    return subprocess.Popen(
+        [sys.executable, "-m", "edgemap.cli", *arguments],
+        env=named | system,
+        cwd=settings["WorkingDirectory"][-1],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def boot(settings, notify, home):
+    """One boot, ended by SIGTERM after `FRAMES` frames. notify: path of systemd's socket. What was printed."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(notify))
+        listener.settimeout(60.0)
+        process = started(settings, listener, home)
+        try:
+            ready, frames = False, 0
+            while frames < FRAMES:
+                message = listener.recv(4096).decode()
+                ready |= "READY=1" in message.split("\n")
+                frames = int(found[1]) if (found := re.search(r"(\d+) frames", message)) else frames
+            assert ready
+            process.terminate()
+            printed, _ = process.communicate(timeout=float(settings["TimeoutStopSec"][-1]))
+        finally:
+            process.kill()
+    assert process.returncode == 0, printed
+    return printed
+
+
+def test_two_boots_of_the_service_keep_one_map_without_twins(tmp_path):
+    text = UNIT.read_text()
+    for folder in ("var/lib/edgemap", "var/cache/edgemap", "etc/edgemap", "home"):
+        (tmp_path / folder).mkdir(parents=True)
+        text = text.replace(f"/{folder}", str(tmp_path / folder))
+    (tmp_path / "etc/edgemap/edgemap.conf").write_text("CAMERA=demo\nMOUNT=0.60,11.5\nOPTIONS=--map home\n")
+    settings, state = read_unit(text), tmp_path / "var/lib/edgemap"
+    printed = boot(settings, tmp_path / "first", tmp_path / "home")
+    assert f"new map: {state}/maps/home/" in printed
+    first = {item.id: item for item in load_map(state / "maps" / "home")}
+    assert len(first) > 3
+    printed = boot(settings, tmp_path / "second", tmp_path / "home")
+    assert "found in home by" in printed
+    second = {item.id: item for item in load_map(state / "maps" / "home")}
+    assert [path.name for path in (state / "maps").iterdir()] == ["home"]
+    assert len(list((state / "runs").iterdir())) == 2
+    assert not list((tmp_path / "home").iterdir())  # all that is kept is in the service's own folders
+    assert set(first) <= set(second)
+    for name, item in first.items():
+        assert second[name].count > item.count
+        assert np.linalg.norm(second[name].position_m - item.position_m) < 0.3
+    for one, other in combinations(second.values(), 2):
+        assert one.label != other.label or np.linalg.norm(one.position_m - other.position_m) > 0.5
