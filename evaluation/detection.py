@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from edgemap.geometry.errors import EdgemapError
 from edgemap.geometry.observations.detections import Detections
 
+IOU = 0.5  # of a detection that matches
+
 
 class EvaluationError(EdgemapError):
     """Data that cannot be scored, or a missing extra."""
@@ -137,7 +139,7 @@ class Matches:
     found: NDArray[np.bool_]
 
 
-def match_boxes(picture: ScoredPicture, overlap: float = 0.5) -> Matches:
+def match_boxes(picture: ScoredPicture) -> Matches:
     """Matches each detection, best score first, to the free true box of its class with the greatest overlap."""
     ignored = np.zeros(len(picture.true_boxes), bool) if picture.ignored is None else picture.ignored
     hit, free = (np.zeros(len(picture.boxes), bool) for _ in range(2))
@@ -145,11 +147,11 @@ def match_boxes(picture: ScoredPicture, overlap: float = 0.5) -> Matches:
     for row in np.argsort(-picture.scores, kind="stable"):
         box, same = picture.boxes[row], picture.true_labels == picture.labels[row]
         iou, inside = _overlaps(box, picture.true_boxes)
-        open_ = same & ~ignored & ~found & (iou >= overlap)
+        open_ = same & ~ignored & ~found & (iou >= IOU)
         if open_.any():
             found[np.flatnonzero(open_)[iou[open_].argmax()]] = hit[row] = True
         else:
-            free[row] = (same & ignored & (inside >= overlap)).any()
+            free[row] = (same & ignored & (inside >= IOU)).any()
     return Matches(hit, free, found)
 
 

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from edgemap.geometry.map_object import CHI2_95, MapObject
 
+FOUND_M = 0.5  # from its true one, an object is found
 MINIMUM_FRAMES = 10  # seen in fewer, a true object is neither hit nor miss
 CONFIDENCE_BINS = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 CONSISTENCY_M = 1.5  # a mapped object whose true one is farther away says nothing about its covariance
@@ -33,18 +34,13 @@ class TrueObject:
     footprint_m: tuple[tuple[float, float], ...] = ()
 
 
-def scored(truth: Sequence[TrueObject], minimum_frames: int = MINIMUM_FRAMES) -> list[TrueObject]:
+def scored(truth: Sequence[TrueObject]) -> list[TrueObject]:
     """The objects that a map must contain: on the floor, and visible often enough."""
-    return [item for item in truth if item.on_floor and item.frames >= minimum_frames]
+    return [item for item in truth if item.on_floor and item.frames >= MINIMUM_FRAMES]
 
 
-def score_map(
-    objects: Sequence[MapObject],
-    truth: Sequence[TrueObject],
-    radius_m: float = 0.5,
-    minimum_frames: int = MINIMUM_FRAMES,
-) -> dict[str, Any]:
-    """Match by class, one to one, within the radius, no alignment; most pairs first, then smallest distance.
+def score_map(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> dict[str, Any]:
+    """Match by class, one to one, within 0.5 m, no alignment; most pairs first, then smallest distance.
 
     True objects visible in fewer frames are ignored: neither hit nor miss. A mapped object that is not on the floor is
     a false positive. Gives precision, recall, f1, median_error_m, p90_error_m, covered95 (share of true positions
@@ -53,7 +49,7 @@ def score_map(
     class on the floor within 1.5 m, the nearest, matched or not and however seldom seen. reliability: of `reliability`.
     """
     labels = sorted({item.label for item in objects} | {item.label for item in truth})
-    matches = {label: _match(label, objects, truth, radius_m, minimum_frames) for label in labels}
+    matches = {label: _match(label, objects, truth) for label in labels}
     figures = _figures(list(matches.values()))
     figures["reliability"] = reliability([outcome for match in matches.values() for outcome in match.outcomes])
     figures["per_class"] = {label: _figures([match]) for label, match in matches.items() if match.counts}
@@ -100,16 +96,14 @@ class _Match:
         return self.mapped > 0 or self.true > 0
 
 
-def _match(
-    label: str, objects: Sequence[MapObject], truth: Sequence[TrueObject], radius_m: float, minimum_frames: int
-) -> _Match:
+def _match(label: str, objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> _Match:
     mapped = [item for item in objects if item.label == label]
     standing = [item for item in truth if item.label == label and item.on_floor]
-    wanted = scored(standing, minimum_frames)
-    pairs = pairs_within(mapped, wanted, radius_m)
+    wanted = scored(standing)
+    pairs = pairs_within(mapped, wanted, FOUND_M)
     matched = {row for row, _ in pairs}
     left = [item for row, item in enumerate(mapped) if row not in matched]
-    ignored = pairs_within(left, [item for item in standing if item.frames < minimum_frames], radius_m)
+    ignored = pairs_within(left, [item for item in standing if item.frames < MINIMUM_FRAMES], FOUND_M)
     errors = [float(np.linalg.norm(_offset_m(mapped[row], wanted[column]))) for row, column in pairs]
     covered = [_mahalanobis2(mapped[row], wanted[column]) <= CHI2_95 for row, column in pairs]
     near = [(item, real) for item in mapped if (real := _nearest(item, standing)) is not None]

@@ -6,34 +6,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from edgemap.evaluation.objects import MINIMUM_FRAMES, TrueObject, pairs_within, scored
+from edgemap.evaluation.objects import FOUND_M, MINIMUM_FRAMES, TrueObject, pairs_within, scored
 from edgemap.geometry.map_object import CHI2_95, MapObject
 from edgemap.geometry.objects.evaluation_row import STATES, EvaluationRow, State
 
-FOUND_M, MISPLACED_M = 0.5, 1.5
+MISPLACED_M = 1.5
 
 
-def evaluation_rows(
-    objects: Sequence[MapObject],
-    truth: Sequence[TrueObject],
-    found_m: float = FOUND_M,
-    misplaced_m: float = MISPLACED_M,
-    minimum_frames: int = MINIMUM_FRAMES,
-) -> list[EvaluationRow]:
+def evaluation_rows(objects: Sequence[MapObject], truth: Sequence[TrueObject]) -> list[EvaluationRow]:
     """A row for each mapped object and for each true one that counts; ordered by state, then label.
 
-    By class, one to one: within `found_m` is found; of what is left, within `misplaced_m` is misplaced. True objects
-    visible in fewer frames are not scored, and a mapped object within `found_m` of one does not count as extra.
+    By class, one to one: within 0.5 m is found; of what is left, within 1.5 m is misplaced. True objects visible in
+    fewer than 10 frames are not scored, and a mapped object within 0.5 m of one does not count as extra.
     """
     rows: list[EvaluationRow] = []
     for label in sorted({item.label for item in objects} | {item.label for item in truth}):
         mapped = [item for item in objects if item.label == label]
         standing = [item for item in truth if item.label == label and item.on_floor]
-        wanted = scored(standing, minimum_frames)
-        seldom = [item for item in standing if item.frames < minimum_frames]
-        mapped, wanted = _take(rows, "found", mapped, wanted, found_m)
-        mapped, _ = _take(rows, "unscored", mapped, seldom, found_m)
-        mapped, wanted = _take(rows, "misplaced", mapped, wanted, misplaced_m)
+        wanted = scored(standing)
+        seldom = [item for item in standing if item.frames < MINIMUM_FRAMES]
+        mapped, wanted = _take(rows, "found", mapped, wanted, FOUND_M)
+        mapped, _ = _take(rows, "unscored", mapped, seldom, FOUND_M)
+        mapped, wanted = _take(rows, "misplaced", mapped, wanted, MISPLACED_M)
         rows += [EvaluationRow("missed", label, None, _place(item), footprint_m=item.footprint_m) for item in wanted]
         rows += [EvaluationRow("extra", label, item.id) for item in mapped]
     return sorted(rows, key=lambda row: (STATES.index(row.state), row.label))

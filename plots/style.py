@@ -36,7 +36,7 @@ class PlotError(EdgemapError):
     """A figure that cannot be written."""
 
 
-NAME_PT = 8.0
+NAME_PT, MARGIN_M = 8.0, 0.3
 INK, PAPER, GRID = "#22272e", "#ffffff", "#e6e8eb"
 
 
@@ -62,9 +62,9 @@ def legend_marks(labels: Iterable[str]) -> list[Line2D]:
     ]
 
 
-def end_where_the_data_ends(axes: Axes, points_m: NDArray[np.float64], margin_m: float = 0.3) -> None:
+def end_where_the_data_ends(axes: Axes, points_m: NDArray[np.float64]) -> None:
     """Limits of a floor's axes around points (N, 2) of x forward, y left."""
-    low, high = points_m.min(axis=0) - margin_m, points_m.max(axis=0) + margin_m
+    low, high = points_m.min(axis=0) - MARGIN_M, points_m.max(axis=0) + MARGIN_M
     axes.set_ylim(low[0], high[0])
     axes.set_xlim(high[1], low[1])
 

@@ -40,7 +40,7 @@ SHARP = Choices(
 CHANGING = Choices(
     CAMERA, effects=EFFECTS, light="changing", people=0, limits=SMOOTH.limits, habits=SMOOTH.habits, contract=False
 )
-TRAINING_DRIVES = 5
+TRAINING_FRAMES, TEST_FRAMES = 1000, 2000  # of each drive
 TEST_SEED = 9100
 
 
@@ -54,16 +54,16 @@ class DrivePart:
     frames: int
 
 
-def parts(seed: int, training_frames: int = 5000, test_frames: int = 2000) -> list[DrivePart]:
+def parts(seed: int) -> list[DrivePart]:
     """The training drives, each in a home of its own, and the four test drives, in homes with held-out furniture."""
-    each = training_frames // TRAINING_DRIVES
     mixed = (SMOOTH, SHARP, SMOOTH, CHANGING, SMOOTH)
     training = [
-        DrivePart(f"training-{number}", seed + number, choices, each) for number, choices in enumerate(mixed, start=1)
+        DrivePart(f"training-{number}", seed + number, choices, TRAINING_FRAMES)
+        for number, choices in enumerate(mixed, start=1)
     ]
     tests = (("smooth-1", SMOOTH), ("smooth-2", SMOOTH), ("sharp-turns", SHARP), ("changing-light", CHANGING))
     return training + [
-        DrivePart(f"test-{name}", TEST_SEED + seed % 90 + number, choices, test_frames)
+        DrivePart(f"test-{name}", TEST_SEED + seed % 90 + number, choices, TEST_FRAMES)
         for number, (name, choices) in enumerate(tests)
     ]
 
@@ -72,15 +72,13 @@ def record_locobot(
     folder: Path,
     seed: int,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
-    training_frames: int = 5000,
-    test_frames: int = 2000,
     command: str = "edgemap simulate --locobot",
 ) -> None:
     """Write the set: `training-1` … `training-5` and `test-…`, each a folder for `--data locobot:DIR`.
 
     An interrupted rendering keeps its finished pictures. Raises SimulationError and MissingExtraError, one line each.
     """
-    todo = parts(seed, training_frames, test_frames)
+    todo = parts(seed)
     total, before = sum(part.frames for part in todo), 0
     for part in todo:
         world = draw_world(part.seed, part.frames, part.choices)

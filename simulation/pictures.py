@@ -44,7 +44,6 @@ def render_pictures(
     homes: range,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
     command: str = "edgemap simulate",
-    workers: int | None = None,
     close: float = 0.0,
 ) -> None:
     """Render that many views of every home, a share `close` of them with little floor in view; finished homes are kept,
@@ -63,7 +62,7 @@ def render_pictures(
     done = len(homes) - len(missing)
     progress(done * per_home, len(homes) * per_home)
     tasks = [(folder, home, per_home, close) for home in missing]
-    workers = min(workers or default_workers(), max(1, len(tasks)))
+    workers = min(default_workers(), max(1, len(tasks)))
     made = ordered(_render_home, tasks, workers, _nothing) if workers > 1 else map(_render_home, tasks)
     for number, _ in enumerate(made, start=done + 1):
         progress(number * per_home, len(homes) * per_home)

@@ -47,11 +47,9 @@ class Shown:
     passers: tuple[str, ...]
 
 
-def draw_views(
-    apartment: Apartment, seed: int, count: int, envelope: Envelope | None = None, close: float = 0.0
-) -> list[Shown]:
+def draw_views(apartment: Apartment, seed: int, count: int, close: float = 0.0) -> list[Shown]:
     """Views of the home of a seed; of the last ones, a share `close`, little or no floor is in view."""
-    envelope, grid = envelope or Envelope(), PlanGrid(apartment)
+    envelope, grid = Envelope(), PlanGrid(apartment)
     shown: dict[int, float] = {}
     views = []
     for number in range(count):

@@ -39,6 +39,7 @@ _EVERY, _SEEN_SHARE, _LEAST_SEEN = 3, 0.45, 15
 _HOMES, _DRIVES = 30, 6
 _BLOCK, _STRIDE = 100, 37
 _SPARE_S = 40.0
+_ENVELOPE = Envelope()
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,16 +119,16 @@ def _place(item: Placed) -> tuple[float, float, float, float]:
     return pose.x_m, pose.y_m, item.z_m, pose.yaw_rad
 
 
-def draw_world(seed: int, frames: int, choices: Choices | None = None, envelope: Envelope | None = None) -> World:
+def draw_world(seed: int, frames: int, choices: Choices | None = None) -> World:
     """The world of a seed, its base level or nodding; see `_draw_world`. Nodding and IMU have random streams of their
     own, so that everything else is as without them."""
     choices = choices or Choices()
-    world = _draw_world(seed, frames, choices, envelope or Envelope())
+    world = _draw_world(seed, frames, choices)
     tilts = nodding_of(world.motion, (seed, world.home_seed, 8)) if choices.nodding else None
     return replace(world, tilts=tilts, imu=choices.imu)
 
 
-def _draw_world(seed: int, frames: int, choices: Choices, envelope: Envelope) -> World:
+def _draw_world(seed: int, frames: int, choices: Choices) -> World:
     """The world of a seed: the first home, camera and drive, in a fixed order, that offer what the contract asks.
 
     The contract is judged on the drive's first 45 s whatever `frames` is, and a drive is one endless stream, so
@@ -140,13 +141,13 @@ def _draw_world(seed: int, frames: int, choices: Choices, envelope: Envelope) ->
             continue
         grid = PlanGrid(apartment)
         for number in range(_DRIVES):
-            world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices, envelope)
+            world = _draw_drive(seed, home_seed, number, frames, apartment, grid, choices)
             if world is not None:
-                return _after_moving(world, number, frames, choices, envelope) if choices.moved else world
+                return _after_moving(world, number, frames, choices) if choices.moved else world
     raise SimulationError(f"seed {seed}: none of {_HOMES} homes offers a drive of {_LEAST_WAY_M:.0f} m")
 
 
-def _after_moving(before: World, number: int, frames: int, choices: Choices, envelope: Envelope) -> World:
+def _after_moving(before: World, number: int, frames: int, choices: Choices) -> World:
     """Another drive with the same camera, light and robot, through the home with some of its furniture moved."""
     seed, home_seed = before.seed, before.home_seed
     for turn in range(1, _DRIVES + 1):
@@ -155,7 +156,7 @@ def _after_moving(before: World, number: int, frames: int, choices: Choices, env
         )
         grid = PlanGrid(apartment)
         eased = replace(choices, contract=False)
-        world = _draw_drive(seed, home_seed, number, frames, apartment, grid, eased, envelope, (turn,))
+        world = _draw_drive(seed, home_seed, number, frames, apartment, grid, eased, (turn,))
         if world is not None:
             return replace(world, changes=changes, start_before=before.poses()[0])
     raise SimulationError(f"seed {seed}: no drive through its home with {choices.moved} pieces moved")
@@ -169,18 +170,17 @@ def _draw_drive(
     apartment: Apartment,
     grid: PlanGrid,
     choices: Choices,
-    envelope: Envelope,
     turn: tuple[int, ...] = (),
 ) -> World | None:
     rng = np.random.default_rng([seed, home_seed, number, 1])
-    camera = choices.camera or envelope.draw_camera(rng)
+    camera = choices.camera or _ENVELOPE.draw_camera(rng)
     if choices.mount is not None:
         camera = replace(camera, mount=choices.mount)
     camera = replace(camera, rate_hz=choices.rate_hz or camera.rate_hz)
-    light = light_of(choices.light, rng) if choices.light else envelope.draw_light(rng)
-    effects = choices.effects or envelope.draw_effects(rng, light)
-    limits = choices.limits or envelope.draw_limits(rng)
-    drawn = int(rng.choice(len(envelope.people), p=envelope.people))
+    light = light_of(choices.light, rng) if choices.light else _ENVELOPE.draw_light(rng)
+    effects = choices.effects or _ENVELOPE.draw_effects(rng, light)
+    limits = choices.limits or _ENVELOPE.draw_limits(rng)
+    drawn = int(rng.choice(len(_ENVELOPE.people), p=_ENVELOPE.people))
     sight = VisibilityEstimate(apartment, grid, camera.intrinsics, camera.mount)
     way = [seed, home_seed, number, 2, *turn]
     try:

@@ -99,9 +99,9 @@ def _logdet3(matrix: Tensor) -> Tensor:
     return diagonal.log().sum(dim=1) + determinant.clamp_min(1e-6).log()
 
 
-def _beyond(squared: Tensor, least: float = OUTLIER) -> Tensor:
-    """Huber's on a squared error: linear in the error beyond `least`."""
-    return torch.where(squared < least, squared, 2.0 * (least * squared.clamp_min(least)).sqrt() - least)
+def _beyond(squared: Tensor) -> Tensor:
+    """Huber's on a squared error: linear in the error beyond `OUTLIER`."""
+    return torch.where(squared < OUTLIER, squared, 2.0 * (OUTLIER * squared.clamp_min(OUTLIER)).sqrt() - OUTLIER)
 
 
 def _huber(error: Tensor) -> Tensor:

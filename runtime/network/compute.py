@@ -82,9 +82,9 @@ def multiplies_int8(cpuinfo: Path = CPUINFO) -> bool:
     return bool({"avx512_vnni", "avx_vnni"} & _flags(cpuinfo))
 
 
-def computes_bf16(cpuinfo: Path = CPUINFO) -> bool:
+def computes_bf16() -> bool:
     """Whether an x86 processor multiplies numbers of 16 bits with float32's exponent."""
-    return bool({"avx512_bf16", "amx_bf16"} & _flags(cpuinfo))
+    return bool({"avx512_bf16", "amx_bf16"} & _flags(CPUINFO))
 
 
 def _flags(cpuinfo: Path) -> set[str]:

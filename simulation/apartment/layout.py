@@ -142,9 +142,9 @@ class Layout:
                 return item
         return None
 
-    def by_wall(self, kind: str, room: RoomArea, tries: int = _TRIES) -> Placed | None:
+    def by_wall(self, kind: str, room: RoomArea) -> Placed | None:
         """Places a piece near a wall at a random yaw, such as plants and suitcases."""
-        for _ in range(tries):
+        for _ in range(_TRIES):
             model, side = self.model(kind), SIDES[int(self.rng.integers(4))]
             pose = self.wall_pose(model, room, side, self.uniform(0.0, 1.0), self.uniform(0.03, 0.35))
             item = self.put(kind, model, room, pose @ SE2(0.0, 0.0, self.uniform(-0.9, 0.9)))

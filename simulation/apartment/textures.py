@@ -48,15 +48,17 @@ def planks(rng: np.random.Generator, colour: ArrayLike, size_px: int = 1024, cou
     return _finished(image)
 
 
-def paint(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -> Texture:
+def paint(rng: np.random.Generator, colour: ArrayLike) -> Texture:
     """Painted plaster: almost even, with the orange-peel of a roller."""
+    size_px = 256
     bumps = noise(rng, size_px, size_px, slope=0.6)
     clouds = noise(rng, size_px, size_px, slope=1.6)
     return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.012 * bumps + 0.004 * clouds)[..., None])
 
 
-def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4, size_px: int = 512) -> Texture:
+def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4) -> Texture:
     """Stone tiles, `count` along each side, each with its own shade, with pale or dark joints; checked now and then."""
+    size_px = 512
     row, column = np.divmod(np.arange(size_px) * count, size_px)
     shade = rng.uniform(0.95, 1.05, (count, count))
     if rng.random() < 0.35:
@@ -68,8 +70,9 @@ def tiles(rng: np.random.Generator, colour: ArrayLike, count: int = 4, size_px: 
     return _finished(image)
 
 
-def parquet(rng: np.random.Generator, colour: ArrayLike, count: int = 6, size_px: int = 768) -> Texture:
+def parquet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
     """Squares of short strips laid by turns along u and along v."""
+    count, size_px = 6, 768
     side = size_px // count
     image = np.empty((side * count, side * count, 3))
     base = np.asarray(colour, dtype=np.float64)
@@ -85,14 +88,16 @@ def parquet(rng: np.random.Generator, colour: ArrayLike, count: int = 6, size_px
     return _finished(image)
 
 
-def carpet(rng: np.random.Generator, colour: ArrayLike, size_px: int = 384) -> Texture:
+def carpet(rng: np.random.Generator, colour: ArrayLike) -> Texture:
     """Short pile: a fine speckle and faint clouds where feet have been."""
+    size_px = 384
     pile, wear = noise(rng, size_px, size_px, slope=0.15), noise(rng, size_px, size_px, slope=1.5)
     return _finished(np.asarray(colour, dtype=np.float64) * (1.0 + 0.10 * pile + 0.03 * wear)[..., None])
 
 
-def wallpaper(rng: np.random.Generator, colour: ArrayLike, size_px: int = 256) -> Texture:
+def wallpaper(rng: np.random.Generator, colour: ArrayLike) -> Texture:
     """Stripes, or a lattice of soft dots, in a second tone of the same paper."""
+    size_px = 256
     base = np.asarray(colour, dtype=np.float64)
     other = np.clip(base * rng.uniform(0.75, 1.15, 3), 0.0, 250.0)
     v, u = np.meshgrid(np.arange(size_px) / size_px, np.arange(size_px) / size_px, indexing="ij")
@@ -122,8 +127,9 @@ def rug(rng: np.random.Generator, colours: ArrayLike, size_px: int = 768) -> Tex
     return _finished(palette[index] * (1.0 + 0.09 * weave + 0.05 * wear)[..., None])
 
 
-def woven(rng: np.random.Generator, colours: ArrayLike, size_px: int = 512) -> Texture:
+def woven(rng: np.random.Generator, colours: ArrayLike) -> Texture:
     """A plain rug: broad bands, fine stripes, or rings, in two or more colours (N, 3)."""
+    size_px = 512
     palette = np.asarray(colours, dtype=np.float64)
     v, u = np.meshgrid(np.linspace(-1, 1, size_px), np.linspace(-1, 1, size_px), indexing="ij")
     way = int(rng.integers(3))
@@ -133,16 +139,18 @@ def woven(rng: np.random.Generator, colours: ArrayLike, size_px: int = 512) -> T
     return _finished(palette[index] * weave[..., None])
 
 
-def abstract(rng: np.random.Generator, width_px: int = 256, height_px: int = 256) -> Texture:
+def abstract(rng: np.random.Generator) -> Texture:
     """A modern picture: flat fields of colour cut by soft edges."""
+    width_px, height_px = 256, 256
     palette = rng.uniform(20, 245, (int(rng.integers(3, 7)), 3))
     field = noise(rng, height_px, width_px, slope=rng.uniform(1.2, 2.0))
     index = np.digitize(field, np.linspace(-1.3, 1.3, len(palette) - 1))
     return _finished(palette[index] * (1.0 + 0.05 * noise(rng, height_px, width_px, slope=0.6)[..., None]))
 
 
-def landscape(rng: np.random.Generator, width_px: int = 384, height_px: int = 256) -> Texture:
+def landscape(rng: np.random.Generator) -> Texture:
     """A painting for the wall: sky, layered hills and a sun, in broad strokes."""
+    width_px, height_px = 384, 256
     v = np.linspace(1.0, 0.0, height_px)[:, None]
     sky = np.array([[[120, 165, 205]]]) * v[..., None] + np.array([[[240, 200, 150]]]) * (1.0 - v[..., None])
     image = np.broadcast_to(sky, (height_px, width_px, 3)).copy()
@@ -156,8 +164,9 @@ def landscape(rng: np.random.Generator, width_px: int = 384, height_px: int = 25
     return _finished(image * (1.0 + 0.06 * noise(rng, height_px, width_px, slope=0.8)[..., None]))
 
 
-def outdoors(rng: np.random.Generator, width_px: int = 256, height_px: int = 256) -> Texture:
+def outdoors(rng: np.random.Generator) -> Texture:
     """The view through a window at the room's exposure: bright sky over pale, soft greenery."""
+    width_px, height_px = 256, 256
     v = np.linspace(1.0, 0.0, height_px)[:, None]
     leaves = noise(rng, height_px, width_px, slope=1.3)
     line = 0.38 + 0.07 * noise(rng, 1, width_px, slope=1.3)

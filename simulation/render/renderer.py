@@ -29,6 +29,8 @@ from edgemap.simulation.render.still import Still
 from edgemap.simulation.render.view import View, clip_matrix, metres, oversampled
 from edgemap.simulation.render.whole import Wholes
 
+_TIMES = 2  # rows and columns drawn for each of the picture
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedFrame:
@@ -44,11 +46,11 @@ class Renderer:
     """Draws one lit scene through one camera, bent lens or not. Raises SimulationError where OpenGL is missing or a
     lens cannot be drawn.
 
-    exposure: factor on light before the display curve. oversampling: 1 (jagged, for what only needs ids) or 2.
+    exposure: factor on light before the display curve.
     """
 
-    def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0, oversampling: int = 2) -> None:
-        self.exposure, self._times = exposure, oversampling
+    def __init__(self, scene: LitScene, intrinsics: Intrinsics, exposure: float = 1.0) -> None:
+        self.exposure = exposure
         self._canvas = RenderTarget()
         self._fine: Any = None
         self._last: tuple[Any, RenderedFrame] | None = None
@@ -64,7 +66,7 @@ class Renderer:
         """Change the camera; the scene stays as it is. Raises SimulationError for a lens that cannot be drawn."""
         lens = Lens(intrinsics)
         self.intrinsics, self._lens, self._last = intrinsics, lens, None
-        self._pinhole = oversampled(lens.pinhole, self._times)
+        self._pinhole = oversampled(lens.pinhole, _TIMES)
         size = (self._pinhole.width, self._pinhole.height)
         if self._fine is None or self._fine.size != size:
             with self._canvas.context:
@@ -149,10 +151,10 @@ class Renderer:
         size = (self._pinhole.height, self._pinhole.width)
         raw = np.frombuffer(self._fine.read(components=4, alignment=1), dtype=np.uint8).reshape(*size, 4)
         depth = depth_of(self._fine)
-        small = raw if self._times == 1 else cv2.pyrDown(raw, dstsize=(self._lens.pinhole.width, size[0] // 2))
+        small = cv2.pyrDown(raw, dstsize=(self._lens.pinhole.width, size[0] // 2))
         colour = cv2.LUT(np.ascontiguousarray(small[..., :3]), shaders.DISPLAY)
-        exact_slots = self._lens.exact(raw[..., 3], self._times)
-        exact_depth = self._lens.exact(depth, self._times)
+        exact_slots = self._lens.exact(raw[..., 3], _TIMES)
+        exact_depth = self._lens.exact(depth, _TIMES)
         return RenderedFrame(
             self._lens.colour(np.asarray(colour, dtype=np.uint8)), slots.ids(exact_slots), metres(exact_depth)
         )

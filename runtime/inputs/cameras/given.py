@@ -58,7 +58,7 @@ def as_picture(given: Any, name: str) -> Picture:
 class FramesCamera(CameraBase):
     """The pictures of an iterable, in order: BGR arrays, or (stamp_s, BGR array) pairs.
 
-    rate_hz: of pictures without stamps. Raises CameraError where there is no picture, or the first is not an image.
+    Those without stamps come ten a second. Raises CameraError where there is no picture, or the first is no image.
     """
 
     def __init__(
@@ -66,18 +66,17 @@ class FramesCamera(CameraBase):
         frames: Iterable[Picture | tuple[float, Picture]],
         intrinsics: IntrinsicsLike | None = None,
         mount: MountLike | None = None,
-        rate_hz: float = DEFAULT_RATE_HZ,
     ) -> None:
         pictures: Iterator[Any] = iter(frames)
         first = next(pictures, None)
         if first is None:
             raise CameraError("frames= has no picture")
-        image = self._parts(first, 0, rate_hz)[1]
+        image = self._parts(first, 0)[1]
         height, width = image.shape[:2]
         lens = None if intrinsics is None else as_intrinsics(intrinsics, width, height)
         super().__init__("frames", lens, None if mount is None else as_mount(mount))
         self.size = (width, height)
-        self.rate_hz: float | None = rate_hz
+        self.rate_hz: float | None = DEFAULT_RATE_HZ
         self.frame_count: int | None = len(frames) if hasattr(frames, "__len__") else None  # type: ignore[arg-type]
         self._pictures: Iterator[Any] = chain([first], pictures)
 
@@ -86,7 +85,7 @@ class FramesCamera(CameraBase):
         given = next(self._pictures, None)
         if given is None:
             return None
-        stamp_s, image = self._parts(given, self._delivered, self.rate_hz or DEFAULT_RATE_HZ)
+        stamp_s, image = self._parts(given, self._delivered)
         return self.frame(image, stamp_s, f"frames[{self._delivered}]")
 
     def close(self) -> None:
@@ -94,10 +93,10 @@ class FramesCamera(CameraBase):
         self._pictures = iter(())
 
     @staticmethod
-    def _parts(given: Any, number: int, rate_hz: float) -> tuple[float, Picture]:
+    def _parts(given: Any, number: int) -> tuple[float, Picture]:
         if isinstance(given, tuple) and len(given) == 2:
             return float(given[0]), as_picture(given[1], f"frames[{number}][1]")
-        return number / rate_hz, as_picture(given, f"frames[{number}]")
+        return number / DEFAULT_RATE_HZ, as_picture(given, f"frames[{number}]")
 
 
 class PushedCamera(CameraBase):

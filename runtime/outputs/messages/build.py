@@ -66,11 +66,11 @@ def camera_info(stamp_ns: int, lens: Intrinsics, ids: FrameIds = IDS) -> Message
     }
 
 
-def imu(stamp_ns: int, gyro_rad_s: list[float], accel_m_s2: list[float], ids: FrameIds = IDS) -> Message:
+def imu(stamp_ns: int, gyro_rad_s: list[float], accel_m_s2: list[float]) -> Message:
     """`sensor_msgs/Imu` in the optical frame. The orientation is unknown: its covariance starts with -1."""
     gyro, accel = (dict(zip("xyz", values, strict=True)) for values in (gyro_rad_s, accel_m_s2))
     return {
-        "header": header(stamp_ns, ids.optical),
+        "header": header(stamp_ns, IDS.optical),
         "orientation_covariance": [-1.0] + [0.0] * 8,
         "angular_velocity": gyro,
         "linear_acceleration": accel,

@@ -2,7 +2,6 @@
 
 import re
 import sys
-from collections.abc import Callable
 from time import monotonic
 
 from tqdm import tqdm
@@ -45,25 +44,25 @@ class ProgressBar:
 class ProgressLines:
     """Progress in a log: a line every 10 s, and each fault, unless it differs from an earlier one in its numbers only.
 
-    total: None for live cameras. clock_s: wall time, as people read the lines.
+    total: None for live cameras.
     """
 
     name = "progress lines"
     for_caller = True
 
-    def __init__(self, total: int | None, clock_s: Callable[[], float] = monotonic) -> None:
-        self._total, self._clock_s = total, clock_s
+    def __init__(self, total: int | None) -> None:
+        self._total = total
         self._frames = self._repeated = 0
         self._printed: set[str] = set()
-        self._line_s = clock_s()
+        self._line_s = monotonic()
 
     def write(self, result: StepResult, objects: list[MapObject]) -> None:
         """One frame more; print the line when it is due."""
         for text in result.observed.faults:
             self.fault(text)
         self._frames += 1
-        if self._clock_s() - self._line_s >= LINE_EVERY_S:
-            self._line_s = self._clock_s()
+        if monotonic() - self._line_s >= LINE_EVERY_S:
+            self._line_s = monotonic()
             of = f" of {self._total}" if self._total else ""
             again = f", {self._repeated} more faults like those above" if self._repeated else ""
             print_message(f"{self._frames}{of} frames, {_state(result, objects)}{again}")
