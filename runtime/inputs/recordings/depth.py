@@ -38,9 +38,9 @@ def encoded_depth(depth: Depth) -> tuple[bytes, str]:
     return _png(np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4)), FLOATS
 
 
-def decoded_depth(data: bytes, form: str, name: str) -> Depth:
-    """The depth picture again, (H, W) metres. Raises CameraError."""
-    image = decoded(data, name, cv2.IMREAD_UNCHANGED)
+def own_depth(message: Any, name: str) -> Depth:
+    """The depth that edgemap recorded, (H, W) metres. Raises CameraError."""
+    image, form = decoded(bytes(message.data), name, cv2.IMREAD_UNCHANGED), message.format
     steps = {f"16UC1; {steps} a metre; png": steps for steps in PER_METRE}.get(form)
     if image is not None and steps and image.dtype == np.uint16 and image.ndim == 2:
         return image.astype(np.float32) / np.float32(steps)
@@ -85,11 +85,6 @@ READERS: dict[str, Callable[[Any, str], Depth]] = {
     "sensor_msgs/Image": raw_depth,
     "sensor_msgs/CompressedImage": compressed_depth,
 }
-
-
-def own_depth(message: Any, name: str) -> Depth:
-    """The depth that edgemap recorded. Raises CameraError."""
-    return decoded_depth(bytes(message.data), message.format, name)
 
 
 class RecordedDepth:
